@@ -1,0 +1,1 @@
+"""Independent check of every plan, and the emergency chain."""

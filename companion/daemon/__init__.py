@@ -1,0 +1,1 @@
+"""The service: composition, tasks, modes, health."""

@@ -1,0 +1,87 @@
+"""Errors the program raises on purpose.
+
+::
+
+    CompanionError
+    ├── ConfigError        a mission file or option is wrong          exit 2
+    ├── LinkError          no link, or the link failed                exit 3
+    │   ├── NoAutopilotError   nothing that is an autopilot is heard
+    │   └── TransferError      a mission transfer failed; the autopilot may hold a mix
+    └── RecordError        a recording cannot be read or written
+
+Solvers do not raise for "no path": they return a status.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class CompanionError(Exception):
+    """Root of the errors raised on purpose."""
+
+    exit_code = 4
+
+
+@dataclass
+class ConfigError(CompanionError):
+    """A value in a mission file that cannot be used.
+
+    Parameters
+    ----------
+    file : str
+        The mission file.
+    line : int or None
+        Line in it, counted from 1, where the key stands.
+    key : str
+        Dotted path of the key, for instance ``goals.0.east_m``.
+    value : str
+        What was found, as written.
+    expected : str
+        What would have been accepted.
+    """
+
+    file: str
+    line: int | None
+    key: str
+    value: str
+    expected: str
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        return f"{place}: {self.key}: got {self.value}; expected {self.expected}"
+
+
+class LinkError(CompanionError):
+    """The link cannot be opened, or failed."""
+
+    exit_code = 3
+
+
+class NoAutopilotError(LinkError):
+    """No autopilot was heard in time."""
+
+
+@dataclass
+class TransferError(LinkError):
+    """A mission transfer ended without the agreed result.
+
+    Parameters
+    ----------
+    operation : str
+        ``upload``, ``download``, ``set_current`` or ``verify``.
+    reason : str
+        What the autopilot or the protocol library said.
+    """
+
+    operation: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"mission {self.operation}: {self.reason}"
+
+
+class RecordError(CompanionError):
+    """A recording cannot be read or written."""

@@ -1,0 +1,75 @@
+"""Coordinate frames, and the only place where they are converted.
+
+- *Local*: east, north, up in metres from the mission file's origin (a WGS84 point); up counts
+  from the origin's altitude above mean sea level. The program's own frame throughout.
+- *Global*: WGS84 latitude and longitude in degrees, altitude in metres above mean sea level.
+- *Course*: radians clockwise from north, in [0, 2π), at every boundary (files, messages, reports).
+- *Direction*: radians counter-clockwise from east, the paper's θ; planning and kernels only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """Tangent frame at a WGS84 origin.
+
+    An azimuthal equidistant projection: distances from the origin are exact, and within 10 km of
+    it lengths are true to better than 1 part in 10⁶ (Snyder, *Map Projections*, USGS PP 1395, p. 191).
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg : float
+        Origin, WGS84.
+    altitude_amsl_m : float
+        Altitude of the origin above mean sea level.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+    @cached_property
+    def _transformer(self) -> Transformer:
+        local = CRS.from_proj4(
+            f"+proj=aeqd +lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r} +ellps=WGS84 +units=m"
+        )
+        return Transformer.from_crs(CRS.from_epsg(4979), local, always_xy=True)
+
+    def local_from_global(
+        self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
+    ) -> tuple[float, float, float]:
+        """East, north and up [m] of a WGS84 point."""
+        east, north = self._transformer.transform(longitude_deg, latitude_deg)
+        return float(east), float(north), altitude_amsl_m - self.altitude_amsl_m
+
+    def global_from_local(self, east_m: float, north_m: float, up_m: float) -> tuple[float, float, float]:
+        """Latitude [deg], longitude [deg] and altitude above mean sea level [m] of a local point."""
+        longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
+        return float(latitude), float(longitude), up_m + self.altitude_amsl_m
+
+
+def course_from_direction(direction_rad: float) -> float:
+    """Course (clockwise from north) of a mathematical direction (counter-clockwise from east) [rad]."""
+    return (0.5 * math.pi - direction_rad) % (2.0 * math.pi)
+
+
+def direction_from_course(course_rad: float) -> float:
+    """Mathematical direction in (-π, π] of a course [rad]."""
+    return wrapped_angle(0.5 * math.pi - course_rad)
+
+
+def wrapped_angle(angle_rad: float) -> float:
+    """The angle in (-π, π] [rad]."""
+    wrapped = math.remainder(angle_rad, 2.0 * math.pi)
+    return math.pi if wrapped == -math.pi else wrapped

@@ -1,0 +1,1 @@
+"""Numba kernels: floats and C-contiguous float64 arrays in SI and radians, status codes out."""

@@ -1,0 +1,1 @@
+"""MAVLink: transport, codec, recording, autopilot protocols."""

@@ -1,0 +1,1 @@
+"""Waypoints, mission items and the verified swap."""

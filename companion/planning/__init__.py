@@ -1,0 +1,1 @@
+"""Safe-RRT and its strategies."""

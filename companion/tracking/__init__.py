@@ -1,0 +1,1 @@
+"""Ownship state and tracks of moving threats."""

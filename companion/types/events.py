@@ -1,0 +1,180 @@
+"""What the link tells the rest of the program: one frozen event a decoded message.
+
+Stamps are the receiving clock's monotonic seconds. Angles are radians, courses clockwise from
+north, positions WGS84 as the message carries them: the world's frame is applied later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Dialect(Enum):
+    """Whose mission semantics the autopilot has."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
+class Emitter(Enum):
+    """What a track says it is."""
+
+    GROUND = "ground"
+    AIR = "air"
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """HEARTBEAT of the autopilot.
+
+    ``mode`` is the flight mode's name in the autopilot's own words (``AUTO``, ``RTL``, ``MISSION``…);
+    ``is_mission_mode`` tells whether it is the mode in which missions are flown.
+    """
+
+    stamp_s: float
+    system_id: int
+    component_id: int
+    dialect: Dialect
+    mode: str
+    is_mission_mode: bool
+    is_armed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalPosition:
+    """GLOBAL_POSITION_INT of the own autopilot: position, ground velocity east, north, up."""
+
+    stamp_s: float
+    boot_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    height_above_home_m: float
+    velocity_enu_m_s: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class AirData:
+    """VFR_HUD: airspeed and ground speed."""
+
+    stamp_s: float
+    airspeed_m_s: float
+    ground_speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """ATTITUDE: roll, pitch, yaw."""
+
+    stamp_s: float
+    bank_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class WindEstimate:
+    """WIND or WIND_COV: velocity of the air over the ground, east and north."""
+
+    stamp_s: float
+    wind_east_m_s: float
+    wind_north_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorAccuracy:
+    """ESTIMATOR_STATUS: one-sigma horizontal and vertical position accuracy."""
+
+    stamp_s: float
+    position_horizontal_std_m: float
+    position_vertical_std_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCurrent:
+    """MISSION_CURRENT. ``mission_id`` is 0 where the autopilot gives none (ArduPlane)."""
+
+    stamp_s: float
+    sequence: int
+    total: int | None
+    mission_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItemReached:
+    """MISSION_ITEM_REACHED."""
+
+    stamp_s: float
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class HomePosition:
+    """HOME_POSITION."""
+
+    stamp_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText:
+    """STATUSTEXT of the autopilot."""
+
+    stamp_s: float
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TrackReport:
+    """One sighting of another vehicle, by whatever message it came.
+
+    Parameters
+    ----------
+    stamp_s : float
+        When the position was true (receipt less the age the message states).
+    source : str
+        Message and sender, for instance ``ADSB_VEHICLE 200/156``.
+    identity : str
+        Stable over the track's life: ``icao:00ABCD`` or ``system:42``.
+    position_std_m : float or None
+        One-sigma horizontal accuracy where the message carries it.
+    velocity_enu_m_s : tuple of float or None
+        Velocity over the ground where the message carries it.
+    """
+
+    stamp_s: float
+    source: str
+    identity: str
+    emitter: Emitter
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    velocity_enu_m_s: tuple[float, float, float] | None
+    position_std_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Rebooted:
+    """The autopilot's boot time went back: streams and missions must be asked for again."""
+
+    stamp_s: float
+
+
+Event = (
+    Heartbeat
+    | GlobalPosition
+    | AirData
+    | Attitude
+    | WindEstimate
+    | EstimatorAccuracy
+    | MissionCurrent
+    | MissionItemReached
+    | HomePosition
+    | StatusText
+    | TrackReport
+    | Rebooted
+)

@@ -1,0 +1,63 @@
+"""A timed path of the aircraft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Waypoints with time stamps, as the planner's tree holds them.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (N,)
+        Clock reading of arrival at each [s].
+    positions_enu_m : ndarray, shape (N, 3)
+        East, north, up [m].
+    courses_rad : ndarray, shape (N,)
+        Clockwise from north, in [0, 2π) [rad].
+    climb_angles_rad : ndarray, shape (N,)
+        Flight-path angle, positive up [rad].
+    speeds_m_s : ndarray, shape (N,)
+        Airspeed [m/s].
+    position_covariances_m2 : ndarray, shape (N, 3, 3)
+        Covariance of the true position about the waypoint, LQG-MP [m²].
+    collision_free : ndarray, shape (N,)
+        p_c of each, a lower bound.
+    threat_levels : ndarray, shape (N,)
+        TI of each, in [0, 1].
+    """
+
+    times_s: FloatArray
+    positions_enu_m: FloatArray
+    courses_rad: FloatArray
+    climb_angles_rad: FloatArray
+    speeds_m_s: FloatArray
+    position_covariances_m2: FloatArray
+    collision_free: FloatArray
+    threat_levels: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first waypoint to the last [s]."""
+        return float(self.times_s[-1] - self.times_s[0])
+
+    @property
+    def length_m(self) -> float:
+        """Sum of the straight distances between waypoints [m]."""
+        return float(np.linalg.norm(np.diff(self.positions_enu_m, axis=0), axis=1).sum())
+
+    def rows(self) -> list[list[float]]:
+        """Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
+        table = np.column_stack(
+            [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
+        )
+        return [[round(float(value), 6) for value in row] for row in table]

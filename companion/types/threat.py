@@ -1,0 +1,103 @@
+"""Obstacles and threats as the mission file or the link gives them, in the local frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """An upright prism.
+
+    Parameters
+    ----------
+    polygon_enu_m : ndarray, shape (N, 2)
+        Simple polygon, east and north [m], not closed.
+    base_m, top_m : float
+        Up coordinates between which it stands [m].
+    """
+
+    name: str
+    polygon_enu_m: FloatArray
+    base_m: float
+    top_m: float
+
+    def __post_init__(self) -> None:
+        polygon = np.ascontiguousarray(self.polygon_enu_m, dtype=np.float64)
+        polygon.setflags(write=False)
+        object.__setattr__(self, "polygon_enu_m", polygon)
+
+
+@dataclass(frozen=True, slots=True)
+class Radar:
+    """A static threat (SPEC 3, paper 3.1).
+
+    Parameters
+    ----------
+    position_enu_m : tuple of float
+        East, north, up [m].
+    max_threat_radius_m : float
+        R_max, slant [m].
+    boundary_coefficient_per_m : float
+        K_R of the detection boundary h_B = K_R·L² [1/m]; 0 in the plane.
+    """
+
+    name: str
+    position_enu_m: tuple[float, float, float]
+    max_threat_radius_m: float
+    boundary_coefficient_per_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicThreat:
+    """A moving threat as the mission file describes its kind.
+
+    Parameters
+    ----------
+    position_enu_m : tuple of float
+        Where it starts [m]; up is the ground's height.
+    speed_m_s : float
+        v_D; 0 is a parked one.
+    max_threat_radius_m : float
+        RD_max [m].
+    turn_radius_m : float
+        Smallest turn radius [m].
+    """
+
+    name: str
+    position_enu_m: tuple[float, float, float]
+    speed_m_s: float
+    max_threat_radius_m: float
+    turn_radius_m: float = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class TrackState:
+    """A moving threat as it is tracked: the particle cloud's moments and where it is going.
+
+    Parameters
+    ----------
+    stamp_s : float
+        Clock reading at which the estimate is true.
+    position_enu_m, velocity_enu_m_s : tuple of float
+        Mean, east, north, up; the up part is the reported one.
+    covariance : ndarray, shape (4, 4)
+        Of [east, east speed, north, north speed], SI.
+    is_airborne : bool
+        Ground vehicles are bound by obstacles, airborne ones are not.
+    """
+
+    stamp_s: float
+    identity: str
+    position_enu_m: tuple[float, float, float]
+    velocity_enu_m_s: tuple[float, float, float]
+    covariance: FloatArray
+    speed_max_m_s: float
+    max_threat_radius_m: float
+    turn_radius_m: float
+    is_airborne: bool
+    observed_s: float

@@ -1,0 +1,1 @@
+"""Motion model, Dubins paths and LQG-MP uncertainty."""

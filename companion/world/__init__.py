@@ -1,0 +1,1 @@
+"""Obstacles, visibility, threats and reachability, in one immutable snapshot."""

@@ -1,0 +1,1 @@
+"""JSBSim fixed-wing software-in-the-loop simulator that stands in for the aircraft."""
