@@ -1,0 +1,41 @@
+"""Mission files: read, checked, and handed out as frozen settings.
+
+>>> from companion.config import load_mission
+>>> load_mission("mission_configs/first-flight.yaml").vehicle.airspeed_cruise_m_s
+25
+"""
+
+from companion.config.load import load_mission, mission_from_text
+from companion.config.models import (
+    Authority,
+    Bounds,
+    DynamicThreatConfig,
+    Goal,
+    LinkConfig,
+    MissionConfig,
+    ObstacleConfig,
+    Origin,
+    PlanningConfig,
+    RadarConfig,
+    Simulation,
+    Start,
+    Vehicle,
+)
+
+__all__ = [
+    "Authority",
+    "Bounds",
+    "DynamicThreatConfig",
+    "Goal",
+    "LinkConfig",
+    "MissionConfig",
+    "ObstacleConfig",
+    "Origin",
+    "PlanningConfig",
+    "RadarConfig",
+    "Simulation",
+    "Start",
+    "Vehicle",
+    "load_mission",
+    "mission_from_text",
+]

@@ -1,0 +1,146 @@
+"""What one key demands of another. Each check yields the key at fault and what was expected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import shapely
+
+from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
+from companion.config.source import KeyPath
+
+Finding = tuple[KeyPath, str]
+
+_GRAVITY_M_S2 = 9.80665
+_BANK_MAX_RAD = math.radians(60.0)  # load factor 2; no autopilot's default goes beyond it
+_AREA_MIN_M2 = 1e-3
+
+
+def findings(config: MissionConfig) -> Iterator[Finding]:
+    """Everything in a mission that contradicts something else in it, in the order of the file."""
+    yield from _bounds(config)
+    yield from _places(config)
+    yield from _vehicle(config)
+    yield from _planning(config)
+    yield from _names(config)
+    yield from _obstacles(config)
+    yield from _blocked(config)
+    yield from _weather(config)
+
+
+def _bounds(config: MissionConfig) -> Iterator[Finding]:
+    for key in ("east_m", "north_m", "up_m"):
+        low, high = getattr(config.bounds, key)
+        if not low < high:
+            yield ("bounds", key), "the lowest value, then a higher one"
+
+
+def _places(config: MissionConfig) -> Iterator[Finding]:
+    places: list[tuple[KeyPath, Start | Goal]] = [(("start",), config.start)]
+    places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
+    for path, place in places:
+        for key in ("east_m", "north_m", "up_m"):
+            low, high = getattr(config.bounds, key)
+            if not low <= getattr(place, key) <= high:
+                yield (*path, key), f"within bounds.{key}, {low:g} to {high:g}"
+    for index, goal in enumerate(config.goals):
+        if config.dimension == 2 and goal.up_m != config.start.up_m:
+            yield ("goals", index, "up_m"), f"the start's up_m, {config.start.up_m:g}, since dimension is 2"
+
+
+def _vehicle(config: MissionConfig) -> Iterator[Finding]:
+    vehicle = config.vehicle
+    low, high = vehicle.airspeed_min_m_s, vehicle.airspeed_max_m_s
+    if low > high:
+        yield ("vehicle", "airspeed_min_m_s"), f"at most airspeed_max_m_s, {high:g}"
+    for key in ("airspeed_cruise_m_s", "penetration_speed_m_s"):
+        if not low <= getattr(vehicle, key) <= high:
+            yield ("vehicle", key), f"between airspeed_min_m_s and airspeed_max_m_s, {low:g} to {high:g}"
+    tightest = vehicle.airspeed_cruise_m_s**2 / (_GRAVITY_M_S2 * math.tan(_BANK_MAX_RAD))
+    if vehicle.turn_radius_min_m < tightest:
+        yield (
+            ("vehicle", "turn_radius_min_m"),
+            f"at least {tightest:.1f}: at airspeed_cruise_m_s tighter turns need over 60 degrees of bank",
+        )
+
+
+def _planning(config: MissionConfig) -> Iterator[Finding]:
+    planning = config.planning
+    diameter = 2.0 * config.vehicle.turn_radius_min_m
+    if planning.sensing_horizon_m <= diameter:
+        yield (
+            ("planning", "sensing_horizon_m"),
+            f"more than twice vehicle.turn_radius_min_m, {diameter:g}: room to turn back",
+        )
+    if planning.total_planning_time_s < planning.time_horizon_s:
+        yield (
+            ("planning", "total_planning_time_s"),
+            f"at least time_horizon_s, {planning.time_horizon_s:g}",
+        )
+    if planning.planning_budget_s + planning.swap_margin_s >= planning.time_horizon_s:
+        key = "planning_budget_s" if "planning_budget_s" in planning.model_fields_set else "time_horizon_s"
+        yield (
+            ("planning", key),
+            "planning_budget_s and swap_margin_s together below time_horizon_s: "
+            "a plan must be ready before the next is due",
+        )
+
+
+def _names(config: MissionConfig) -> Iterator[Finding]:
+    kinds = {
+        "radars": [entry.name for entry in config.radars],
+        "dynamic_threats": [entry.name for entry in config.dynamic_threats],
+        "obstacles": [entry.name for entry in config.obstacles],
+    }
+    for kind, names in kinds.items():
+        for index, name in enumerate(names):
+            first = names.index(name)
+            if first < index:
+                yield (kind, index, "name"), f"a name of its own; {kind}.{first} has this one"
+
+
+def _obstacles(config: MissionConfig) -> Iterator[Finding]:
+    for index, obstacle in enumerate(config.obstacles):
+        expected = _polygon_fault(obstacle.polygon_enu_m)
+        if expected is not None:
+            yield ("obstacles", index, "polygon_enu_m"), expected
+        if not obstacle.base_m < obstacle.top_m:
+            yield ("obstacles", index, "base_m"), f"below top_m, {obstacle.top_m:g}"
+
+
+def _polygon_fault(corners: Sequence[tuple[float, float]]) -> str | None:
+    following = (*corners[1:], corners[0])
+    if any(corner == other for corner, other in zip(corners, following, strict=True)):
+        return "each corner once, the first not repeated at the end"
+    polygon = shapely.Polygon(corners)
+    if polygon.area < _AREA_MIN_M2:
+        return "corners that enclose an area"
+    if not polygon.is_valid:
+        return f"edges that do not cross or touch ({shapely.is_valid_reason(polygon)})"
+    return None
+
+
+def _blocked(config: MissionConfig) -> Iterator[Finding]:
+    places: list[tuple[KeyPath, Start | Goal]] = [(("start",), config.start)]
+    places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
+    for path, place in places:
+        for obstacle in config.obstacles:
+            if _is_inside(place, obstacle):
+                yield path, f"a point outside the obstacle {obstacle.name!r}"
+
+
+def _is_inside(place: Start | Goal, obstacle: ObstacleConfig) -> bool:
+    if not obstacle.base_m <= place.up_m <= obstacle.top_m:
+        return False
+    polygon = shapely.Polygon(obstacle.polygon_enu_m)
+    return bool(polygon.covers(shapely.Point(place.east_m, place.north_m)))
+
+
+def _weather(config: MissionConfig) -> Iterator[Finding]:
+    cruise = config.vehicle.airspeed_cruise_m_s
+    if config.simulation.wind_speed_m_s >= cruise:
+        yield (
+            ("simulation", "wind_speed_m_s"),
+            f"less than vehicle.airspeed_cruise_m_s, {cruise:g}: the aircraft must make headway",
+        )

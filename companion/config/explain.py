@@ -1,0 +1,146 @@
+"""What was expected, in a sentence: pydantic's findings in the words of a mission file."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from companion.config.models import MissionConfig
+from companion.config.source import Document, KeyPath
+from companion.errors import ConfigError
+
+# Longest first: the first suffix that fits names the unit.
+_UNITS = (
+    ("_m_s2", "metres per second squared"),
+    ("_rad_s", "radians per second"),
+    ("_per_m", "one per metre"),
+    ("_m_s", "metres per second"),
+    ("_amsl_m", "metres above mean sea level"),
+    ("_deg", "degrees"),
+    ("_hz", "hertz"),
+    ("_m", "metres"),
+    ("_s", "seconds"),
+)
+_RELATIONS = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "of at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "of at most"),
+}
+_KINDS = {
+    "float_type": "a number{unit}, written without quotes and without a unit",
+    "finite_number": "a finite number{unit}",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "tuple_type": "a list in brackets ([] for none)",
+    "model_type": "keys and values",
+    "model_attributes_type": "keys and values",
+    "string_too_short": "text that is not empty",
+    "string_pattern_mismatch": "a name of letters, digits, '-', '_' and '.', starting with a letter or digit",
+    "missing": "a value for this key{unit}",
+}
+_NEAR = 0.55
+
+
+def unit_of(key: str) -> str | None:
+    """Unit that a key's name ends in, in words."""
+    return next((unit for suffix, unit in _UNITS if key.endswith(suffix)), None)
+
+
+def explained(document: Document, findings: list[Any]) -> ConfigError:
+    """Error worth showing first.
+
+    A misspelt key is reported both as unknown and as missing: the unknown one says more, so it
+    goes first; then wrong values in the order of the file; then what is missing.
+
+    Parameters
+    ----------
+    document : Document
+        The file.
+    findings : list of dict
+        ``ValidationError.errors()`` of pydantic.
+    """
+    ranks = {"extra_forbidden": 0, "missing": 2}
+
+    def order(finding: Any) -> tuple[int, int]:  # noqa: ANN401
+        return ranks.get(finding["type"], 1), document.lines.get(tuple(finding["loc"]), 0)
+
+    first = min(findings, key=order)
+    path: KeyPath = tuple(first["loc"])
+    if first["type"] == "extra_forbidden":
+        return document.error(path, _nearest(path), value="a key that is not known")
+    return document.error(path, _expected(first, path))
+
+
+def _expected(finding: Any, path: KeyPath) -> str:  # noqa: ANN401
+    kind, context = finding["type"], finding.get("ctx", {})
+    words = unit_of(_named(path))
+    unit = "" if words is None else f" ({words})"
+    if kind in _RELATIONS:
+        bound, relation = _RELATIONS[kind]
+        return f"a number {relation} {_plain(context[bound])}{unit}"
+    if kind == "literal_error":
+        return str(context["expected"])
+    if kind == "string_too_long":
+        return f"text of at most {context['max_length']} characters"
+    if kind == "too_short":
+        return f"at least {context['min_length']} entries"
+    if kind == "too_long":
+        return f"at most {context['max_length']} entries"
+    if kind == "missing" and path and isinstance(path[-1], int):
+        return f"a number{unit} in this place of the list"
+    return _KINDS[kind].format(unit=unit) if kind in _KINDS else str(finding["msg"])
+
+
+def _plain(number: object) -> str:
+    return f"{number:g}" if isinstance(number, float) else str(number)
+
+
+def _named(path: KeyPath) -> str:
+    return next((part for part in reversed(path) if isinstance(part, str)), "")
+
+
+def _nearest(path: KeyPath) -> str:
+    known = dict(_sections(MissionConfig))
+    section = ".".join(part for part in path[:-1] if isinstance(part, str))
+    wanted = str(path[-1])
+    here = known.get(section, [])
+    near = _closest(wanted, here)
+    if near is not None:
+        return _described(near)
+    for name, keys in known.items():
+        near = _closest(wanted, keys)
+        if near is not None and name != section:
+            return f"{_described(near)}, in {name or 'the file itself'}"
+    return "one of " + ", ".join(here)
+
+
+def _described(key: str) -> str:
+    unit = unit_of(key)
+    return key if unit is None else f"{key} ({unit})"
+
+
+def _closest(wanted: str, keys: list[str]) -> str | None:
+    scored = [(_likeness(wanted, key), key) for key in keys]
+    score, key = max(scored, default=(0.0, ""), key=lambda pair: pair[0])
+    return key if score >= _NEAR else None
+
+
+def _likeness(wanted: str, key: str) -> float:
+    ratio = difflib.SequenceMatcher(None, wanted, key).ratio()
+    stem = wanted.split("_")[0]  # "radius_ft" is near "max_threat_radius_m" by its noun
+    return max(ratio, 0.6) if len(stem) > 3 and stem in key.split("_") else ratio
+
+
+def _sections(model: type[BaseModel], path: str = "") -> Iterator[tuple[str, list[str]]]:
+    yield path, list(model.model_fields)
+    for key, field in model.model_fields.items():
+        kinds = (field.annotation, *get_args(field.annotation))
+        for kind in kinds:
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from _sections(kind, f"{path}.{key}" if path else key)

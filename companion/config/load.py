@@ -1,0 +1,55 @@
+"""From a mission file to settings, or to one error that says what to change where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from companion.config.checks import findings
+from companion.config.explain import explained
+from companion.config.models import MissionConfig
+from companion.config.source import parse
+from companion.errors import ConfigError
+
+
+def load_mission(path: str | Path) -> MissionConfig:
+    """Read and check a mission file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A YAML file, as in ``mission_configs``.
+
+    Raises
+    ------
+    ConfigError
+        For the first thing wrong with it.
+    """
+    file = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(file, None, "file", "bytes that are not UTF-8", "a text file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ConfigError(file, None, "file", reason.lower(), "a mission file that can be read") from None
+    return mission_from_text(text, file)
+
+
+def mission_from_text(text: str, file: str) -> MissionConfig:
+    """Read a mission from YAML text; ``file`` is the name that messages give it.
+
+    Raises
+    ------
+    ConfigError
+        For the first thing wrong with it.
+    """
+    document = parse(text, file)
+    try:
+        config = MissionConfig.model_validate(document.data)
+    except ValidationError as error:
+        raise explained(document, error.errors(include_url=False)) from None
+    for path, expected in findings(config):
+        raise document.error(path, expected)
+    return config
