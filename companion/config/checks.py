@@ -114,7 +114,7 @@ def _polygon_fault(corners: Sequence[tuple[float, float]]) -> str | None:
     if any(corner == other for corner, other in zip(corners, following, strict=True)):
         return "each corner once, the first not repeated at the end"
     polygon = shapely.Polygon(corners)
-    if polygon.area < _AREA_MIN_M2:
+    if polygon.convex_hull.area < _AREA_MIN_M2:
         return "corners that enclose an area"
     if not polygon.is_valid:
         return f"edges that do not cross or touch ({shapely.is_valid_reason(polygon)})"

@@ -37,18 +37,19 @@ _KINDS = {
     "int_from_float": "a whole number",
     "string_type": "text",
     "bool_type": "true or false",
-    "tuple_type": "a list in brackets ([] for none)",
+    "tuple_type": "a list, in brackets or as entries that begin with '-'",
     "model_type": "keys and values",
     "model_attributes_type": "keys and values",
     "string_too_short": "text that is not empty",
     "string_pattern_mismatch": "a name of letters, digits, '-', '_' and '.', starting with a letter or digit",
     "missing": "a value for this key{unit}",
 }
-_NEAR = 0.55
+_NEAR = 0.6
+_AT_HOME = 0.1  # a key of the section in which the unknown one stands
 
 
 def unit_of(key: str) -> str | None:
-    """Unit that a key's name ends in, in words."""
+    """Words for the unit that a key's name ends in."""
     return next((unit for suffix, unit in _UNITS if key.endswith(suffix)), None)
 
 
@@ -109,26 +110,16 @@ def _nearest(path: KeyPath) -> str:
     known = dict(_sections(MissionConfig))
     section = ".".join(part for part in path[:-1] if isinstance(part, str))
     wanted = str(path[-1])
-    here = known.get(section, [])
-    near = _closest(wanted, here)
-    if near is not None:
-        return _described(near)
-    for name, keys in known.items():
-        near = _closest(wanted, keys)
-        if near is not None and name != section:
-            return f"{_described(near)}, in {name or 'the file itself'}"
-    return "one of " + ", ".join(here)
-
-
-def _described(key: str) -> str:
-    unit = unit_of(key)
-    return key if unit is None else f"{key} ({unit})"
-
-
-def _closest(wanted: str, keys: list[str]) -> str | None:
-    scored = [(_likeness(wanted, key), key) for key in keys]
-    score, key = max(scored, default=(0.0, ""), key=lambda pair: pair[0])
-    return key if score >= _NEAR else None
+    score, near, place = max(
+        (_likeness(wanted, key) + (_AT_HOME if name == section else 0.0), key, name)
+        for name, keys in known.items()
+        for key in keys
+    )
+    if score < _NEAR:
+        return "one of " + ", ".join(known.get(section, []))
+    unit = unit_of(near)
+    described = near if unit is None else f"{near} ({unit})"
+    return described if place == section else f"{described}, in {place or 'the file itself'}"
 
 
 def _likeness(wanted: str, key: str) -> float:

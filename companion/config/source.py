@@ -36,7 +36,7 @@ _Loader.add_implicit_resolver(
 
 
 def dotted(path: KeyPath) -> str:
-    """The path of a key as messages write it, ``goals.0.east_m``."""
+    """Write a key's path as messages do, ``goals.0.east_m``."""
     return ".".join(str(part) for part in path)
 
 
@@ -62,7 +62,7 @@ class Document:
     texts: dict[KeyPath, str]
 
     def error(self, path: KeyPath, expected: str, value: str | None = None) -> ConfigError:
-        """The error at a key; one that is not there is placed at its nearest parent."""
+        """Build the error at a key; one that is not there is placed at its nearest parent."""
         found = self.texts.get(path, "nothing") if value is None else value
         place = path
         while place and place not in self.lines:
@@ -88,30 +88,37 @@ def parse(text: str, file: str) -> Document:
         raise ConfigError(file, None, "file", f"{len(text)} characters", f"at most {SIZE_MAX}")
     try:
         node = _root(text, file)
-        document = _located(node, text, file)
-        loader = _Loader("")
-        document = Document(file, _frozen(loader.construct_document(node)), document.lines, document.texts)
+        located = _located(node, text, file)
+        data = _frozen(_Loader("").construct_document(node))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         raise ConfigError(file, line, "syntax", error.problem or "broken YAML", "valid YAML") from None
     except yaml.YAMLError as error:
         raise ConfigError(file, None, "syntax", str(error).splitlines()[0], "valid YAML") from None
-    except RecursionError:
-        raise ConfigError(file, None, "syntax", "deep nesting", f"at most {_DEPTH_MAX} levels") from None
-    return document
+    return Document(file, data, located.lines, located.texts)
 
 
 def _root(text: str, file: str) -> yaml.MappingNode:
+    depth = 0
     for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEPTH_MAX:  # composing recurses
+            raise ConfigError(file, None, "syntax", "deep nesting", f"at most {_DEPTH_MAX} levels")
         if isinstance(event, yaml.AliasEvent):
-            line = event.start_mark.line + 1
+            line = None if event.start_mark is None else event.start_mark.line + 1
             raise ConfigError(file, line, "syntax", f"the alias *{event.anchor}", "the value written out")
     node = yaml.compose(text, Loader=_Loader)
     if node is None:
         raise ConfigError(file, None, "file", "nothing", "the keys of a mission; see mission_configs")
     if not isinstance(node, yaml.MappingNode):
-        raise ConfigError(file, 1, "file", f"a {node.id}", "keys and values, such as 'name: my-flight'")
+        raise ConfigError(
+            file,
+            1,
+            "file",
+            "a list" if isinstance(node, yaml.SequenceNode) else "a bare value",
+            "keys and values, such as 'name: my-flight'",
+        )
     return node
 
 
@@ -120,8 +127,6 @@ def _located(root: yaml.MappingNode, text: str, file: str) -> Document:
     pending: list[tuple[KeyPath, yaml.Node]] = [((), root)]
     while pending:
         path, node = pending.pop()
-        if len(path) > _DEPTH_MAX:
-            raise RecursionError
         if isinstance(node, yaml.ScalarNode):
             _check_scalar(document, path, node)
             continue
