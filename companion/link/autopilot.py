@@ -1,0 +1,382 @@
+"""Missions to and from the autopilot. The only place that knows MAVSDK.
+
+MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it
+wants to say is handed to the transport. It speaks the mission protocol and nothing else: its
+heartbeats and questions are dropped, since ``Codec``, ``Streams`` and ``answer`` do that part.
+
+Notes
+-----
+MAVSDK's time-outs count the computer's clock, not ours: half a second an answer, five tries, after
+which the transfer ends with TIMEOUT (2.5 s measured). It never looks at whether heartbeats still
+come. In a simulation that runs 50 times faster half a second is 25 simulated ones, so a transfer
+cannot time out early; simulated time has to be held while ``pending_calls`` is not zero, though,
+or it would take as much simulated time as the threads happen to need.
+
+``set_current`` and ``set_mode`` do not go through MAVSDK: its set-current waits for ever when the
+autopilot stores no mission, and queues every later transfer behind. They wait by our clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mavsdk.logging
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mission_raw import MissionItem as RawItem
+from mavsdk.plugins.mission_raw import MissionRaw, MissionRawResult
+
+from companion.clock import Clock
+from companion.errors import NoAutopilotError, TransferError
+from companion.link.codec import COMPONENT_ID, Codec
+from companion.link.flight_modes import custom_mode_of
+from companion.link.frame import CommandAck, Frame, MissionAck
+from companion.link.framing import raw_frame
+from companion.types.events import Dialect, Heartbeat, MissionCurrent
+from companion.types.mission import MissionItem
+
+_HEARTBEAT = 0
+_MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
+_COMMAND_SET_CURRENT, _COMMAND_SET_MODE = 224, 176
+_RESULTS = {
+    0: "ACCEPTED",
+    1: "TEMPORARILY_REJECTED",
+    2: "DENIED",
+    3: "UNSUPPORTED",
+    4: "FAILED",
+    6: "CANCELLED",
+}
+_IN_PROGRESS = 5
+_TRIES = 3
+_REPLY_S = 1.5  # PX4 tells the new item with its next MISSION_CURRENT, up to a second later
+_DISCOVERY_S = 5.0
+
+_log = logging.getLogger(__name__)
+
+
+def _log_of_mavsdk(level: int, message: str, _file: str | None, _line: int) -> bool:
+    """Take MAVSDK's log, which it would print; the return value says that it is taken care of."""
+    _log.log(logging.WARNING if level >= mavsdk.logging.LogLevel.ERROR else logging.DEBUG, "%s", message)
+    return True
+
+
+class AutopilotLink:
+    """Calls that the autopilot answers.
+
+    Parameters
+    ----------
+    codec : Codec
+        The link's; it knows the vehicle's ids.
+    clock : Clock
+        For the waits of ``set_current`` and ``set_mode``.
+    send : callable
+        Takes bytes for the transport.
+    on_pending_change : callable, optional
+        Told ``pending_calls`` whenever it changes.
+    timeout_s : float
+        Wall-clock limit of one transfer, beyond MAVSDK's own limits.
+    """
+
+    def __init__(
+        self,
+        codec: Codec,
+        clock: Clock,
+        send: Callable[[bytes], None],
+        *,
+        on_pending_change: Callable[[int], None] | None = None,
+        timeout_s: float = 30.0,
+    ) -> None:
+        self.counters: Counter[str] = Counter()
+        self._codec = codec
+        self._clock = clock
+        self._send = send
+        self._on_pending_change = on_pending_change
+        self._timeout_s = timeout_s
+        self._pending_calls = 0
+        self._dialect: Dialect | None = None
+        self._heartbeat: bytes | None = None
+        self._mission_ack: MissionAck | None = None
+        self._waiters: list[tuple[Callable[[object], bool], asyncio.Future[object]]] = []
+        self._turn = asyncio.Lock()
+        self._mavsdk: Any = None
+        self._missions: Any = None
+
+    @property
+    def pending_calls(self) -> int:
+        """How many calls of MAVSDK are under way."""
+        return self._pending_calls
+
+    def receive(self, frame: Frame) -> None:
+        """Take a received frame; those of other systems and of no concern are ignored."""
+        if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, 1):
+            return
+        for event in frame.events:
+            if isinstance(event, Heartbeat):
+                self._dialect, self._heartbeat = event.dialect, frame.raw
+            self._tell(event)
+        if frame.reply is not None:
+            self._tell(frame.reply)
+            if isinstance(frame.reply, MissionAck) and frame.reply.mission_type == 0:
+                self._mission_ack = frame.reply
+        if self._mavsdk is not None and (
+            frame.message_id in _MISSION_MESSAGES or frame.message_id == _HEARTBEAT
+        ):
+            self._mavsdk.pass_received_raw_bytes(frame.raw)
+
+    async def upload(self, items: Sequence[MissionItem]) -> int:
+        """Replace the autopilot's mission.
+
+        Parameters
+        ----------
+        items : sequence of MissionItem
+            The whole list, numbered from 0, exactly one of them current.
+
+        Returns
+        -------
+        int
+            The mission's opaque id, 0 where the autopilot gives none. PX4 accepts missions that
+            it will not fly, so this is no proof of more than storage.
+
+        Raises
+        ------
+        TransferError
+            When it was not acknowledged; what the autopilot holds then is not known.
+        """
+        _check_upload(items)
+        async with self._turn:
+            missions = await self._connected()
+            self._mission_ack = None
+            raw_items = [_raw_item(item) for item in items]
+            result, _ = await self._transfer(
+                lambda done: missions.upload_mission_async(raw_items, lambda result, _: done(result, None)),
+                "upload",
+                missions.cancel_mission_upload,
+            )
+            if result is not MissionRawResult.SUCCESS:
+                raise TransferError("upload", result.name)
+            return self._mission_ack.opaque_id if self._mission_ack is not None else 0
+
+    async def download(self) -> tuple[MissionItem, ...]:
+        """Read the autopilot's mission back; on ArduPlane with the home slot as item 0.
+
+        Raises
+        ------
+        TransferError
+            When it could not be read completely.
+        """
+        async with self._turn:
+            missions = await self._connected()
+            result, items = await self._transfer(
+                lambda done: missions.download_mission_async(lambda result, items, _: done(result, items)),
+                "download",
+                missions.cancel_mission_download,
+            )
+            if result is MissionRawResult.NO_MISSION_AVAILABLE:
+                return ()
+            if result is not MissionRawResult.SUCCESS:
+                raise TransferError("download", result.name)
+            return tuple(_item(raw) for raw in items)
+
+    async def set_current(self, sequence: int) -> None:
+        """Make the autopilot fly to an item now, directly from where it is.
+
+        Raises
+        ------
+        TransferError
+            When it refuses, or does not answer after three tries.
+        """
+        if self._dialect is Dialect.ARDUPILOT:
+            await self._command(
+                "set_current",
+                _COMMAND_SET_CURRENT,
+                lambda attempt: self._codec.set_current_command(sequence, attempt),
+            )
+            return
+        self._require_autopilot()
+
+        def is_current(told: object) -> bool:
+            return isinstance(told, MissionCurrent) and told.sequence == sequence
+
+        for _ in range(_TRIES):
+            if await self._asked(self._codec.set_current_message(sequence), is_current) is not None:
+                return
+        raise TransferError("set_current", f"item {sequence} did not become current")
+
+    async def set_mode(self, mode: str) -> None:
+        """Select a flight mode by its name, as ``Heartbeat.mode`` has it.
+
+        Raises
+        ------
+        TransferError
+            When there is no such mode, or the autopilot does not take it.
+        """
+        number = custom_mode_of(self._require_autopilot(), mode)
+        if number is None:
+            raise TransferError("set_mode", f"no mode {mode}")
+        await self._command("set_mode", _COMMAND_SET_MODE, lambda _: self._codec.set_mode(number))
+
+    async def close(self) -> None:
+        """End MAVSDK; a call under way fails."""
+        instance, self._mavsdk, self._missions = self._mavsdk, None, None
+        if instance is not None:
+            await asyncio.to_thread(instance.destroy)
+
+    async def _command(self, operation: str, command: int, make: Callable[[int], bytes]) -> None:
+        self._require_autopilot()
+
+        def is_answer(told: object) -> bool:
+            return isinstance(told, CommandAck) and told.command == command and told.result != _IN_PROGRESS
+
+        for attempt in range(_TRIES):
+            ack = await self._asked(make(attempt), is_answer)
+            if isinstance(ack, CommandAck):
+                if ack.result != 0:
+                    raise TransferError(operation, _RESULTS.get(ack.result, f"result {ack.result}"))
+                return
+        raise TransferError(operation, "no answer")
+
+    async def _asked(self, data: bytes, is_answer: Callable[[object], bool]) -> object | None:
+        """Send, and return what is told in reply in time, or None."""
+        future: asyncio.Future[object] = asyncio.get_running_loop().create_future()
+        waiter = (is_answer, future)
+        self._waiters.append(waiter)
+        alarm = asyncio.ensure_future(self._clock.sleep_until(self._clock.now_s() + _REPLY_S))
+        try:
+            self._send(data)
+            await asyncio.wait({future, alarm}, return_when=asyncio.FIRST_COMPLETED)
+            return future.result() if future.done() else None
+        finally:
+            alarm.cancel()
+            self._waiters.remove(waiter)
+
+    def _tell(self, what: object) -> None:
+        for is_answer, future in self._waiters:
+            if not future.done() and is_answer(what):
+                future.set_result(what)
+
+    def _require_autopilot(self) -> Dialect:
+        if self._dialect is None:
+            raise NoAutopilotError("no heartbeat of an autopilot was heard")
+        return self._dialect
+
+    async def _connected(self) -> Any:  # noqa: ANN401
+        """Return MAVSDK's mission plugin, starting MAVSDK when it does not run."""
+        self._require_autopilot()
+        if self._missions is not None:
+            return self._missions
+        loop = asyncio.get_running_loop()
+        mavsdk.logging.log_subscribe(_log_of_mavsdk)
+        self._mavsdk = Mavsdk(Configuration.create_manual(self._codec.own_ids[0], COMPONENT_ID, False))
+        self._mavsdk.add_any_connection("raw://")
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _hand_over(loop, self._outgoing, data))
+        found: asyncio.Future[Any] = loop.create_future()
+        self._count(+1)
+        try:
+            wait = self._mavsdk.first_autopilot_async(
+                _DISCOVERY_S, lambda system: _hand_over(loop, _settle, found, system)
+            )
+            # The one heard last, or discovery would wait for the next.
+            self._mavsdk.pass_received_raw_bytes(self._heartbeat)
+            system = await found
+            self._mavsdk.cancel_first_autopilot(wait)
+        finally:
+            self._count(-1)
+        if system is None:
+            await self.close()
+            raise NoAutopilotError("MAVSDK did not find the autopilot")
+        self._missions = MissionRaw(system)
+        return self._missions
+
+    def _outgoing(self, data: bytes) -> None:
+        """Pass on what MAVSDK wants sent, in the loop."""
+        if raw_frame(data).message_id in _MISSION_MESSAGES:
+            self._send(self._codec.renumbered(data))
+        else:
+            self.counters["mavsdk_dropped"] += 1
+
+    async def _transfer(
+        self, start: Callable[[Callable[[Any, Any], None]], None], operation: str, cancel: Callable[[], Any]
+    ) -> tuple[Any, Any]:
+        """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[tuple[Any, Any]] = loop.create_future()
+        self._count(+1)
+        try:
+            start(lambda result, data: _hand_over(loop, _settle, future, (result, data)))
+            return await asyncio.wait_for(future, self._timeout_s)
+        except TimeoutError:
+            await self.close()  # a call that hangs would hold up every later one
+            raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None
+        except asyncio.CancelledError:
+            cancel()
+            raise
+        finally:
+            self._count(-1)
+
+    def _count(self, change: int) -> None:
+        self._pending_calls += change
+        if self._on_pending_change is not None:
+            self._on_pending_change(self._pending_calls)
+
+
+atexit.register(mavsdk.logging.log_unsubscribe)  # its threads must not call into an ending interpreter
+
+
+def _hand_over(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *values: object) -> None:
+    """Call in the loop's thread, from any of MAVSDK's; a loop that ended needs nothing any more."""
+    if not loop.is_closed():
+        loop.call_soon_threadsafe(function, *values)
+
+
+def _settle(future: asyncio.Future[Any], value: object) -> None:
+    if not future.done():
+        future.set_result(value)
+
+
+def _check_upload(items: Sequence[MissionItem]) -> None:
+    if [item.sequence for item in items] != list(range(len(items))):
+        raise TransferError("upload", "the items are not numbered from 0 in order")
+    if sum(item.is_current for item in items) != 1:
+        raise TransferError("upload", "not exactly one item is current")
+
+
+def _raw_item(item: MissionItem) -> Any:  # noqa: ANN401
+    one, two, three, four = (math.nan if value is None else value for value in item.parameters)
+    return RawItem(
+        seq=item.sequence,
+        frame=int(item.frame),
+        command=int(item.command),
+        current=int(item.is_current),
+        autocontinue=int(item.autocontinue),
+        param1=one,
+        param2=two,
+        param3=three,
+        param4=four,
+        x=item.latitude_e7,
+        y=item.longitude_e7,
+        z=item.altitude_m,
+        mission_type=0,
+    )
+
+
+def _item(raw: Any) -> MissionItem:  # noqa: ANN401
+    one, two, three, four = (
+        None if math.isnan(value) else float(value)
+        for value in (raw.param1, raw.param2, raw.param3, raw.param4)
+    )
+    return MissionItem(
+        sequence=raw.seq,
+        command=raw.command,
+        frame=raw.frame,
+        parameters=(one, two, three, four),
+        latitude_e7=raw.x,
+        longitude_e7=raw.y,
+        altitude_m=float(raw.z),
+        is_current=bool(raw.current),
+        autocontinue=bool(raw.autocontinue),
+    )

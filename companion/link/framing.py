@@ -1,0 +1,159 @@
+"""MAVLink frames cut out of a byte stream, without I/O and without a dialect.
+
+A frame is believed when its checksum fits. After damage the search goes on one byte further, not
+one frame further, so that a corrupted length does not swallow the good frames behind it.
+
+References
+----------
+MAVLink guide, *Packet Serialization*: header layout, CRC-16/MCRF4XX with the message's extra byte.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
+_HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
+_CHECKSUM = 2
+_SIGNATURE = 13
+_SIGNED = 0x01
+
+
+def _table() -> tuple[int, ...]:
+    entries = []
+    for byte in range(256):
+        value = byte
+        for _ in range(8):
+            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
+        entries.append(value)
+    return tuple(entries)
+
+
+_TABLE = _table()
+
+
+def checksum(data: bytes | bytearray, extra: int) -> int:
+    """CRC-16/MCRF4XX of the data followed by the message's extra byte."""
+    crc = 0xFFFF
+    for byte in data:
+        crc = (crc >> 8) ^ _TABLE[(crc ^ byte) & 0xFF]
+    return (crc >> 8) ^ _TABLE[(crc ^ extra) & 0xFF]
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """One frame as it came.
+
+    ``is_verified`` is false for a message that the dialect does not know: its checksum cannot be
+    told, only that another frame or nothing follows it.
+    """
+
+    raw: bytes
+    system_id: int
+    component_id: int
+    message_id: int
+    is_verified: bool
+
+    @property
+    def payload(self) -> bytes:
+        """Payload as sent; MAVLink 2 leaves trailing zeros out."""
+        start = _HEADERS[self.raw[0]]
+        return self.raw[start : start + self.raw[1]]
+
+
+def raw_frame(raw: bytes, *, is_verified: bool = True) -> RawFrame:
+    """Read the header of a whole frame."""
+    if raw[0] == MAGIC_V2:
+        return RawFrame(raw, raw[5], raw[6], int.from_bytes(raw[7:10], "little"), is_verified)
+    return RawFrame(raw, raw[3], raw[4], raw[5], is_verified)
+
+
+def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
+    """Return an unsigned frame with another sequence number and the checksum that goes with it."""
+    changed = bytearray(raw)
+    changed[4 if raw[0] == MAGIC_V2 else 2] = sequence
+    body = _HEADERS[raw[0]] + raw[1]
+    changed[body : body + _CHECKSUM] = checksum(changed[1:body], extra).to_bytes(_CHECKSUM, "little")
+    return bytes(changed)
+
+
+class Framer:
+    """Bytes in, frames out.
+
+    Parameters
+    ----------
+    extras : mapping of int to int
+        CRC extra byte of each message id the dialect knows.
+    counters : Counter
+        Where ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` are counted.
+    """
+
+    def __init__(self, extras: Mapping[int, int], counters: Counter[str]) -> None:
+        self._extras = extras
+        self._counters = counters
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[RawFrame]:
+        """Take bytes; yield the frames that are complete."""
+        self._buffer += data
+        start = 0
+        while start < len(self._buffer):
+            frame, is_waiting = self._frame_at(start)
+            if frame is None and is_waiting:
+                skipped = self._next_verified(start + 1)
+                if skipped is None:
+                    break
+                self._counters["garbage_bytes"] += skipped - start
+                start = skipped
+                continue
+            if frame is None:
+                self._counters["garbage_bytes"] += 1
+                start += 1
+                continue
+            start += len(frame.raw)
+            yield frame
+        del self._buffer[:start]
+
+    def _next_verified(self, start: int) -> int | None:
+        """Where a whole verified frame begins behind one that seems to be incomplete."""
+        for index in range(start, len(self._buffer)):
+            if self._buffer[index] in _HEADERS:
+                frame, _ = self._frame_at(index, is_counted=False)
+                if frame is not None and frame.is_verified:
+                    return index
+        return None
+
+    def _frame_at(self, start: int, *, is_counted: bool = True) -> tuple[RawFrame | None, bool]:
+        """Return the frame that begins at an index, and whether more bytes are needed to tell."""
+        buffer = self._buffer
+        header = _HEADERS.get(buffer[start])
+        if header is None:
+            return None, False
+        if len(buffer) - start < 3:
+            return None, True
+        length = header + buffer[start + 1] + _CHECKSUM
+        if buffer[start] == MAGIC_V2:
+            if buffer[start + 2] & ~_SIGNED:
+                self._count("incompatible", is_counted)
+                return None, False
+            length += _SIGNATURE if buffer[start + 2] & _SIGNED else 0
+        end = start + length
+        if end > len(buffer):
+            return None, True
+        frame = raw_frame(bytes(buffer[start:end]))
+        extra = self._extras.get(frame.message_id)
+        if extra is None:
+            if end < len(buffer) and buffer[end] not in _HEADERS:
+                return None, False
+            return raw_frame(frame.raw, is_verified=False), False
+        body = header + frame.raw[1]
+        if checksum(frame.raw[1:body], extra) != int.from_bytes(frame.raw[body : body + 2], "little"):
+            self._count("bad_checksum", is_counted)
+            return None, False
+        return frame, False
+
+    def _count(self, reason: str, is_counted: bool) -> None:
+        if is_counted:
+            self._counters[reason] += 1

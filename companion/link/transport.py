@@ -1,0 +1,342 @@
+"""Bytes in and out of the computer: serial line, UDP, TCP, or memory.
+
+A transport owns its reconnecting: a lost line is opened again with growing pauses for as long as
+the transport is open, and what is sent meanwhile is dropped, as a radio link would.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Callable
+from typing import Protocol
+from urllib.parse import SplitResult, urlsplit
+
+import serial
+import serial_asyncio
+
+from companion.clock import Clock
+from companion.errors import ConfigError, LinkError
+
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 10.0
+_BACKLOG_MAX = 256 * 1024  # bytes; a line that takes none for so long is as good as lost
+_URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
+
+Receiver = Callable[[bytes], None]
+
+_log = logging.getLogger(__name__)
+
+
+class Transport(Protocol):
+    """One link to the autopilot."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether bytes can be sent now."""
+        ...
+
+    async def open(self) -> None:
+        """Begin; returns when the line is up, or at once if it comes up by itself later."""
+        ...
+
+    async def close(self) -> None:
+        """End for good."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send; dropped when the line is down."""
+        ...
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        """Set who takes what arrives, in the event loop."""
+        ...
+
+
+class _Base:
+    def __init__(self) -> None:
+        self._receiver: Receiver = lambda data: None
+        self.dropped_bytes = 0
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        """Set who takes what arrives, in the event loop."""
+        self._receiver = receiver
+
+
+class MemoryTransport(_Base):
+    """One end of a pair in this process; what one sends the other receives in the same call."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._peer: MemoryTransport | None = None
+        self._is_open = False
+
+    @classmethod
+    def pair(cls) -> tuple[MemoryTransport, MemoryTransport]:
+        """Return two ends that are joined."""
+        one, other = cls(), cls()
+        one._peer, other._peer = other, one
+        return one, other
+
+    @property
+    def is_open(self) -> bool:
+        """Whether this end is open."""
+        return self._is_open
+
+    async def open(self) -> None:
+        """Open this end."""
+        self._is_open = True
+
+    async def close(self) -> None:
+        """Close this end."""
+        self._is_open = False
+
+    def send(self, data: bytes) -> None:
+        """Hand over to the other end if both are open."""
+        peer = self._peer
+        if self._is_open and peer is not None and peer._is_open:
+            peer._receiver(data)
+        else:
+            self.dropped_bytes += len(data)
+
+
+class _DatagramProtocol(asyncio.DatagramProtocol):
+    def __init__(self, on_data: Callable[[bytes, tuple[str, int]], None]) -> None:
+        self._on_data = on_data
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        self._on_data(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        _log.debug("datagram refused: %s", exc)  # nobody listens there yet
+
+
+class _UdpTransport(_Base):
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__()
+        self._address = (host, port)
+        self._peer: tuple[str, int] | None = None
+        self._socket: asyncio.DatagramTransport | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a socket and somebody to send to."""
+        return self._socket is not None and self._peer is not None
+
+    async def close(self) -> None:
+        """Close the socket."""
+        opened, self._socket = self._socket, None
+        if opened is not None:
+            opened.close()
+            await asyncio.sleep(0)  # the loop closes it in its next round
+
+    def send(self, data: bytes) -> None:
+        """Send one datagram to the peer."""
+        if self._socket is None or self._peer is None:
+            self.dropped_bytes += len(data)
+        else:
+            self._socket.sendto(data, self._peer)
+
+    def _on_data(self, data: bytes, address: tuple[str, int]) -> None:
+        self._peer = address
+        self._receiver(data)
+
+
+class UdpInTransport(_UdpTransport):
+    """Listens on a port and answers whoever spoke last."""
+
+    @property
+    def port(self) -> int | None:
+        """Port that is listened on, once open."""
+        return None if self._socket is None else int(self._socket.get_extra_info("sockname")[1])
+
+    async def open(self) -> None:
+        """Bind the port.
+
+        Raises
+        ------
+        LinkError
+            When the port cannot be had.
+        """
+        try:
+            self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                lambda: _DatagramProtocol(self._on_data), local_addr=self._address
+            )
+        except OSError as error:
+            raise LinkError(f"udpin://{self._address[0]}:{self._address[1]}: {error.strerror}") from error
+
+
+class UdpOutTransport(_UdpTransport):
+    """Sends to a fixed address and takes what comes back."""
+
+    async def open(self) -> None:
+        """Make the socket.
+
+        Raises
+        ------
+        LinkError
+            When the host's name is not known.
+        """
+        host, port = self._address
+        loop = asyncio.get_running_loop()
+        try:
+            found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+            family, _, _, _, address = found[0]
+            self._socket, _ = await loop.create_datagram_endpoint(
+                lambda: _DatagramProtocol(lambda data, _: self._receiver(data)), family=family
+            )
+        except OSError as error:
+            raise LinkError(f"udpout://{host}:{port}: {error.strerror}") from error
+        self._peer = (address[0], int(address[1]))
+
+
+class _StreamProtocol(asyncio.Protocol):
+    def __init__(self, on_data: Receiver) -> None:
+        self._on_data = on_data
+        self.lost: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def data_received(self, data: bytes) -> None:
+        self._on_data(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if not self.lost.done():
+            self.lost.set_result(None)
+
+
+class _StreamTransport(_Base):
+    """What serial line and TCP share: connect, wait for the loss, pause, connect again."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__()
+        self._clock = clock
+        self._line: asyncio.WriteTransport | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.connections = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the line is up."""
+        return self._line is not None and not self._line.is_closing()
+
+    async def open(self) -> None:
+        """Begin connecting; the line may come up later."""
+        if self._task is None:
+            self._task = asyncio.create_task(self._run(), name="transport")
+            await asyncio.sleep(0)
+
+    async def close(self) -> None:
+        """Close the line and stop connecting."""
+        task, self._task = self._task, None
+        if task is not None:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    def send(self, data: bytes) -> None:
+        """Send; dropped when the line is down or its buffer is full."""
+        line = self._line
+        if line is None or line.is_closing() or line.get_write_buffer_size() > _BACKLOG_MAX:
+            self.dropped_bytes += len(data)
+        else:
+            line.write(data)
+
+    async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
+        raise NotImplementedError
+
+    async def _run(self) -> None:
+        pause_s = FIRST_PAUSE_S
+        while True:
+            protocol = _StreamProtocol(self._receiver_now)
+            try:
+                self._line = await self._connect(protocol)
+            except (OSError, serial.SerialException) as error:
+                _log.debug("no connection: %s", error)
+            else:
+                self.connections += 1
+                pause_s = FIRST_PAUSE_S
+                try:
+                    await protocol.lost
+                finally:
+                    line, self._line = self._line, None
+                    line.abort()
+            await self._clock.sleep_until(self._clock.now_s() + pause_s)
+            pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
+
+    def _receiver_now(self, data: bytes) -> None:
+        self._receiver(data)  # looked up at each call: it may be set after connecting
+
+
+class TcpTransport(_StreamTransport):
+    """TCP client."""
+
+    def __init__(self, host: str, port: int, clock: Clock) -> None:
+        super().__init__(clock)
+        self._address = (host, port)
+
+    async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
+        line, _ = await asyncio.get_running_loop().create_connection(lambda: protocol, *self._address)
+        line.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return line
+
+
+class SerialTransport(_StreamTransport):
+    """Serial line; an unplugged one is opened again when it is back."""
+
+    def __init__(self, device: str, baud_rate: int, clock: Clock) -> None:
+        super().__init__(clock)
+        self._device = device
+        self._baud_rate = baud_rate
+
+    async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
+        line, _ = await serial_asyncio.create_serial_connection(
+            asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate
+        )
+        opened: asyncio.WriteTransport = line
+        return opened
+
+
+def transport_from_url(url: str, clock: Clock) -> Transport:
+    """Make the transport that a URL names; it is not open yet.
+
+    Parameters
+    ----------
+    url : str
+        ``serial:///dev/ttyAMA0:921600``, ``udpin://0.0.0.0:14540``, ``udpout://host:port`` or
+        ``tcp://host:port``.
+    clock : Clock
+        For the pauses between connecting again.
+
+    Raises
+    ------
+    ConfigError
+        For anything else.
+    """
+    kind, _, rest = url.partition("://")
+    if kind == "serial":
+        device, _, baud_rate = rest.rpartition(":")
+        if not device.startswith("/") or not baud_rate.isdecimal() or not 0 < int(baud_rate) <= 10_000_000:
+            raise _url_error(url, "a device and a baud rate, as in serial:///dev/ttyAMA0:921600")
+        return SerialTransport(device, int(baud_rate), clock)
+    if kind not in ("udpin", "udpout", "tcp"):
+        raise _url_error(url, _URL_KINDS)
+    host, port = _address(url)
+    if kind == "udpin":
+        return UdpInTransport(host, port)
+    return UdpOutTransport(host, port) if kind == "udpout" else TcpTransport(host, port, clock)
+
+
+def _address(url: str) -> tuple[str, int]:
+    try:
+        parts: SplitResult = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    is_plain = host is not None and port is not None and url.count("/") == 2 and "@" not in url
+    if not is_plain or host is None or port is None:
+        raise _url_error(url, "a host and a port from 0 to 65535, as in tcp://127.0.0.1:5760")
+    return host, port
+
+
+def _url_error(url: str, expected: str) -> ConfigError:
+    return ConfigError("command line", None, "--link", url or "nothing", expected)
