@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import contextlib
 import logging
 import math
 from collections import Counter
@@ -40,7 +41,7 @@ from companion.link.framing import raw_frame
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
 from companion.types.mission import MissionItem
 
-_HEARTBEAT = 0
+_HEARTBEAT, _MISSION_ACK = 0, 47
 _MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
 _COMMAND_SET_CURRENT, _COMMAND_SET_MODE = 224, 176
 _RESULTS = {
@@ -55,13 +56,14 @@ _IN_PROGRESS = 5
 _TRIES = 3
 _REPLY_S = 1.5  # PX4 tells the new item with its next MISSION_CURRENT, up to a second later
 _DISCOVERY_S = 5.0
+_ACKNOWLEDGE_S = 0.5
 
 _log = logging.getLogger(__name__)
 
 
-def _log_of_mavsdk(level: int, message: str, _file: str | None, _line: int) -> bool:
-    """Take MAVSDK's log, which it would print; the return value says that it is taken care of."""
-    _log.log(logging.WARNING if level >= mavsdk.logging.LogLevel.ERROR else logging.DEBUG, "%s", message)
+def _log_of_mavsdk(_level: int, message: str, _file: str | None, _line: int) -> bool:
+    """Take MAVSDK's log, which it would print; what failed its callers are told as a result."""
+    _log.debug("%s", message)
     return True
 
 
@@ -103,6 +105,7 @@ class AutopilotLink:
         self._mission_ack: MissionAck | None = None
         self._waiters: list[tuple[Callable[[object], bool], asyncio.Future[object]]] = []
         self._turn = asyncio.Lock()
+        self._has_acknowledged = asyncio.Event()
         self._mavsdk: Any = None
         self._missions: Any = None
 
@@ -175,6 +178,7 @@ class AutopilotLink:
                 lambda done: missions.download_mission_async(lambda result, items, _: done(result, items)),
                 "download",
                 missions.cancel_mission_download,
+                is_acknowledged_by_us=True,
             )
             if result is MissionRawResult.NO_MISSION_AVAILABLE:
                 return ()
@@ -245,14 +249,18 @@ class AutopilotLink:
         future: asyncio.Future[object] = asyncio.get_running_loop().create_future()
         waiter = (is_answer, future)
         self._waiters.append(waiter)
-        alarm = asyncio.ensure_future(self._clock.sleep_until(self._clock.now_s() + _REPLY_S))
+        alarm = asyncio.create_task(self._rung())
         try:
             self._send(data)
-            await asyncio.wait({future, alarm}, return_when=asyncio.FIRST_COMPLETED)
+            waited: set[asyncio.Future[Any]] = {future, alarm}
+            await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
             return future.result() if future.done() else None
         finally:
             alarm.cancel()
             self._waiters.remove(waiter)
+
+    async def _rung(self) -> None:
+        await self._clock.sleep_until(self._clock.now_s() + _REPLY_S)
 
     def _tell(self, what: object) -> None:
         for is_answer, future in self._waiters:
@@ -294,21 +302,35 @@ class AutopilotLink:
 
     def _outgoing(self, data: bytes) -> None:
         """Pass on what MAVSDK wants sent, in the loop."""
-        if raw_frame(data).message_id in _MISSION_MESSAGES:
+        message_id = raw_frame(data).message_id
+        if message_id in _MISSION_MESSAGES:
             self._send(self._codec.renumbered(data))
+            if message_id == _MISSION_ACK:
+                self._has_acknowledged.set()
         else:
             self.counters["mavsdk_dropped"] += 1
 
     async def _transfer(
-        self, start: Callable[[Callable[[Any, Any], None]], None], operation: str, cancel: Callable[[], Any]
+        self,
+        start: Callable[[Callable[[Any, Any], None]], None],
+        operation: str,
+        cancel: Callable[[], Any],
+        *,
+        is_acknowledged_by_us: bool = False,
     ) -> tuple[Any, Any]:
         """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
         loop = asyncio.get_running_loop()
         future: asyncio.Future[tuple[Any, Any]] = loop.create_future()
+        self._has_acknowledged.clear()
         self._count(+1)
         try:
             start(lambda result, data: _hand_over(loop, _settle, future, (result, data)))
-            return await asyncio.wait_for(future, self._timeout_s)
+            result, data = await asyncio.wait_for(future, self._timeout_s)
+            if is_acknowledged_by_us and result is MissionRawResult.SUCCESS:
+                # The result may overtake our acknowledgement, which then would leave after the call.
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._has_acknowledged.wait(), _ACKNOWLEDGE_S)
+            return result, data
         except TimeoutError:
             await self.close()  # a call that hangs would hold up every later one
             raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None

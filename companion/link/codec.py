@@ -224,15 +224,13 @@ def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> CommandAck
 
 
 def _command(message: Any) -> Request:  # noqa: ANN401
-    parameters = tuple(
-        float(getattr(message, f"param{index}")) for index in range(1, 8) if index not in (5, 6)
-    )
+    parameters = tuple(float(getattr(message, f"param{index}")) for index in range(1, 5))
     return Request(
         "command",
         message.target_system,
         message.target_component,
         message.command,
-        tuple(0.0 if not math.isfinite(value) else value for value in parameters),
+        tuple(value if math.isfinite(value) else -1.0 for value in parameters),
     )
 
 

@@ -38,7 +38,7 @@ class Request:
     number : int
         The command, or the sequence number of a ping.
     parameters : tuple of float
-        Of a command, seven; of a ping, its time in microseconds.
+        Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds.
     name : str
         Of a parameter.
     """

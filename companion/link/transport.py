@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import SplitResult, urlsplit
 
-import serial
 import serial_asyncio
 
 from companion.clock import Clock
@@ -188,7 +187,7 @@ class UdpOutTransport(_UdpTransport):
             )
         except OSError as error:
             raise LinkError(f"udpout://{host}:{port}: {error.strerror}") from error
-        self._peer = (address[0], int(address[1]))
+        self._peer = (str(address[0]), int(address[1]))
 
 
 class _StreamProtocol(asyncio.Protocol):
@@ -250,7 +249,7 @@ class _StreamTransport(_Base):
             protocol = _StreamProtocol(self._receiver_now)
             try:
                 self._line = await self._connect(protocol)
-            except (OSError, serial.SerialException) as error:
+            except OSError as error:
                 _log.debug("no connection: %s", error)
             else:
                 self.connections += 1

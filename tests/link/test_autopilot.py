@@ -1,0 +1,283 @@
+"""Mission transfer through MAVSDK against a small autopilot in the same process."""
+
+import asyncio
+import math
+from contextlib import asynccontextmanager
+
+import pytest
+
+from companion.clock import ManualClock, WallClock
+from companion.errors import NoAutopilotError, TransferError
+from companion.link.autopilot import AutopilotLink
+from companion.link.codec import Codec
+from companion.types.mission import Command, Frame, MissionItem
+from tests.link.fake_autopilot import FakeAutopilot
+
+
+def mission(count=14, current=1):
+    return tuple(
+        MissionItem(
+            sequence=index,
+            command=Command.NAV_WAYPOINT,
+            frame=Frame.GLOBAL_RELATIVE_ALT,
+            parameters=(0.0, 30.0, None, None),
+            latitude_e7=-353_632_610 + 1_000 * index,
+            longitude_e7=1_491_652_300,
+            altitude_m=100.5,
+            is_current=index == current,
+        )
+        for index in range(count)
+    )
+
+
+class Bench:
+    """A link whose bytes reach the autopilot in the next round of the loop."""
+
+    def __init__(self, autopilot, *, clock=None, timeout_s=20.0):
+        self.autopilot = autopilot
+        self.codec = Codec()
+        self.pending = []
+        self.sent = []
+        self.link = AutopilotLink(
+            self.codec,
+            clock or WallClock(),
+            self.send,
+            on_pending_change=self.pending.append,
+            timeout_s=timeout_s,
+        )
+
+    def send(self, data):
+        self.sent.append(data)
+        for reply in self.autopilot.receive(data):
+            asyncio.get_running_loop().call_soon(self.hear, reply)
+
+    def hear(self, data):
+        for frame in self.codec.feed(data, 0.0):
+            self.link.receive(frame)
+
+
+@asynccontextmanager
+async def bench(autopilot, **settings):
+    made = Bench(autopilot, **settings)
+    made.hear(autopilot.heartbeat())
+    try:
+        yield made
+    finally:
+        await made.link.close()
+
+
+async def until(condition):
+    while not condition():  # noqa: ASYNC110 the answer comes from MAVSDK's thread
+        await asyncio.sleep(0.001)
+
+
+def run(body):
+    return asyncio.run(asyncio.wait_for(body, 30.0))
+
+
+@pytest.mark.parametrize("request_id", [40, 51])
+def test_what_is_uploaded_is_read_back(request_id):
+    async def body():
+        autopilot = FakeAutopilot(request_id=request_id)
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            assert [item.seq for item in autopilot.items] == list(range(14))
+            assert math.isnan(autopilot.items[3].param4)
+            autopilot.current = 1
+            assert await made.link.download() == mission()
+            assert made.link.pending_calls == 0
+
+    run(body())
+
+
+def test_calls_under_way_are_told():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            assert made.pending == [1, 0, 1, 0]  # finding the autopilot, then the transfer
+            await made.link.download()
+            assert made.pending == [1, 0, 1, 0, 1, 0]
+
+    run(body())
+
+
+def test_nothing_but_the_mission_protocol_leaves():
+    async def body():
+        autopilot = FakeAutopilot()
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            await made.link.download()
+            kinds = {message.get_type() for message in autopilot.heard}
+            assert kinds == {
+                "MISSION_COUNT",
+                "MISSION_ITEM_INT",
+                "MISSION_REQUEST_LIST",
+                "MISSION_REQUEST_INT",
+                "MISSION_ACK",
+            }
+            assert {message.get_srcSystem() for message in autopilot.heard} == {1}
+            assert {message.get_srcComponent() for message in autopilot.heard} == {195}
+            numbers = [message.get_seq() for message in autopilot.heard]
+            assert numbers == list(range(len(numbers)))
+
+    run(body())
+
+
+@pytest.mark.parametrize(("ack", "reason"), [(1, "ERROR"), (4, "TOO_MANY_MISSION_ITEMS"), (14, "DENIED")])
+def test_refused_upload(ack, reason):
+    async def body():
+        async with bench(FakeAutopilot(ack=ack)) as made:
+            with pytest.raises(TransferError, match=reason):
+                await made.link.upload(mission())
+
+    run(body())
+
+
+@pytest.mark.parametrize("silent_after", [0, 5])
+def test_silence_ends_in_an_error_and_the_next_upload_works(silent_after):
+    async def body():
+        autopilot = FakeAutopilot(silent_after=silent_after)
+        async with bench(autopilot) as made:
+            with pytest.raises(TransferError, match="upload: TIMEOUT"):
+                await made.link.upload(mission())
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+            assert len(autopilot.items) == 14
+
+    run(body())
+
+
+def test_a_transfer_that_lasts_too_long_is_given_up_and_the_next_works():
+    async def body():
+        autopilot = FakeAutopilot(silent_after=3)
+        async with bench(autopilot, timeout_s=0.2) as made:
+            with pytest.raises(TransferError, match=r"upload: not finished after 0\.2 s"):
+                await made.link.upload(mission())
+            assert made.link.pending_calls == 0
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+
+    run(body())
+
+
+def test_a_cancelled_upload_is_cancelled_at_the_autopilot():
+    async def body():
+        autopilot = FakeAutopilot(silent_after=3)
+        async with bench(autopilot) as made:
+            task = asyncio.create_task(made.link.upload(mission()))
+            await until(lambda: len(autopilot.incoming) == 3)
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            await until(lambda: autopilot.heard[-1].get_type() == "MISSION_ACK")
+            assert autopilot.heard[-1].type == 15
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+            assert len(autopilot.items) == 14
+
+    run(body())
+
+
+def test_calls_at_the_same_time_take_turns():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            made.autopilot.current = 1
+            first, second = await asyncio.gather(made.link.download(), made.link.download())
+            assert first == second == mission()
+            assert max(made.pending) == 1
+
+    run(body())
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        (mission(current=99), "not exactly one item is current"),
+        (mission()[1:], "not numbered from 0"),
+        ((), "not exactly one item is current"),
+    ],
+)
+def test_lists_that_must_not_be_sent(items, reason):
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            with pytest.raises(TransferError, match=reason):
+                await made.link.upload(items)
+            assert made.sent == []
+
+    run(body())
+
+
+def test_an_empty_autopilot_has_an_empty_mission():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            assert await made.link.download() == ()
+
+    run(body())
+
+
+@pytest.mark.parametrize("autopilot", [3, 12], ids=["ardupilot", "px4"])
+def test_set_current(autopilot):
+    async def body():
+        request_id = 40 if autopilot == 3 else 51
+        async with bench(FakeAutopilot(autopilot=autopilot, request_id=request_id)) as made:
+            await made.link.upload(mission())
+            await made.link.set_current(7)
+            assert made.autopilot.current == 7
+            sent = made.autopilot.heard[-1].get_type()
+            assert sent == ("COMMAND_LONG" if autopilot == 3 else "MISSION_SET_CURRENT")
+
+    run(body())
+
+
+def test_set_current_refused():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            with pytest.raises(TransferError, match="set_current: DENIED"):
+                await made.link.set_current(99)
+
+    run(body())
+
+
+@pytest.mark.parametrize(("autopilot", "reason"), [(3, "no answer"), (12, "item 99 did not become current")])
+def test_set_current_unanswered_is_tried_three_times_by_our_clock(autopilot, reason):
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(autopilot=autopilot), clock=clock) as made:
+            made.autopilot.on_command_long = lambda message: []
+            task = asyncio.create_task(made.link.set_current(99))
+            for second in range(1, 9):
+                for _ in range(10):
+                    await asyncio.sleep(0)
+                clock.advance_to(float(second))
+            with pytest.raises(TransferError, match=reason):
+                await task
+            assert len(made.sent) == 3
+
+    run(body())
+
+
+def test_modes():
+    async def body():
+        autopilot = FakeAutopilot()
+        async with bench(autopilot) as made:
+            with pytest.raises(TransferError, match="set_mode: UNSUPPORTED"):
+                await made.link.set_mode("RTL")
+            assert (autopilot.heard[-1].command, autopilot.heard[-1].param1) == (176, 1.0)
+            assert autopilot.heard[-1].param2 == 11.0
+            with pytest.raises(TransferError, match="set_mode: no mode DANCE"):
+                await made.link.set_mode("DANCE")
+
+    run(body())
+
+
+def test_without_an_autopilot():
+    async def body():
+        made = Bench(FakeAutopilot())
+        for call in (made.link.upload(mission()), made.link.download(), made.link.set_current(1)):
+            with pytest.raises(NoAutopilotError):
+                await call
+        await made.link.close()
+
+    run(body())
