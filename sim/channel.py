@@ -1,0 +1,94 @@
+"""One client's end of the autopilot: bytes to messages, messages to bytes, and its stream rates."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+Message = Any  # pymavlink generates its message classes without a usable common type
+
+
+@dataclass(slots=True)
+class Stream:
+    """How often a message goes out, and when next [µs]."""
+
+    interval_us: int
+    next_us: int
+
+
+class Channel:
+    """A byte stream between the autopilot and one client.
+
+    Parameters
+    ----------
+    system_id, component_id : int
+        The autopilot's own.
+
+    Attributes
+    ----------
+    systems_seen : set of int
+        System ids heard on it, to which targeted messages may be forwarded.
+    streams : dict
+        Message id to :class:`Stream`.
+    num_dropped : int
+        Frames that could not be decoded.
+    """
+
+    def __init__(self, system_id: int, component_id: int) -> None:
+        self._mav = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self._mav.robust_parsing = True
+        self._others: dict[tuple[int, int], Any] = {}
+        self._outgoing = bytearray()
+        self.systems_seen: set[int] = set()
+        self.streams: dict[int, Stream] = {}
+        self.num_dropped = 0
+
+    def parse(self, data: bytes) -> list[Message]:
+        """Messages completed by these bytes; what cannot be decoded is counted and dropped."""
+        messages: list[Message] = []
+        pending = data
+        while True:
+            try:
+                message = self._mav.parse_char(pending)
+            except (mavlink.MAVError, struct.error, UnicodeDecodeError):
+                self.num_dropped += 1
+                pending = b""
+                continue
+            pending = b""
+            if message is None:
+                return messages
+            if message.get_msgId() < 0 or message.get_type().startswith("UNKNOWN"):
+                self.num_dropped += 1
+                continue
+            self.systems_seen.add(message.get_srcSystem())
+            messages.append(message)
+
+    def send(self, message: Message) -> None:
+        """Queue a message of the autopilot's."""
+        self._pack(self._mav, message)
+
+    def send_as(self, message: Message, system_id: int, component_id: int) -> None:
+        """Queue a message that another system on the vehicle's network sends."""
+        key = (system_id, component_id)
+        mav = self._others.get(key)
+        if mav is None:
+            mav = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+            self._others[key] = mav
+        self._pack(mav, message)
+
+    def forward(self, frame: bytes) -> None:
+        """Queue another client's frame as it came."""
+        self._outgoing += frame
+
+    def take(self) -> bytes:
+        """Everything queued since the last call."""
+        data = bytes(self._outgoing)
+        self._outgoing.clear()
+        return data
+
+    def _pack(self, mav: Message, message: Message) -> None:
+        self._outgoing += message.pack(mav)
+        mav.seq = (mav.seq + 1) % 256

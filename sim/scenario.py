@@ -1,0 +1,166 @@
+"""From a mission file to everything the simulator is made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+
+from companion.config import MissionConfig
+from companion.types.events import Dialect
+from companion.types.mission import Command, Frame, MissionItem
+from companion.types.threat import Obstacle
+from sim.ardupilot import ArduPlane, home_item
+from sim.fdm import FlightDynamics, Start, Weather
+from sim.flight import TICK_S, Flight
+from sim.parameters import Parameters
+from sim.projection import FastProjection
+from sim.pursuer import CLEARANCE_M, Pursuer
+from sim.roads import Roads
+from sim.sensors import Sensors
+from sim.telemetry import Home
+from sim.tracks import TrackSource
+from sim.truth import Truth
+
+_AHEAD_M = (400.0, 300.0, 200.0, 500.0, 100.0, 0.0)
+_BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
+_MARGIN_M = 40.0
+_OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
+_HEIGHT_MARGIN_M = 20.0
+
+
+@dataclass(slots=True)
+class Scenario:
+    """The parts of a simulation, ready to be stepped."""
+
+    dynamics: FlightDynamics
+    flight: Flight
+    autopilot: ArduPlane
+    pursuers: list[tuple[str, Pursuer]]
+    tracks: TrackSource
+    truth: Truth
+
+
+def safe_loiter(
+    obstacles: tuple[Obstacle, ...], start: tuple[float, float, float], course_rad: float, radius_m: float
+) -> tuple[float, float]:
+    """East and north [m] of a circle near the start that can be flown to and round without hitting anything.
+
+    Straight ahead if that is free; else to either side; else, with obstacles everywhere, where they
+    are farthest.
+    """
+    east, north, up = start
+    level = [
+        Polygon(entry.polygon_enu_m)
+        for entry in obstacles
+        if entry.base_m - _HEIGHT_MARGIN_M <= up <= entry.top_m + _HEIGHT_MARGIN_M
+    ]
+    walls = shapely.unary_union(level)
+    best, best_gap = (east, north), -math.inf
+    for bearing_deg in _BEARINGS_DEG:
+        for ahead_m in _AHEAD_M:
+            bearing = course_rad + math.radians(bearing_deg)
+            centre = (east + ahead_m * math.sin(bearing), north + ahead_m * math.cos(bearing))
+            gap = walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M if level else math.inf
+            way = walls.distance(LineString([(east, north), centre])) if level else math.inf
+            gap = min(gap, way)
+            if gap >= _MARGIN_M:
+                return centre
+            if gap > best_gap:
+                best, best_gap = centre, gap
+    return best
+
+
+def operator_mission(
+    home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
+) -> list[MissionItem]:
+    """Make what the operator left in the autopilot: home, a waypoint, a loiter there."""
+    latitude, longitude = projection.degrees(*centre)
+    place = (round(latitude * 1e7), round(longitude * 1e7), height_m)
+    frame = Frame.GLOBAL_RELATIVE_ALT
+    return [
+        home_item(home),
+        MissionItem(1, Command.NAV_WAYPOINT, frame, (0.0, 0.0, 0.0, 0.0), *place),
+        MissionItem(2, Command.NAV_LOITER_UNLIM, frame, (0.0, 0.0, round(radius_m), 0.0), *place),
+    ]
+
+
+def _weather(mission: MissionConfig) -> Weather:
+    simulation = mission.simulation
+    wind_from = math.radians(simulation.wind_from_deg)
+    return Weather(
+        -simulation.wind_speed_m_s * math.sin(wind_from),
+        -simulation.wind_speed_m_s * math.cos(wind_from),
+        simulation.turbulence,
+    )
+
+
+def _parameters(mission: MissionConfig) -> Parameters:
+    vehicle = mission.vehicle
+    parameters = Parameters()
+    parameters["AIRSPEED_CRUISE"] = vehicle.airspeed_cruise_m_s
+    parameters["AIRSPEED_MIN"] = math.floor(vehicle.airspeed_min_m_s)
+    parameters["AIRSPEED_MAX"] = math.ceil(vehicle.airspeed_max_m_s)
+    parameters["WP_LOITER_RAD"] = round(vehicle.turn_radius_min_m)
+    return parameters
+
+
+def _pursuers(mission: MissionConfig) -> list[tuple[str, Pursuer]]:
+    bounds = mission.bounds
+    box = (bounds.east_m[0], bounds.north_m[0], bounds.east_m[1], bounds.north_m[1])
+    moving = [
+        entry for entry in mission.dynamic_threats if entry.speed_m_s > 0 and entry.behaviour == "pursue"
+    ]
+    roads = Roads(mission.obstacle_list if moving else (), box, CLEARANCE_M)
+    return [
+        (
+            entry.name,
+            Pursuer(
+                roads,
+                (float(entry.east_m), float(entry.north_m)),
+                float(entry.speed_m_s) if entry.behaviour == "pursue" else 0.0,
+                float(entry.turn_radius_m),
+            ),
+        )
+        for entry in mission.dynamic_threats
+    ]
+
+
+def build(mission: MissionConfig, seed: int, dialect: Dialect) -> Scenario:
+    """Set everything up at the mission's start: airborne, trimmed, in AUTO with the operator's mission.
+
+    Raises
+    ------
+    NotImplementedError
+        For a dialect that is not simulated.
+    """
+    if dialect is not Dialect.ARDUPILOT:
+        raise NotImplementedError(f"no simulated autopilot speaks {dialect.value}")
+    frame = mission.frame
+    projection = FastProjection(frame)
+    sensing, tracking = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
+    start = Start(
+        float(mission.start.east_m),
+        float(mission.start.north_m),
+        float(mission.start.up_m),
+        math.radians(mission.start.course_deg),
+        float(mission.vehicle.airspeed_cruise_m_s),
+    )
+    dynamics = FlightDynamics(frame, start, _weather(mission), seed=seed, projection=projection)
+    parameters = _parameters(mission)
+    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters)
+    latitude, longitude = projection.degrees(start.east_m, start.north_m)
+    home = Home(
+        start.east_m, start.north_m, 0.0, round(latitude * 1e7), round(longitude * 1e7), frame.altitude_amsl_m
+    )
+    autopilot = ArduPlane(flight, projection, parameters, home)
+    radius = parameters["WP_LOITER_RAD"]
+    place = (start.east_m, start.north_m, start.up_m)
+    centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius)
+    autopilot.start(operator_mission(home, projection, centre, start.up_m, radius), "AUTO")
+    pursuers = _pursuers(mission)
+    tracks = TrackSource(autopilot, pursuers, projection, tracking)
+    return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list))

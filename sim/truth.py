@@ -1,0 +1,100 @@
+"""What really happened: the true flight, the true threats, and whether anything was hit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Polygon
+
+from companion.types.threat import Obstacle
+from sim.fdm import TrueState
+
+PERIOD_US = 100_000
+
+
+@dataclass
+class Truth:
+    """Recorded at 10 Hz by the simulator; judged apart from everything that plans.
+
+    Parameters
+    ----------
+    obstacles : tuple of Obstacle
+        What may be hit.
+
+    Attributes
+    ----------
+    path : list of list of float
+        Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]``: course over the ground
+        clockwise from north, flight-path angle, true airspeed.
+    threat_paths : dict
+        By the threat's name, rows ``[t_s, east_m, north_m]``.
+    threat_distances_m : dict
+        By the threat's name, the smallest slant distance so far [m].
+    collision : bool
+        Whether the flight touched an obstacle or the ground.
+    min_obstacle_clearance_m : float
+        Smallest horizontal distance to an obstacle while between its base and its top [m];
+        infinite if never between them.
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    path: list[list[float]] = field(default_factory=list)
+    threat_paths: dict[str, list[list[float]]] = field(default_factory=dict)
+    threat_distances_m: dict[str, float] = field(default_factory=dict)
+    collision: bool = False
+    min_obstacle_clearance_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        self._polygons = np.array([Polygon(entry.polygon_enu_m) for entry in self.obstacles], dtype=object)
+        self._bases = np.array([entry.base_m for entry in self.obstacles])
+        self._tops = np.array([entry.top_m for entry in self.obstacles])
+        shapely.prepare(self._polygons)
+
+    @property
+    def dt_path(self) -> list[list[float]]:
+        """Path of the first threat, or nothing."""
+        return next(iter(self.threat_paths.values()), [])
+
+    @property
+    def min_threat_distance_m(self) -> float:
+        """Smallest distance to any threat; infinite without threats [m]."""
+        return min(self.threat_distances_m.values(), default=math.inf)
+
+    def record(self, now_s: float, state: TrueState) -> None:
+        """Add a row, and check the segment since the last one."""
+        horizontal = math.hypot(state.velocity_east_m_s, state.velocity_north_m_s)
+        row = [
+            now_s,
+            state.east_m,
+            state.north_m,
+            state.up_m,
+            math.atan2(state.velocity_east_m_s, state.velocity_north_m_s) % (2.0 * math.pi),
+            math.atan2(state.velocity_up_m_s, horizontal),
+            state.true_airspeed_m_s,
+        ]
+        previous = self.path[-1] if self.path else row
+        self.path.append(row)
+        self._check(previous, row)
+
+    def record_threat(self, now_s: float, name: str, position: tuple[float, float]) -> None:
+        """Add a row of a threat, and the distance to the aircraft's latest row; the threat is at up = 0."""
+        self.threat_paths.setdefault(name, []).append([now_s, *position])
+        aircraft = self.path[-1]
+        distance = math.hypot(aircraft[1] - position[0], aircraft[2] - position[1], aircraft[3])
+        self.threat_distances_m[name] = min(self.threat_distances_m.get(name, math.inf), distance)
+
+    def _check(self, start: list[float], end: list[float]) -> None:
+        low, high = min(start[3], end[3]), max(start[3], end[3])
+        if low <= 0.0:
+            self.collision = True
+        is_level = (self._bases <= high) & (self._tops >= low)
+        if not is_level.any():
+            return
+        segment = LineString([start[1:3], end[1:3]])
+        clearance = float(np.min(shapely.distance(self._polygons[is_level], segment)))
+        self.min_obstacle_clearance_m = min(self.min_obstacle_clearance_m, clearance)
+        if clearance <= 0.0:
+            self.collision = True
