@@ -102,7 +102,7 @@ class Framer:
         while start < len(self._buffer):
             frame, is_waiting = self._frame_at(start)
             if frame is None and is_waiting:
-                skipped = self._next_verified(start + 1)
+                skipped = self._next_verified(start + 1, len(self._buffer))
                 if skipped is None:
                     break
                 self._counters["garbage_bytes"] += skipped - start
@@ -116,9 +116,9 @@ class Framer:
             yield frame
         del self._buffer[:start]
 
-    def _next_verified(self, start: int) -> int | None:
-        """Where a whole verified frame begins behind one that seems to be incomplete."""
-        for index in range(start, len(self._buffer)):
+    def _next_verified(self, start: int, end: int) -> int | None:
+        """Where a whole verified frame begins behind one that is incomplete or cannot be verified."""
+        for index in range(start, end):
             if self._buffer[index] in _HEADERS:
                 frame, _ = self._frame_at(index, is_counted=False)
                 if frame is not None and frame.is_verified:
@@ -145,7 +145,9 @@ class Framer:
         frame = raw_frame(bytes(buffer[start:end]))
         extra = self._extras.get(frame.message_id)
         if extra is None:
-            if end < len(buffer) and buffer[end] not in _HEADERS:
+            # A header cut short joins with what follows to any id: a true frame inside gives it away.
+            is_torn = is_counted and self._next_verified(start + 1, end) is not None
+            if is_torn or (end < len(buffer) and buffer[end] not in _HEADERS):
                 return None, False
             return raw_frame(frame.raw, is_verified=False), False
         body = header + frame.raw[1]

@@ -329,6 +329,7 @@ def _address(url: str) -> tuple[str, int]:
     try:
         parts: SplitResult = urlsplit(url)
         host, port = parts.hostname, parts.port
+        (host or "").encode("idna")  # what a look-up would choke on
     except ValueError:
         host, port = None, None
     is_plain = host is not None and port is not None and url.count("/") == 2 and "@" not in url

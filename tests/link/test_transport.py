@@ -1,0 +1,276 @@
+"""Bytes over memory, UDP, TCP and a pseudo-terminal."""
+
+import asyncio
+import itertools
+import os
+import pty
+import socket
+
+import pytest
+
+from companion.clock import ManualClock, WallClock
+from companion.errors import ConfigError, LinkError
+from companion.link.transport import (
+    MemoryTransport,
+    SerialTransport,
+    TcpTransport,
+    UdpInTransport,
+    UdpOutTransport,
+    transport_from_url,
+)
+
+
+def run(body):
+    asyncio.run(asyncio.wait_for(body, 20.0))
+
+
+class Heard:
+    def __init__(self):
+        self.data = b""
+        self.changed = asyncio.Event()
+
+    def __call__(self, data):
+        self.data += data
+        self.changed.set()
+
+    async def until(self, data):
+        while self.data != data:
+            self.changed.clear()
+            await self.changed.wait()
+
+
+async def rounds(number=20):
+    for _ in range(number):
+        await asyncio.sleep(0)
+
+
+async def up(transport):
+    while not transport.is_open:  # noqa: ASYNC110 the kernel tells no event for it
+        await asyncio.sleep(0.001)
+
+
+def test_memory():
+    async def body():
+        one, other = MemoryTransport.pair()
+        heard = Heard()
+        other.set_receiver(heard)
+        one.send(b"early")
+        await one.open()
+        await other.open()
+        assert one.is_open
+        one.send(b"abc")
+        assert heard.data == b"abc"
+        await other.close()
+        one.send(b"late")
+        assert heard.data == b"abc"
+        assert one.dropped_bytes == len(b"early") + len(b"late")
+
+    run(body())
+
+
+def test_udp_both_ways():
+    async def body():
+        inward = UdpInTransport("127.0.0.1", 0)
+        heard_in, heard_out = Heard(), Heard()
+        inward.set_receiver(heard_in)
+        inward.send(b"nobody there yet")
+        await inward.open()
+        assert not inward.is_open
+        outward = transport_from_url(f"udpout://127.0.0.1:{inward.port}", WallClock())
+        outward.set_receiver(heard_out)
+        await outward.open()
+        outward.send(b"ping")
+        await heard_in.until(b"ping")
+        assert inward.is_open
+        inward.send(b"pong")
+        await heard_out.until(b"pong")
+        assert inward.dropped_bytes == len(b"nobody there yet")
+        await outward.close()
+        await inward.close()
+        outward.send(b"late")
+        assert outward.dropped_bytes == 4
+
+    run(body())
+
+
+def test_udp_errors():
+    async def body():
+        inward = UdpInTransport("127.0.0.1", 0)
+        await inward.open()
+        taken = UdpInTransport("127.0.0.1", inward.port)
+        with pytest.raises(LinkError, match="udpin://127"):
+            await taken.open()
+        await inward.close()
+
+        async def unknown(*_arguments, **_names):
+            raise socket.gaierror(-2, "Name or service not known")
+
+        asyncio.get_running_loop().getaddrinfo = unknown
+        with pytest.raises(LinkError, match="udpout://gcs:1: Name or service not known"):
+            await UdpOutTransport("gcs", 1).open()
+
+    run(body())
+
+
+def test_udp_survives_a_peer_that_is_not_there():
+    async def body():
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        outward = UdpOutTransport("127.0.0.1", port)
+        await outward.open()
+        for _ in range(3):
+            outward.send(b"hello")
+            await asyncio.sleep(0.01)
+        assert outward.is_open
+        await outward.close()
+
+    run(body())
+
+
+async def listen(port=0):
+    """A server that echoes; returns it, its port and its open lines."""
+    lines = []
+
+    async def serve(reader, writer):
+        lines.append(writer)
+        while data := await reader.read(1_000):
+            writer.write(data)
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", port)
+    return server, server.sockets[0].getsockname()[1], lines
+
+
+def test_tcp_connects_again():
+    async def body():
+        server, port, lines = await listen()
+        clock = ManualClock()
+        transport = TcpTransport("127.0.0.1", port, clock)
+        heard = Heard()
+        transport.set_receiver(heard)
+        transport.send(b"early")
+        await transport.open()
+        await up(transport)
+        transport.send(b"abc")
+        await heard.until(b"abc")
+        lines[0].close()
+        while transport.is_open:  # noqa: ASYNC110 nothing tells the loss
+            await asyncio.sleep(0.001)
+        await asyncio.sleep(0.02)
+        assert transport.connections == 1  # the pause goes by the clock, which stands still
+        clock.advance_to(0.5)
+        await up(transport)
+        assert transport.connections == 2
+        transport.send(b"def")
+        await heard.until(b"abcdef")
+        await transport.close()
+        assert not transport.is_open
+        assert transport.dropped_bytes == len(b"early")
+        server.close()
+
+    run(body())
+
+
+def test_pauses_between_attempts_grow():
+    async def body():
+        clock = ManualClock()
+        transport = TcpTransport("127.0.0.1", 1, clock)
+        attempts = []
+
+        async def refused(_protocol):
+            attempts.append(clock.now_s())
+            raise ConnectionRefusedError
+
+        transport._connect = refused
+        await transport.open()
+        for tick in range(1, 80):
+            await rounds(5)
+            clock.advance_to(tick * 0.5)
+        await transport.close()
+        pauses = [later - earlier for earlier, later in itertools.pairwise(attempts)]
+        assert pauses == [0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 10.0]
+
+    run(body())
+
+
+def test_closing_while_connecting_and_twice():
+    async def body():
+        transport = TcpTransport("127.0.0.1", 1, ManualClock())
+        await transport.open()
+        await transport.open()
+        await rounds()
+        await transport.close()
+        await transport.close()
+
+    run(body())
+
+
+def test_serial():
+    async def body():
+        leader, follower = pty.openpty()
+        transport = transport_from_url(f"serial://{os.ttyname(follower)}:57600", WallClock())
+        heard = Heard()
+        transport.set_receiver(heard)
+        await transport.open()
+        await up(transport)
+        os.write(leader, b"\xfd\x00\xff")
+        await heard.until(b"\xfd\x00\xff")
+        transport.send(b"\x01\x02")
+        assert await asyncio.to_thread(os.read, leader, 2) == b"\x01\x02"
+        await transport.close()
+        os.close(leader)
+        os.close(follower)
+
+    run(body())
+
+
+def test_serial_line_that_is_not_there():
+    async def body():
+        transport = SerialTransport("/dev/no-such-line", 57_600, ManualClock())
+        await transport.open()
+        await rounds()
+        assert not transport.is_open
+        await transport.close()
+
+    run(body())
+
+
+@pytest.mark.parametrize(
+    ("url", "kind"),
+    [
+        ("serial:///dev/ttyAMA0:921600", SerialTransport),
+        ("udpin://0.0.0.0:14540", UdpInTransport),
+        ("udpout://gcs.local:14550", UdpOutTransport),
+        ("tcp://127.0.0.1:5760", TcpTransport),
+        ("tcp://[::1]:5760", TcpTransport),
+    ],
+)
+def test_urls(url, kind):
+    assert type(transport_from_url(url, WallClock())) is kind
+
+
+@pytest.mark.parametrize(
+    ("url", "expected"),
+    [
+        ("", "serial:///dev/ttyAMA0:921600, udpin://"),
+        ("udp://:14540", "serial:///dev/ttyAMA0:921600, udpin://"),
+        ("/dev/ttyAMA0", "serial:///dev/ttyAMA0:921600, udpin://"),
+        ("serial:///dev/ttyAMA0", "a device and a baud rate"),
+        ("serial:///dev/ttyAMA0:fast", "a device and a baud rate"),
+        ("serial:///dev/ttyAMA0:0", "a device and a baud rate"),
+        ("serial://:57600", "a device and a baud rate"),
+        ("tcp://127.0.0.1", "a host and a port"),
+        ("tcp://127.0.0.1:99999", "a host and a port"),
+        ("tcp://127.0.0.1:abc", "a host and a port"),
+        (f"tcp://{'x' * 70}:5760", "a host and a port"),
+        ("tcp://:5760", "a host and a port"),
+        ("udpin://0.0.0.0:14540/x", "a host and a port"),
+        ("udpout://user@host:1", "a host and a port"),
+    ],
+)
+def test_urls_that_name_no_link(url, expected):
+    with pytest.raises(ConfigError) as caught:
+        transport_from_url(url, WallClock())
+    assert caught.value.key == "--link"
+    assert caught.value.expected.startswith(expected)
