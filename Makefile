@@ -1,0 +1,46 @@
+# Every target starts from nothing but Python 3.11 or newer with pip and venv.
+.DEFAULT_GOAL := help
+.PHONY: help venv fly test test-long bench lint format clean
+
+PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
+	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
+BIN := .venv/bin
+STAMP := .venv/stamp
+MISSION ?= mission_configs/paper-3d.yaml
+FLAGS ?=
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
+
+venv: $(STAMP) ## make .venv with everything in it
+
+$(STAMP): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
+	$(BIN)/companion sitl $(MISSION) $(FLAGS)
+
+test: $(STAMP) ## run the test suite
+	$(BIN)/pytest -q -m 'not slow and not bench'
+
+test-long: $(STAMP) ## run the tests that take long
+	$(BIN)/pytest -q -m slow
+
+bench: $(STAMP) ## measure the speed of what must be fast
+	$(BIN)/pytest -q -m bench tests/bench
+
+lint: $(STAMP) ## check style, types and the layers
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(STAMP) ## put the source into its format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean: ## remove what the targets made
+	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

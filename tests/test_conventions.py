@@ -1,0 +1,114 @@
+"""What the source keeps to and no linter checks."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted(path for tree in ("companion", "sim") for path in (ROOT / tree).rglob("*.py"))
+MODULE_LINES_MAX = 500
+FUNCTION_LINES_MAX = 80
+
+# Where every exception is caught, and why that is right there.
+BROAD_EXCEPTS: dict[str, str] = {}
+
+# The only modules that know a library, so that the rest can be read without it.
+KEEPERS = {"pymavlink": "companion/link/codec.py", "mavsdk": "companion/link/autopilot.py"}
+
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def tree_of(path):
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+def name_of(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.fixture(params=SOURCES, ids=name_of)
+def source(request):
+    return request.param
+
+
+def public_definitions(node, prefix=""):
+    """Classes and functions that others can reach, except special methods and nested functions."""
+    for child in node.body:
+        if isinstance(child, FUNCTIONS | ast.ClassDef) and not child.name.startswith("_"):
+            yield prefix + child.name, child
+            if isinstance(child, ast.ClassDef):
+                yield from public_definitions(child, f"{child.name}.")
+
+
+def test_every_module_and_public_definition_has_a_docstring(source):
+    tree = tree_of(source)
+    assert ast.get_docstring(tree), "the module has none"
+    missing = [name for name, node in public_definitions(tree) if not ast.get_docstring(node)]
+    assert missing == []
+
+
+def test_nothing_is_printed(source):
+    calls = [node for node in ast.walk(tree_of(source)) if isinstance(node, ast.Call)]
+    assert [node.lineno for node in calls if ast.unparse(node.func) == "print"] == []
+
+
+def test_nothing_sleeps_by_the_computers_clock(source):
+    calls = [node for node in ast.walk(tree_of(source)) if isinstance(node, ast.Call)]
+    assert [node.lineno for node in calls if ast.unparse(node.func) == "time.sleep"] == []
+
+
+def test_broad_excepts_are_listed_with_a_reason(source):
+    broad = {
+        handler.lineno
+        for handler in ast.walk(tree_of(source))
+        if isinstance(handler, ast.ExceptHandler)
+        and (handler.type is None or {"Exception", "BaseException"} & set(ast.unparse(handler.type).split()))
+    }
+    assert len(broad) <= (name_of(source) in BROAD_EXCEPTS), f"lines {sorted(broad)}"
+
+
+def test_the_list_of_broad_excepts_is_up_to_date():
+    assert BROAD_EXCEPTS.keys() <= {name_of(path) for path in SOURCES}
+    assert all(BROAD_EXCEPTS.values())
+
+
+def test_modules_are_short(source):
+    assert len(source.read_text(encoding="utf-8").splitlines()) <= MODULE_LINES_MAX
+
+
+def test_functions_are_short(source):
+    lengths = {
+        node.name: _body_lines(node) for node in ast.walk(tree_of(source)) if isinstance(node, FUNCTIONS)
+    }
+    assert {name: lines for name, lines in lengths.items() if lines > FUNCTION_LINES_MAX} == {}
+
+
+def _body_lines(function):
+    docstring = function.body[0] if ast.get_docstring(function) else None
+    hidden = docstring.end_lineno - docstring.lineno + 1 if docstring else 0
+    return function.end_lineno - function.lineno + 1 - hidden
+
+
+def test_libraries_are_known_to_their_keepers_only(source):
+    if name_of(source).startswith("sim/"):
+        return  # the simulator is the other side of the link
+    imported = set()
+    for node in ast.walk(tree_of(source)):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            imported.add(node.module.split(".")[0])
+    strangers = {library for library in imported & KEEPERS.keys() if KEEPERS[library] != name_of(source)}
+    assert strangers == set()
+
+
+def test_no_work_is_left_as_a_remark(source):
+    marks = ("TO" + "DO", "FIX" + "ME", "X" * 3)
+    lines = source.read_text(encoding="utf-8").splitlines()
+    assert [number for number, line in enumerate(lines, 1) if any(mark in line for mark in marks)] == []
+
+
+def test_no_path_of_somebodys_computer(source):
+    text = source.read_text(encoding="utf-8")
+    assert [place for place in ("/home/", "/root/", "/Users/", "C:\\") if place in text] == []
