@@ -100,7 +100,7 @@ class AttitudeController:
         return Servos(
             self._aileron(estimate, bank_rad, speed, scale),
             self._elevator(estimate, pitch_rad, speed, scale),
-            self._rudder(estimate, speed, scale),
+            self._rudder(estimate, scale),
             throttle,
         )
 
@@ -118,7 +118,8 @@ class AttitudeController:
         wanted = (pitch_rad - estimate.pitch_rad) / self._TIME_CONSTANT_S
         wanted = max(-self._PITCH_RATE_MAX, min(self._PITCH_RATE_MAX, wanted))
         bank = max(-1.1, min(1.1, estimate.bank_rad))
-        wanted += GRAVITY_M_S2 / speed * math.tan(bank) * math.sin(bank) * math.cos(estimate.pitch_rad)
+        turning = GRAVITY_M_S2 / max(estimate.true_airspeed_m_s, 11.0) * math.tan(bank) * math.sin(bank)
+        wanted += turning * math.cos(estimate.pitch_rad)
         error = wanted - estimate.pitch_rate_rad_s
         integral = self._pitch_integral + 0.3 * error * self._period_s
         self._pitch_integral = max(-self._INTEGRAL_MAX, min(self._INTEGRAL_MAX, integral))
@@ -127,7 +128,10 @@ class AttitudeController:
         damping = 38.6 * wanted * self._airframe.chord_m / (2.0 * speed)
         return trim - damping - scale * (0.12 * error + self._pitch_integral)
 
-    def _rudder(self, estimate: Estimate, speed: float, scale: float) -> float:
+    def _rudder(self, estimate: Estimate, scale: float) -> float:
+        """Damp yaw about the rate of a coordinated turn, and hold the rudder that such a turn takes."""
+        speed = max(estimate.true_airspeed_m_s, 11.0)
         coordinated = GRAVITY_M_S2 / speed * math.sin(estimate.bank_rad) * math.cos(estimate.pitch_rad)
-        rudder = 0.25 * scale * (estimate.yaw_rate_rad_s - coordinated)
+        forward = -1.38 * coordinated * self._airframe.wing_span_m / (2.0 * speed)
+        rudder = forward + 0.25 * scale * (estimate.yaw_rate_rad_s - coordinated)
         return max(-0.3, min(0.3, rudder))
