@@ -58,6 +58,10 @@ class FakeAutopilot:
         )
         return kind(1, 195, sequence, 0)
 
+    def repeat(self):
+        """The request for the item that is awaited, as autopilots send it again after a while."""
+        return self.pack(self._request(len(self.incoming))) if len(self.incoming) < self.expected else b""
+
     def on_mission_count(self, message):
         self.incoming = []
         self.expected = message.count

@@ -178,6 +178,70 @@ def test_a_cancelled_upload_is_cancelled_at_the_autopilot():
     run(body())
 
 
+def test_closing_ends_the_call_under_way():
+    async def body():
+        autopilot = FakeAutopilot(silent_after=3)
+        async with bench(autopilot) as made:
+            task = asyncio.create_task(made.link.upload(mission()))
+            await until(lambda: len(autopilot.incoming) == 3)
+            await made.link.close()
+            with pytest.raises(TransferError, match="upload: the link was closed"):
+                await task
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+
+    run(body())
+
+
+def test_cancelling_while_the_autopilot_is_looked_for():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            task = asyncio.create_task(made.link.upload(mission()))
+            await asyncio.sleep(0)
+            assert made.link.pending_calls == 1
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert made.link.pending_calls == 0
+            await made.link.upload(mission())
+
+    run(body())
+
+
+class Lossy(FakeAutopilot):
+    """Loses every seventh frame in and every fifth answer but the last, and says some answers twice."""
+
+    count = 0
+
+    def receive(self, data):
+        self.count += 1
+        if self.count % 7 == 3:
+            return []
+        replies = super().receive(data)
+        is_last = len(self.incoming) == self.expected
+        return [] if self.count % 5 == 2 and not is_last else replies * (1 + (self.count % 4 == 1))
+
+
+def test_losses_and_repetitions_are_survived():
+    # MAVSDK repeats what it asks, never an item it was asked for: the autopilot asks again.
+    async def body():
+        async with bench(Lossy(request_id=51)) as made:
+
+            async def repeat():
+                while True:
+                    await asyncio.sleep(0.02)
+                    made.hear(made.autopilot.repeat())
+
+            repeating = asyncio.create_task(repeat())
+            await made.link.upload(mission())
+            repeating.cancel()
+            assert len(made.autopilot.items) == 14
+            made.autopilot.current = 1
+            assert await made.link.download() == mission()
+
+    run(body())
+
+
 def test_calls_at_the_same_time_take_turns():
     async def body():
         async with bench(FakeAutopilot()) as made:
