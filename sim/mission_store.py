@@ -36,6 +36,9 @@ class Verdict(IntEnum):
     UNSUPPORTED = 3
     NO_SPACE = 4
     INVALID_PARAM1 = 6
+    INVALID_PARAM2 = 7
+    INVALID_PARAM3 = 8
+    INVALID_PARAM4 = 9
     INVALID_PARAM5_X = 10
     INVALID_PARAM6_Y = 11
     INVALID_PARAM7 = 12
@@ -84,7 +87,7 @@ def _stored_parameters(item: MissionItem) -> tuple[float, float, float, float]:
 
 
 def _stored_altitude_m(altitude_m: float) -> float:
-    """Cut to whole centimetres; single precision, as on the autopilot, or 80.13 would become 80.12."""
+    """Cut to whole centimetres in single precision, so that 80.13 may well become 80.12."""
     if not abs(altitude_m) <= _ALTITUDE_MAX_M:  # only items without a position get this far with such
         return 0.0
     return int(np.float32(altitude_m) * np.float32(100.0)) / 100.0

@@ -25,7 +25,7 @@ from sim.telemetry import Home
 from sim.tracks import TrackSource
 from sim.truth import Truth
 
-_AHEAD_M = (400.0, 300.0, 200.0, 500.0, 100.0, 0.0)
+_AHEAD_M = (400.0, 300.0, 200.0, 500.0)
 _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
 _MARGIN_M = 40.0
 _OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
@@ -60,17 +60,17 @@ def safe_loiter(
     ]
     walls = shapely.unary_union(level)
     best, best_gap = (east, north), -math.inf
-    for bearing_deg in _BEARINGS_DEG:
-        for ahead_m in _AHEAD_M:
-            bearing = course_rad + math.radians(bearing_deg)
-            centre = (east + ahead_m * math.sin(bearing), north + ahead_m * math.cos(bearing))
-            gap = walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M if level else math.inf
-            way = walls.distance(LineString([(east, north), centre])) if level else math.inf
-            gap = min(gap, way)
-            if gap >= _MARGIN_M:
-                return centre
-            if gap > best_gap:
-                best, best_gap = centre, gap
+    tries = [(bearing, ahead) for bearing in _BEARINGS_DEG for ahead in _AHEAD_M]
+    for bearing_deg, ahead_m in [*tries, (0.0, 100.0), (0.0, 0.0)]:
+        bearing = course_rad + math.radians(bearing_deg)
+        centre = (east + ahead_m * math.sin(bearing), north + ahead_m * math.cos(bearing))
+        gap = walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M if level else math.inf
+        way = walls.distance(LineString([(east, north), centre])) if level else math.inf
+        gap = min(gap, way)
+        if gap >= _MARGIN_M:
+            return centre
+        if gap > best_gap:
+            best, best_gap = centre, gap
     return best
 
 

@@ -67,6 +67,7 @@ class Client:
         self.mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self.mav.robust_parsing = True
         self.log: list[tuple[float, Any]] = []
+        self._cursor = 0
         self._send = simulator.receive
         self._take = simulator.take_outgoing
 
@@ -102,17 +103,17 @@ class Client:
         return condition()
 
     def wait(self, kind: str, timeout_s: float = 1.0, **fields: Any) -> Any:
-        """The next message of a type with these field values, or None."""
-        self.poll()
-        position = len(self.log)
+        """The next message of a type with these field values that was not waited for yet, or None."""
         end = self.simulator.now_s + timeout_s
+        self.poll()
         while True:
-            for _, message in self.log[position:]:
+            while self._cursor < len(self.log):
+                message = self.log[self._cursor][1]
+                self._cursor += 1
                 if message.get_type() == kind and all(getattr(message, k) == v for k, v in fields.items()):
                     return message
-            if self.simulator.now_s >= end:
+            if self.simulator.now_s >= end - 1e-6:
                 return None
-            position = len(self.log)
             self.step()
 
     def all(self, kind: str) -> list[Any]:
@@ -124,6 +125,7 @@ class Client:
     def clear(self) -> None:
         self.poll()
         self.log.clear()
+        self._cursor = 0
 
     def item_message(self, sequence: int, entry: Item, kind: int = 0) -> Any:
         projection = self.simulator.autopilot.projection
@@ -148,20 +150,21 @@ class Client:
 
     def answer(self, items: Sequence[Item], kind: int = 0, stop_at: int | None = None) -> int | None:
         """Answer requests until the acknowledgement, whose type it is; or silent from an item on."""
-        while True:
-            found = self.log[-1:]
-            self.step()
-            fresh = [message for _, message in self.log if (0, message) not in found]
-            for message in reversed(fresh):
+        end = self.simulator.now_s + 30.0
+        while self.simulator.now_s < end:
+            self.poll()
+            while self._cursor < len(self.log):
+                message = self.log[self._cursor][1]
+                self._cursor += 1
                 if message.get_type() == "MISSION_ACK":
                     return int(message.type)
                 if message.get_type() == "MISSION_REQUEST":
                     if stop_at is not None and message.seq >= stop_at:
                         return None
-                    self.log.clear()
                     self.send(self.item_message(message.seq, items[message.seq], kind))
                     self.poll()
-                    break
+            self.step()
+        return None
 
     def upload(self, items: Sequence[Item], kind: int = 0, stop_at: int | None = None) -> int | None:
         self.clear()

@@ -1,0 +1,545 @@
+"""One test for each peculiarity of ArduPlane's missions measured on the real one (4.7-dev)."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim.simulator import Simulator
+from tests.sim.client import (
+    JUMP,
+    LAND_START,
+    LOITER,
+    SPEED,
+    TAKEOFF,
+    TIME,
+    TURNS,
+    WAYPOINT,
+    Client,
+    item,
+    plain_mission,
+    route,
+)
+
+ACCEPTED, ERROR, UNSUPPORTED, NO_SPACE = 0, 1, 3, 4
+INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
+AHEAD = (600.0, 0.0)
+
+
+@pytest.fixture
+def client():
+    client = Client(Simulator(plain_mission(), seed=1))
+    client.step(0.1)
+    return client
+
+
+@pytest.fixture
+def flying(client):
+    """In AUTO on the way to item 1 of a mission of its own, 600 m ahead."""
+    items = route(AHEAD, (1200.0, 300.0), (1800.0, 0.0), loiter=(2400.0, 0.0))
+    assert client.upload(items) == ACCEPTED
+    assert client.set_current(1) == ACCEPTED
+    return client
+
+
+def autopilot(client):
+    return client.simulator.autopilot
+
+
+# --- the protocol
+
+
+def test_asks_with_mission_request_and_never_with_the_int_form(client):
+    assert client.upload(route(AHEAD, (900.0, 0.0))) == ACCEPTED
+    client.count(2)
+    assert client.wait("MISSION_REQUEST", target_component=195) is not None
+    assert not client.all("MISSION_REQUEST_INT")
+
+
+def test_takes_about_20_ms_an_item(client):
+    start = client.simulator.now_s
+    assert client.upload(route(*((600.0 + 20.0 * n, 0.0) for n in range(49)))) == ACCEPTED
+    assert client.simulator.now_s - start == pytest.approx(50 * 0.02, abs=0.05)
+
+
+def test_the_next_request_comes_out_at_the_next_step(client):
+    client.count(3)
+    for sequence in range(3):
+        client.clear()
+        client.step(0.02)
+        (request,) = client.all("MISSION_REQUEST")
+        assert request.seq == sequence
+        client.send(client.item_message(sequence, item(WAYPOINT, 600.0, 0.0)))
+    assert client.wait("MISSION_ACK").type == ACCEPTED
+
+
+def test_floating_point_items_are_taken_too(client):
+    client.count(2)
+    for sequence in range(2):
+        client.wait("MISSION_REQUEST", seq=sequence)
+        client.send(
+            mavlink.MAVLink_mission_item_message(1, 1, sequence, 3, 16, 0, 1, 0, 0, 0, 0, -35.36, 149.17, 90)
+        )
+    assert client.wait("MISSION_ACK").type == ACCEPTED
+    assert client.download()[1].x == pytest.approx(-353_600_000, abs=50)
+
+
+def test_more_than_655_items_have_no_space(client):
+    client.count(656)
+    assert client.wait("MISSION_ACK").type == NO_SPACE
+
+
+def test_item_0_is_the_home_slot_whatever_is_sent(client):
+    assert client.upload([item(LOITER, 999.0, 999.0, 77.0), *route(AHEAD)[1:]]) == ACCEPTED
+    home = client.download()[0]
+    assert (home.command, home.frame, home.z) == (WAYPOINT, 0, 584.0)
+    east, north = autopilot(client).projection.local(home.x * 1e-7, home.y * 1e-7)
+    assert math.hypot(east, north) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("sent", "stored"),
+    [
+        (
+            {"command": WAYPOINT, "z": 80.127, "p1": 3.0, "p2": 37.5, "p4": math.nan},
+            {"z": 80.12, "p1": 0, "p2": 37},
+        ),
+        ({"command": WAYPOINT, "z": 80.5}, {"z": 80.5}),
+        ({"command": WAYPOINT, "z": 680.0, "frame": 5}, {"frame": 0}),
+        ({"command": WAYPOINT, "z": 80.0, "frame": 6}, {"frame": 3}),
+        ({"command": WAYPOINT, "z": 80.0, "frame": 11}, {"frame": 10}),
+        ({"command": TAKEOFF, "z": 80.0, "p1": 12.5}, {"p1": 12}),
+        ({"command": TURNS, "z": 80.0, "p1": 2.0, "p3": -123.4}, {"p1": 2, "p3": -123}),
+        ({"command": SPEED, "z": 0.0, "p1": 0.0, "p2": 22.5}, {"p2": 22.5}),
+    ],
+)
+def test_read_back_is_rounded(client, sent, stored):
+    items = [*route(AHEAD), item(WAYPOINT, 700.0, 50.0) | sent]
+    assert client.upload(items) == ACCEPTED
+    message = client.download()[2]
+    found = {"z": message.z, "frame": message.frame, "p1": message.param1, "p2": message.param2}
+    found["p3"] = message.param3
+    assert {key: found[key] for key in stored} == pytest.approx(stored, abs=1e-4)
+    original = client.item_message(2, items[2])
+    assert (message.x, message.y) == (original.x, original.y)
+    assert (message.current, message.autocontinue, message.param4) == (0, 1, 0.0)
+
+
+def test_mission_current_counts_without_home_and_has_no_id(flying):
+    message = flying.wait("MISSION_CURRENT", 2.0)
+    assert (message.seq, message.total, message.mission_state) == (1, 4, 3)
+    flying.simulator.set_mode("LOITER")
+    flying.clear()
+    assert flying.wait("MISSION_CURRENT", 2.0).mission_state == 2
+    assert flying.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 42) == ACCEPTED
+
+
+def test_another_system_as_target_is_ignored_any_component_is_taken(client):
+    client.send(mavlink.MAVLink_mission_request_list_message(2, 1, 0))
+    assert client.wait("MISSION_COUNT", 0.5) is None
+    for system, component in [(1, 0), (0, 0), (1, 191)]:
+        client.clear()
+        client.send(mavlink.MAVLink_mission_request_list_message(system, component, 0))
+        assert client.wait("MISSION_COUNT", 0.5) is not None
+
+
+def test_silence_ends_an_upload_after_8_s_with_requests_every_second(client):
+    client.upload(route(AHEAD, (900.0, 0.0), (1200.0, 0.0)), stop_at=2)
+    client.clear()
+    silent_s = client.simulator.now_s
+    assert client.wait("MISSION_ACK", 10.0).type == CANCELLED
+    assert client.simulator.now_s - silent_s == pytest.approx(8.0, abs=0.1)
+    assert len(client.all("MISSION_REQUEST")) in (7, 8)
+    assert "Mission upload timeout" in client.texts()
+
+
+def test_a_wrong_sequence_is_refused_and_the_upload_stays_open(client):
+    items = route(AHEAD, (900.0, 0.0))
+    client.count(3)
+    client.wait("MISSION_REQUEST", seq=0)
+    client.send(client.item_message(2, items[2]))
+    assert client.wait("MISSION_ACK").type == INVALID_SEQUENCE
+    client.clear()
+    assert client.wait("MISSION_REQUEST", 1.5, seq=0) is not None
+    client.send(client.item_message(0, items[0]))
+    assert client.answer(items) == ACCEPTED
+
+
+def test_an_unsupported_command_ends_the_upload(client):
+    assert client.upload([*route(AHEAD), item(31_999, 0.0, 0.0)]) == UNSUPPORTED
+    client.clear()
+    assert client.wait("MISSION_REQUEST", 2.0) is None
+
+
+def test_not_a_number_is_refused_by_parameter(client):
+    assert client.upload([*route(AHEAD), item(WAYPOINT, 0.0, 0.0, p2=math.nan)]) == 7
+    assert client.upload([*route(AHEAD), item(WAYPOINT, 0.0, 0.0, math.nan)]) == 12
+
+
+def test_another_uploader_is_denied_and_the_same_one_starts_afresh(client):
+    other = Client.on_new_channel(client.simulator, 255, 190)
+    items = route(AHEAD, (900.0, 0.0))
+    client.upload(items, stop_at=1)
+    other.count(5)
+    assert other.wait("MISSION_ACK").type == DENIED
+    other.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    assert other.wait("MISSION_ACK").type == DENIED
+    assert client.upload(items) == ACCEPTED
+    assert len(other.download()) == 3
+
+
+def test_an_upload_is_not_atomic(flying):
+    before = flying.download()
+    items = route((610.0, 10.0), (620.0, 20.0), (630.0, 30.0), (640.0, 40.0))
+    flying.upload(items, stop_at=2)
+    assert flying.wait("MISSION_ACK", 10.0).type == CANCELLED
+    after = flying.download()
+    assert len(after) == 5
+    new = flying.item_message(1, items[1])
+    assert (after[1].x, after[1].y) == (new.x, new.y)
+    assert [(i.x, i.y) for i in after[2:]] == [(i.x, i.y) for i in before[2:]]
+
+
+def test_the_count_truncates_at_once(flying):
+    flying.count(3)
+    assert len(autopilot(flying).mission_items) == 3
+
+
+def test_an_item_nobody_asked_for_is_an_error(client):
+    client.send(client.item_message(1, item(WAYPOINT, 0.0, 0.0)))
+    assert client.wait("MISSION_ACK").type == ERROR
+
+
+def test_fences_and_rally_points_are_stored_and_other_kinds_refused(client):
+    corners = [item(5002, east, north, 0.0, p1=3.0) for east, north in [(0, 0), (90, 0), (0, 90)]]
+    assert client.upload(corners, kind=1) == ACCEPTED
+    assert [i.command for i in client.download(1)] == [5002] * 3
+    assert client.upload([item(5100, 50.0, 50.0)], kind=2) == ACCEPTED
+    assert len(client.download(2)) == 1
+    assert len(client.download()) == 3
+    client.count(1, 7)
+    assert client.wait("MISSION_ACK", mission_type=7).type == UNSUPPORTED
+
+
+# --- replacing the mission in AUTO
+
+
+def test_the_item_being_flown_is_cached_until_set_current(flying):
+    items = route((600.0, 400.0), (900.0, 500.0), loiter=(900.0, 800.0))
+    assert flying.upload(items) == ACCEPTED
+    assert "Flight plan received" in flying.texts()
+    flying.step(1.0)
+    assert flying.steers_to(*AHEAD)
+    assert autopilot(flying).current_sequence == 1
+    assert flying.set_current(1) == ACCEPTED
+    assert flying.steers_to(600.0, 400.0)
+
+
+def test_on_arrival_at_the_old_target_the_new_next_item_is_flown(flying):
+    assert flying.upload(route((600.0, 400.0), (900.0, 500.0), loiter=(900.0, 800.0))) == ACCEPTED
+    assert flying.wait("MISSION_ITEM_REACHED", 40.0).seq == 1
+    east, north = autopilot(flying).flight.position
+    assert math.dist((east, north), AHEAD) == pytest.approx(50.0, abs=3.0)
+    assert flying.steers_to(900.0, 500.0)
+
+
+def test_a_mission_shorter_than_the_index_is_complete_on_arrival(flying):
+    assert flying.set_current(3) == ACCEPTED
+    assert flying.upload(route(AHEAD, (900.0, 0.0))) == ACCEPTED
+    message = flying.wait("MISSION_CURRENT", 2.0)
+    assert (message.seq, message.total) == (3, 2)
+    assert flying.until(lambda: autopilot(flying).mode == "RTL", 90.0)
+    assert any("Mission complete" in text for text in flying.texts())
+    flying.clear()
+    assert flying.wait("MISSION_CURRENT", 2.0).mission_state == 5
+    flying.simulator.set_mode("AUTO")
+    assert autopilot(flying).current_sequence == 1
+
+
+def test_setting_auto_in_auto_does_nothing(flying):
+    flying.upload(route((600.0, 400.0), (900.0, 500.0)))
+    assert flying.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 10) == ACCEPTED
+    assert flying.steers_to(*AHEAD)
+
+
+def test_set_current_flies_straight_from_here(flying):
+    flying.step(8.0)
+    assert flying.set_current(3) == ACCEPTED
+    leg = autopilot(flying).flight.steering
+    assert math.dist(leg.start, autopilot(flying).flight.position) < 5.0
+    assert flying.steers_to(1800.0, 0.0)
+
+
+@pytest.mark.parametrize("sequence", [99, -1, 5])
+def test_set_current_out_of_range_is_denied(flying, sequence):
+    assert flying.set_current(sequence) == mavlink.MAV_RESULT_DENIED
+    assert flying.steers_to(*AHEAD)
+
+
+def test_set_current_by_command_int(flying):
+    flying.send(mavlink.MAVLink_command_int_message(1, 1, 0, 224, 0, 0, 2, 1, 0, 0, 0, 0, 0))
+    assert flying.wait("COMMAND_ACK", command=224).result == ACCEPTED
+    assert autopilot(flying).current_sequence == 2
+
+
+def test_mission_set_current_answers_with_mission_current_or_not_at_all(flying):
+    assert flying.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 42, -1) == ACCEPTED
+    flying.send(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
+    assert flying.wait("MISSION_CURRENT").seq == 2
+    flying.clear()
+    flying.send(mavlink.MAVLink_mission_set_current_message(1, 1, 9))
+    assert flying.wait("MISSION_CURRENT", 1.0) is None
+    assert autopilot(flying).current_sequence == 2
+
+
+def test_set_current_0_says_0_once_and_is_1_then(flying):
+    flying.set_current(2)
+    flying.send(mavlink.MAVLink_mission_set_current_message(1, 1, 0))
+    assert flying.wait("MISSION_CURRENT").seq == 0
+    flying.clear()
+    assert flying.wait("MISSION_CURRENT", 2.0).seq == 1
+    assert flying.steers_to(*AHEAD)
+
+
+def test_outside_auto_set_current_only_moves_the_index(flying):
+    flying.simulator.set_mode("LOITER")
+    assert flying.set_current(3) == ACCEPTED
+    assert autopilot(flying).mode == "LOITER"
+    flying.simulator.set_mode("AUTO")
+    assert flying.steers_to(1800.0, 0.0)
+
+
+def test_loiter_and_auto_again_takes_the_new_item_at_the_same_index(flying):
+    flying.upload(route((600.0, 400.0), (900.0, 500.0)))
+    flying.simulator.set_mode("LOITER")
+    flying.simulator.set_mode("AUTO")
+    assert autopilot(flying).current_sequence == 1
+    assert flying.steers_to(600.0, 400.0)
+
+
+def test_mis_restart_starts_at_item_1(flying):
+    flying.send(mavlink.MAVLink_param_set_message(1, 1, b"MIS_RESTART", 1.0, 2))
+    flying.set_current(3)
+    flying.simulator.set_mode("LOITER")
+    flying.simulator.set_mode("AUTO")
+    assert autopilot(flying).current_sequence == 1
+
+
+def test_takeoff_above_its_height_is_done_at_once(client):
+    items = [route(AHEAD)[0], item(TAKEOFF, 0.0, 0.0, 60.0), *route(AHEAD)[1:]]
+    client.upload(items)
+    client.set_current(1)
+    client.step(0.3)
+    assert autopilot(client).current_sequence == 2
+
+
+def test_clear_all_is_refused_in_auto_and_taken_in_loiter(flying):
+    flying.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert flying.wait("MISSION_ACK").type == ERROR
+    assert len(autopilot(flying).mission_items) == 5
+    flying.simulator.set_mode("LOITER")
+    flying.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert flying.wait("MISSION_ACK").type == ACCEPTED
+    assert not autopilot(flying).mission_items
+
+
+def test_with_count_0_it_flies_on_past_the_old_target(flying):
+    flying.count(0)
+    flying.step(50.0)
+    assert autopilot(flying).mode == "AUTO"
+    assert autopilot(flying).flight.position[0] > AHEAD[0] + 400.0
+    # The first item stored ends the mission.
+    flying.upload(route(AHEAD, (900.0, 0.0)))
+    assert autopilot(flying).mode == "RTL"
+
+
+def test_with_count_0_and_the_target_still_ahead_an_upload_saves_the_flight(flying):
+    flying.count(0)
+    flying.step(2.0)
+    assert flying.upload(route(AHEAD, (900.0, 300.0))) == ACCEPTED
+    assert flying.until(lambda: autopilot(flying).current_sequence == 2, 40.0)
+    assert autopilot(flying).mode == "AUTO"
+
+
+def test_auto_without_a_mission_is_acknowledged_and_ends_in_rtl(flying):
+    flying.simulator.set_mode("LOITER")
+    flying.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert flying.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 10) == ACCEPTED
+    assert autopilot(flying).mode == "RTL"
+
+
+def partial(client, first, last, items):
+    client.clear()
+    client.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, first, last, 0))
+    return client.answer(items)
+
+
+def test_a_partial_list_overwrites_in_place(flying):
+    items = route((600.0, 77.0), (1200.0, 377.0))
+    assert partial(flying, 1, 1, items) == ACCEPTED
+    assert flying.steers_to(*AHEAD)
+    flying.set_current(1)
+    assert flying.steers_to(600.0, 77.0)
+    assert len(autopilot(flying).mission_items) == 5
+
+
+def test_a_partial_list_may_add_one_item_and_not_start_beyond_the_end(flying):
+    items = [None] * 4 + [item(WAYPOINT, 2400.0, 50.0), item(LOITER, 2500.0, 0.0, p3=125.0)]
+    assert partial(flying, 4, 5, items) == ACCEPTED
+    assert len(autopilot(flying).mission_items) == 6
+    flying.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 7, 8, 0))
+    assert flying.wait("MISSION_ACK").type == ERROR
+
+
+# --- flying items
+
+
+def test_reached_is_a_single_slot_that_a_do_item_takes_over(client):
+    items = [*route((200.0, 0.0)), item(SPEED, 0.0, 0.0, 0.0, p2=30.0), item(WAYPOINT, 900.0, 0.0)]
+    client.upload(items)
+    client.set_current(1)
+    assert client.wait("MISSION_ITEM_REACHED", 20.0).seq == 2
+    assert autopilot(client).current_sequence == 3
+    client.step(15.0)
+    client.clear()
+    assert client.wait("VFR_HUD", 2.0).airspeed == pytest.approx(30.0, abs=1.5)
+
+
+def test_jumps_are_counted_and_land_start_is_skipped(client):
+    items = [*route((250.0, 0.0), (250.0, 300.0)), item(LAND_START, 0, 0), item(JUMP, 0, 0, p1=1.0, p2=1.0)]
+    items.append(item(LOITER, 0.0, 300.0, p3=-100.0))
+    client.upload(items)
+    client.set_current(1)
+    seen = []
+
+    def is_loitering():
+        if not seen or seen[-1] != autopilot(client).current_sequence:
+            seen.append(autopilot(client).current_sequence)
+        return seen[-1] == 5
+
+    assert client.until(is_loitering, 200.0)
+    assert seen == [1, 2, 1, 2, 5]
+    assert autopilot(client).flight.steering.direction == -1
+
+
+def test_loiters_end_by_turns_and_by_time(client):
+    items = [*route(), item(TURNS, 300.0, -125.0, p1=1.0, p3=125.0), item(TIME, 300.0, -125.0, p1=5.0)]
+    items.append(item(LOITER, 0.0, 300.0))
+    client.upload(items)
+    client.set_current(1)
+    assert client.until(lambda: autopilot(client).current_sequence == 2, 80.0)
+    since = client.simulator.now_s
+    assert since > 2 * math.pi * 125.0 / 26.0
+    assert client.until(lambda: autopilot(client).current_sequence == 3, 20.0)
+    assert client.simulator.now_s - since == pytest.approx(5.0, abs=1.0)
+
+
+def test_a_loiter_never_ends(flying):
+    flying.set_current(4)
+    flying.step(120.0)
+    assert autopilot(flying).mode == "AUTO"
+    assert math.dist(autopilot(flying).flight.position, (2400.0, 0.0)) == pytest.approx(125.0, abs=12.0)
+
+
+# --- commands and modes
+
+
+def test_mission_start_takes_only_zeroes_and_pause_is_unsupported(flying):
+    assert flying.command(mavlink.MAV_CMD_MISSION_START, 2, 3) == 2
+    assert flying.command(mavlink.MAV_CMD_MISSION_START, 0, 0) == ACCEPTED
+    assert flying.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == 3
+
+
+def test_reposition_goes_to_guided_and_auto_resumes_the_same_item(flying):
+    latitude, longitude = autopilot(flying).projection.degrees(300.0, 300.0)
+    flying.send(
+        mavlink.MAVLink_command_int_message(
+            1, 1, 3, 192, 0, 0, -1, 1, 0, 0, round(latitude * 1e7), round(longitude * 1e7), 100.0
+        )
+    )
+    assert flying.wait("COMMAND_ACK", command=192).result == ACCEPTED
+    assert autopilot(flying).mode == "GUIDED"
+    assert flying.wait("MISSION_ITEM_REACHED", 60.0).seq == 0
+    flying.simulator.set_mode("AUTO")
+    assert autopilot(flying).current_sequence == 1
+    assert flying.steers_to(*AHEAD)
+
+
+def test_change_speed_is_bounded_and_lasts_until_the_mode_changes(flying):
+    assert flying.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 0, 60.0) == 4
+    assert flying.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 0, 33.0) == ACCEPTED
+    flying.step(0.1)
+    assert autopilot(flying).flight.airspeed_m_s == 33.0
+    flying.simulator.set_mode("LOITER")
+    flying.step(0.1)
+    assert autopilot(flying).flight.airspeed_m_s == 25.0
+
+
+def test_estimator_status_is_a_message_it_does_not_have(client):
+    assert client.stream(230, 1.0) == 2
+    assert "No ap_message for mavlink id (230)" in client.texts()
+
+
+def test_rates_are_per_link_and_in_simulated_time(client):
+    other = Client.on_new_channel(client.simulator, 255, 190)
+    assert client.stream(33, 10.0) == ACCEPTED
+    client.clear()
+    client.step(5.0)
+    other.poll()
+    assert len(client.all("GLOBAL_POSITION_INT")) == pytest.approx(50, abs=1)
+    assert len(other.all("GLOBAL_POSITION_INT")) == pytest.approx(5, abs=2)
+
+
+@pytest.mark.parametrize("mode", ["MANUAL", "CIRCLE", "FBWA", "RTL", "LOITER", "GUIDED"])
+def test_modes_are_told_by_the_heartbeat(client, mode):
+    number = {"MANUAL": 0, "CIRCLE": 1, "FBWA": 5, "RTL": 11, "LOITER": 12, "GUIDED": 15}[mode]
+    assert client.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number) == ACCEPTED
+    beat = client.wait("HEARTBEAT", 2.0, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    assert (beat.custom_mode, beat.type, beat.base_mode & 129) == (number, 1, 129)
+    client.step(5.0)
+    assert client.simulator.truth.path[-1][3] > 80.0
+
+
+def test_parameters_are_listed_read_and_set(client):
+    client.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    client.step(1.0)
+    listed = client.all("PARAM_VALUE")
+    assert len(listed) == listed[0].param_count
+    client.clear()
+    client.send(mavlink.MAVLink_param_set_message(1, 1, b"WP_RADIUS", 90.0, 4))
+    assert client.wait("PARAM_VALUE", param_id="WP_RADIUS").param_value == 90.0
+    client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"AIRSPEED_CRUISE", -1))
+    assert client.wait("PARAM_VALUE", param_id="AIRSPEED_CRUISE").param_value == 25.0
+
+
+def test_the_length_of_the_list_is_told_as_it_changes(flying):
+    flying.upload(route(AHEAD))
+    totals = [message for message in flying.all("PARAM_VALUE") if message.param_id == "MIS_TOTAL"]
+    assert [(message.param_value, message.param_index) for message in totals] == [(2.0, 65535)]
+
+
+def test_broadcasts_are_forwarded_between_links_with_their_own_ids(client):
+    other = Client.on_new_channel(client.simulator, 255, 190)
+    text = mavlink.MAVLink_statustext_message(6, b"from the companion")
+    client.send(text)
+    other.poll()
+    assert "from the companion" not in other.texts()  # it has not been heard yet
+    other.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    client.send(text)
+    other.step()
+    (message,) = [m for m in other.all("STATUSTEXT") if m.text == "from the companion"]
+    assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 195)
+    client.poll()
+    assert "from the companion" not in client.texts()
+
+
+def test_garbage_is_dropped_and_counted_and_split_frames_are_joined(client):
+    good = mavlink.MAVLink_mission_request_list_message(1, 1, 0).pack(client.mav)
+    for byte in b"\xfd\x00garbage" + good:
+        client.simulator.receive(bytes([byte]))
+    client.simulator.receive(good[:-1] + bytes([good[-1] ^ 1]))
+    client.simulator.receive(good)
+    assert client.wait("MISSION_COUNT", 0.5) is not None
+    assert client.simulator.autopilot.channels[0].num_dropped > 0
