@@ -188,8 +188,6 @@ class AutopilotLink:
                 missions.cancel_mission_download,
                 is_acknowledged_by_us=True,
             )
-            if result is MissionRawResult.NO_MISSION_AVAILABLE:
-                return ()
             if result is not MissionRawResult.SUCCESS:
                 raise TransferError("download", result.name)
             return tuple(_item(raw) for raw in items)

@@ -1,6 +1,7 @@
 """Mission files: what is read, and the one error shown for a file that is wrong."""
 
 import contextlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -284,3 +285,16 @@ def test_any_damage_gives_a_mission_or_a_config_error(data):
     insert = data.draw(st.text(max_size=10))
     with contextlib.suppress(ConfigError):
         mission_from_text(GOOD[:start] + insert + GOOD[start + length :], "m.yaml")
+
+
+def test_the_comments_of_the_example_show_the_defaults():
+    shown = "\n".join(
+        re.sub(r"^( *)# ", r"\1", line) if re.match(r" *# +[a-z0-9_]+: |# (link|authority):", line) else line
+        for line in GOOD.splitlines()
+    )
+    shown = re.sub(r"^ *behaviour: .*\n|^ *track_sources: .*\n", "", shown, flags=re.MULTILINE)
+    config = mission_from_text(shown, "m.yaml")
+    assert config.authority.model_fields_set == {"resume", "allow_rtl"}
+    assert len(config.vehicle.model_fields_set) == len(type(config.vehicle).model_fields)
+    assert len(config.planning.model_fields_set) == len(type(config.planning).model_fields)
+    assert config == mission_from_text(GOOD, "m.yaml")

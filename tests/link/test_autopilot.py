@@ -5,6 +5,7 @@ import math
 from contextlib import asynccontextmanager
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock, WallClock
 from companion.errors import NoAutopilotError, TransferError
@@ -12,6 +13,7 @@ from companion.link.autopilot import AutopilotLink
 from companion.link.codec import Codec
 from companion.types.mission import Command, Frame, MissionItem
 from tests.link.fake_autopilot import FakeAutopilot
+from tests.link.wire import packed
 
 
 def mission(count=14, current=1):
@@ -268,6 +270,36 @@ def test_lists_that_must_not_be_sent(items, reason):
             with pytest.raises(TransferError, match=reason):
                 await made.link.upload(items)
             assert made.sent == []
+
+    run(body())
+
+
+def test_silence_ends_a_download():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            made.autopilot.on_mission_request_list = lambda message: []
+            with pytest.raises(TransferError, match="download: TIMEOUT"):
+                await made.link.download()
+            assert [message.get_type() for message in made.autopilot.heard] == ["MISSION_REQUEST_LIST"] * 5
+
+    run(body())
+
+
+def test_others_do_not_answer_for_the_autopilot():
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(), clock=clock) as made:
+            made.autopilot.on_command_long = lambda message: []
+            task = asyncio.create_task(made.link.set_current(1))
+            await asyncio.sleep(0)
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 0), component=191))
+            made.hear(packed(mavlink.MAVLink_command_ack_message(176, 0)))
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 5)))
+            await asyncio.sleep(0)
+            assert not task.done()
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 0)))
+            await task
+            assert clock.now_s() == 0.0
 
     run(body())
 

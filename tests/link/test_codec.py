@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.codec import Codec
+from companion.link.flight_modes import custom_mode_of
 from companion.link.frame import CommandAck, MissionAck
 from companion.link.identity import answer
 from companion.link.tlog import read_tlog
@@ -71,6 +72,26 @@ def test_heartbeat_tells_the_mode():
 def test_modes(changes, mode, is_mission):
     (event,) = events(Codec(), heartbeat(**changes))
     assert (event.mode, event.is_mission_mode) == (mode, is_mission)
+
+
+def test_modes_by_name():
+    assert custom_mode_of(Dialect.ARDUPILOT, "AUTO") == 10
+    assert custom_mode_of(Dialect.ARDUPILOT, "MISSION") is None
+    assert custom_mode_of(Dialect.PX4, "MISSION") == 4 << 24 | 4 << 16
+    assert custom_mode_of(Dialect.PX4, "OFFBOARD") == 6 << 16
+    assert custom_mode_of(Dialect.PX4, "FBWA") is None
+
+
+def test_what_pymavlink_cannot_decode_is_counted():
+    codec = started()
+
+    def broken(_data):
+        raise mavlink.MAVError("cannot be")
+
+    codec._reader.decode = broken
+    (frame,) = codec.feed(FRAMES[0], 0.0)
+    assert (frame.raw, frame.events) == (FRAMES[0], ())
+    assert codec.counters["undecodable"] == 1
 
 
 def test_heartbeats_of_others_are_not_the_autopilots():
