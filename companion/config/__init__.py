@@ -2,7 +2,7 @@
 
 >>> from companion.config import load_mission
 >>> load_mission("mission_configs/first-flight.yaml").vehicle.airspeed_cruise_m_s
-25
+25.0
 """
 
 from companion.config.load import load_mission, mission_from_text
