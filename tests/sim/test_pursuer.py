@@ -14,9 +14,10 @@ from sim.simulator import Simulator
 from tests.sim.client import Client, mission_file, plain_mission, route
 
 BOUNDS = (0.0, 0.0, 2500.0, 2500.0)
-THREAT = (
-    "dynamic_threats: [{name: hunter, east_m: 1000, north_m: -900, speed_m_s: 25, max_threat_radius_m: 250}]\n"
-)
+THREAT = """
+dynamic_threats:
+  - {name: hunter, east_m: 1000, north_m: -900, speed_m_s: 25, max_threat_radius_m: 250}
+"""
 
 
 def roads_of(name: str) -> Roads:
@@ -57,7 +58,9 @@ def test_never_enters_an_obstacle_nor_breaks_its_limits(seed):
 
 
 def test_goes_round_a_wall_by_the_shorter_end():
-    wall = Obstacle("wall", np.array([[500.0, 400.0], [520.0, 400.0], [520.0, 1200.0], [500.0, 1200.0]]), 0, 50)
+    wall = Obstacle(
+        "wall", np.array([[500.0, 400.0], [520.0, 400.0], [520.0, 1200.0], [500.0, 1200.0]]), 0, 50
+    )
     roads = Roads((wall,), BOUNDS, CLEARANCE_M)
     pursuer = Pursuer(roads, (300.0, 600.0), 20.0, 15.0)
     path = drive(pursuer, Prey((700.0, 600.0), 10.0, (), 0), 60.0)
