@@ -82,7 +82,7 @@ class ArduPlane(Autopilot):
         super().__init__(flight, projection, parameters, home)
         self.store = MissionStore(home_item(home))
         self.runner = MissionRunner(self.store, self)
-        self._transfer = MissionTransfer(self.store, self.say, lambda: not self._flies_mission())
+        self._transfer = self._fresh_transfer()
         self._mode = "LOITER"
         self._previous: Target | None = None
         self._begun_us = 0
@@ -135,10 +135,7 @@ class ArduPlane(Autopilot):
     def heartbeat(self) -> Message:
         """HEARTBEAT: armed, custom mode."""
         base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-        if self._mode == "MANUAL":
-            base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-        else:
-            base |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         if self._mode in ("AUTO", "RTL", "LOITER", "GUIDED", "CIRCLE"):
             base |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         return mavlink.MAVLink_heartbeat_message(
@@ -155,7 +152,7 @@ class ArduPlane(Autopilot):
         sequence = 0 if self._shows_item_zero else self.runner.index
         self._shows_item_zero = False
         total = max(len(self.store.mission) - 1, 0)
-        mode = 1 if self._mode == "AUTO" else 2
+        mode = int(self._mode == "AUTO")
         return mavlink.MAVLink_mission_current_message(sequence, total, int(self.runner.state), mode)
 
     def version(self) -> Message:
@@ -195,6 +192,18 @@ class ArduPlane(Autopilot):
         if self._pending_reached is not None:
             self.broadcast(mavlink.MAVLink_mission_item_reached_message(self._pending_reached))
             self._pending_reached = None
+
+    def reboot(self) -> None:
+        """Restart in flight as after a watchdog reset: mode, missions and index survive."""
+        super().reboot()
+        self._transfer = self._fresh_transfer()
+        self._previous, self._speed_m_s = None, None
+        if self._mode == "AUTO":
+            self.runner.stop()
+            self.runner.resume(restart=False)
+
+    def _fresh_transfer(self) -> MissionTransfer:
+        return MissionTransfer(self.store, self.say, lambda: not self._flies_mission())
 
     # --- modes
 

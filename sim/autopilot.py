@@ -22,6 +22,7 @@ from sim.telemetry import Home, Telemetry
 SYSTEM_ID = 1
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
 _SECOND_US = 1_000_000
+_INTERVAL_MAX_US = 2**31 - 1
 _PARAMETERS_A_TURN = 5
 _TEXT_LENGTH = 50
 
@@ -154,8 +155,7 @@ class Autopilot(ABC):
     def add_channel(self) -> Channel:
         """Open a link for one more client."""
         channel = Channel(SYSTEM_ID, COMPONENT_ID)
-        for message_id in (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *self.default_streams):
-            channel.streams[message_id] = Stream(_SECOND_US, self.now_us)
+        self._reset_streams(channel)
         self.channels.append(channel)
         return channel
 
@@ -163,6 +163,14 @@ class Autopilot(ABC):
         """Close a client's link."""
         self.channels.remove(channel)
         self._wanted_parameters.pop(channel, None)
+
+    def reboot(self) -> None:
+        """Start anew: time since boot from zero, stream rates as by default, whatever was asked forgotten."""
+        self.telemetry.boot_us = self.now_us
+        self._wanted_parameters.clear()
+        for channel in self.channels:
+            self._reset_streams(channel)
+        self.say(mavlink.MAV_SEVERITY_INFO, "ArduPilot Ready")
 
     def receive(self, channel: Channel, data: bytes) -> None:
         """Act on what a client sent."""
@@ -197,6 +205,12 @@ class Autopilot(ABC):
         """Send to every client."""
         for channel in self.channels:
             channel.send(message)
+
+    def _reset_streams(self, channel: Channel) -> None:
+        channel.streams = {
+            message_id: Stream(_SECOND_US, self.now_us)
+            for message_id in (mavlink.MAVLINK_MSG_ID_HEARTBEAT, *self.default_streams)
+        }
 
     def _route(self, source: Channel, message: Message, target: int) -> None:
         """Pass on what is for everybody, or for a system heard on another channel."""
@@ -236,12 +250,14 @@ class Autopilot(ABC):
         if interval < 0:
             request.channel.streams.pop(message_id, None)
         else:
-            interval_us = max(int(interval), 20_000) if interval > 0 else _SECOND_US
+            interval_us = min(max(int(interval), 20_000), _INTERVAL_MAX_US) if interval > 0 else _SECOND_US
             request.channel.streams[message_id] = Stream(interval_us, self.now_us + interval_us)
         return ACCEPTED
 
     def _get_interval(self, request: CommandRequest) -> int:
         message_id = int(request.parameters[0])
+        if message_id not in self.telemetry.builders:
+            return DENIED
         stream = request.channel.streams.get(message_id)
         interval = -1 if stream is None else stream.interval_us
         request.channel.send(mavlink.MAVLink_message_interval_message(message_id, interval))
@@ -292,7 +308,9 @@ class Autopilot(ABC):
 
     def _synchronise(self, channel: Channel, message: Message) -> None:
         if message.tc1 == 0:
-            channel.send(mavlink.MAVLink_timesync_message(self.now_us * 1000 + 1, message.ts1))
+            channel.send(
+                mavlink.MAVLink_timesync_message(self.telemetry.boot_time_us() * 1000 + 1, message.ts1)
+            )
 
     def _ping(self, channel: Channel, message: Message) -> None:
         if message.target_system == 0:

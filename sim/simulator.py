@@ -86,6 +86,10 @@ class Simulator:
         if not self.autopilot.set_mode(name):
             raise ValueError(f"no such mode: {name}")
 
+    def reboot(self) -> None:
+        """Restart the autopilot in flight."""
+        self.autopilot.reboot()
+
     def open_channel(self) -> Channel:
         """Open a further client's link."""
         return self.autopilot.add_channel()

@@ -49,8 +49,8 @@ class Telemetry:
 
     Attributes
     ----------
-    now_us : int
-        Simulated time, also the time since boot; set by the owner.
+    now_us, boot_us : int
+        Simulated time, and when the autopilot booted; set by the owner.
     target : tuple of float or None
         East, north, up [m] of the point steered for, where there is one.
     """
@@ -60,6 +60,7 @@ class Telemetry:
         self._projection = projection
         self._home = home
         self.now_us = 0
+        self.boot_us = 0
         self.target: Target | None = None
         self.builders: dict[int, Callable[[], Message | None]] = {
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._system_status,
@@ -84,8 +85,12 @@ class Telemetry:
         latitude, longitude = self._projection.degrees(east_m, north_m)
         return round(latitude * 1e7), round(longitude * 1e7)
 
+    def boot_time_us(self) -> int:
+        """Time since boot [µs]."""
+        return self.now_us - self.boot_us
+
     def _boot_ms(self) -> int:
-        return self.now_us // 1000
+        return self.boot_time_us() // 1000
 
     def _system_status(self) -> Message:
         used = min(self.now_us / 3.6e9, 0.9)
@@ -105,7 +110,7 @@ class Telemetry:
             round(math.degrees(state.course_rad) * 100) % 36000,
         )
         return mavlink.MAVLink_gps_raw_int_message(
-            self.now_us,
+            self.boot_time_us(),
             3,
             latitude,
             longitude,
@@ -211,7 +216,7 @@ class Telemetry:
             *(math.nan,) * 3,
             (math.nan,) * 4,
             *(0.0,) * 3,
-            self.now_us,
+            self.boot_time_us(),
         )
 
     def _extended_state(self) -> Message:
