@@ -1,0 +1,220 @@
+"""Local path searching: sub tasks on one growing tree (paper 4.3, 4.4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.kernels.layout import IntArray, Tree, empty_tree
+from companion.kernels.motion import OK, state_status
+from companion.kernels.search import DRAWS, FULL, REACHED, assess, explore
+from companion.kernels.sub_goals import spread_wave
+from companion.kernels.threat import MAX_THREATS
+from companion.kernels.uncertainty import collision_free, position_deviation
+from companion.kernels.geometry import clearance
+from companion.planning.problem import Problem
+from companion.planning.sub_goal import choose_sub_goal
+from companion.vehicle.lqg import uncertainty_tables
+from companion.world.reachability import threat_trees
+from companion.world.threats import known_within
+
+ShouldStop = Callable[[], bool]
+HAND_OVER_CELLS = 97
+RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
+
+
+@dataclass
+class Exploration:
+    """One plan's search: the tree, the DTs' trees and what has been counted.
+
+    ``stats`` (4,): collision checks, samples dropped by TUDD, failed extensions, iterations.
+    """
+
+    problem: Problem
+    rng: np.random.Generator
+    stats: IntArray = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
+    sub_goals: list[FloatArray] = field(default_factory=list)
+    centres: list[FloatArray] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    num_nodes: int = 0
+
+    def __post_init__(self) -> None:
+        problem, settings = self.problem, self.problem.settings
+        snapshot = problem.snapshot
+        self.plane_up_m = problem.start.position_enu_m[2] if snapshot.dimension == 2 else None
+        self.limits = problem.vehicle.limits(
+            snapshot.dimension, snapshot.bounds, settings.clearance_min_m, settings.tau_s
+        )
+        self.tables = tables_for(problem)
+        self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
+        self.threats = snapshot.threats
+        self.pursuers = threat_trees(
+            snapshot.tracks, problem.start.stamp_s, snapshot.obstacles, self.plane_up_m, snapshot.bounds
+        )
+        self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
+        self.plant()
+
+    def plant(self) -> None:
+        """Start the tree afresh at the root."""
+        start, tree, snapshot = self.problem.start, self.tree, self.problem.snapshot
+        self.num_nodes += int(tree.count[0])
+        tree.count[0] = 1
+        tree.state[0] = (*start.position_enu_m, start.direction_rad, start.climb_rad, start.airspeed_m_s)
+        tree.parent[0], tree.children[0], tree.turn[0], tree.blocked[0] = -1, 0, 0, 0
+        tree.time[0], tree.cost[0] = start.stamp_s, 0.0
+        tree.straight[0] = self.limits.straight_min
+        tree.cov_error[0], tree.cov_estimate[0] = start.error_covariance, start.estimate_covariance
+        deviation = position_deviation(start.error_covariance, start.estimate_covariance, snapshot.dimension)
+        tree.delta[0] = deviation / snapshot.unit_m
+        free = clearance(*start.position_enu_m, snapshot.obstacles, 1e4)
+        tree.clear[0] = collision_free(free, deviation, snapshot.dimension)
+        tree.active[:] = 0
+        tree.active[0] = 1
+        tree.threat_point[0] = 0.0
+        assess(
+            tree, 0, self.threats, self.pursuers.model[:, 1].copy(), self.model, self.tables.normals,
+            self.problem.settings.search(self.limits, snapshot.unit_m, 0.0), snapshot.dimension,
+            np.empty((MAX_THREATS, 2)), np.empty(len(self.tables.normals)),
+        )  # fmt: skip
+
+    @property
+    def start_is_valid(self) -> bool:
+        """Whether the root keeps the state constraints and stands outside obstacles."""
+        state = self.tree.state[0]
+        free = clearance(state[0], state[1], state[2], self.problem.snapshot.obstacles, 1.0)
+        return state_status(state, self.limits) == OK and free > 0.0
+
+    @property
+    def iterations(self) -> int:
+        """Iterations used up so far."""
+        return int(self.stats[3])
+
+    def is_spent(self, should_stop: ShouldStop) -> bool:
+        """Whether the budget has ended."""
+        return self.iterations >= self.problem.settings.max_iterations or should_stop()
+
+    def sense(self, centre: FloatArray) -> None:
+        """Static threats known to the sub task: those known before and those about its centre."""
+        snapshot = self.problem.snapshot
+        near = known_within(snapshot.threats, centre[0], centre[1], self.problem.settings.sensing_horizon_m)
+        self.threats = self.threats._replace(known=np.maximum(snapshot.threats.known, near))
+
+    def activate(self, centre: FloatArray, end: int, whole: bool) -> None:
+        """Which nodes the sub task searches: those of the horizon, and after a success the end alone."""
+        tree, n = self.tree, int(self.tree.count[0])
+        tree.active[:n] = 0
+        if whole:
+            away = np.linalg.norm(tree.state[:n, :3] - centre, axis=1)
+            tree.active[:n] = away <= self.problem.settings.sensing_horizon_m
+        tree.active[end] = 1
+
+    def run_sub_task(
+        self, sub_goal: FloatArray, tolerance_m: float, centre: FloatArray, should_stop: ShouldStop
+    ) -> int:
+        """Grow towards one sub goal within its time horizon; the node that reaches it, or -1."""
+        settings = self.problem.settings
+        search = settings.search(self.limits, self.problem.snapshot.unit_m, tolerance_m)
+        left, stalled, nearest = settings.sub_task_iterations, 0, np.inf
+        while left > 0 and stalled < settings.stall_iterations and not self.is_spent(should_stop):
+            burst = min(settings.burst, left)
+            left -= burst
+            status, node = explore(
+                self.tree, self.pursuers, self.problem.snapshot.obstacles, self.threats, self.model,
+                self.limits, self.tables, search, centre, settings.sensing_horizon_m, sub_goal,
+                self.rng.random((burst, DRAWS)), self.stats,
+            )  # fmt: skip
+            if status == REACHED:
+                return int(node)
+            if status == FULL:
+                break
+            away = float(np.linalg.norm(self.tree.state[self.nearest_node(sub_goal), :3] - sub_goal))
+            stalled = 0 if away < nearest - 0.5 * self.limits.v_cruise * self.limits.tau else stalled + burst
+            nearest = min(nearest, away)
+        return -1
+
+    def nearest_node(self, point: FloatArray) -> int:
+        """The searched node nearest to a point."""
+        n = int(self.tree.count[0])
+        away = np.linalg.norm(self.tree.state[:n, :3] - point, axis=1)
+        return int(np.argmin(np.where(self.tree.active[:n] == 1, away, np.inf)))
+
+    def nearest_by_way(self, point: FloatArray) -> int:
+        """The searched node with the shortest way round obstacles to a point.
+
+        The paper keeps the branch nearest to the sub goal; taken as the crow flies that is often one
+        that ends at the wrong side of a wall.
+        """
+        radius = 2.0 * self.problem.settings.sensing_horizon_m
+        wave = np.empty((HAND_OVER_CELLS, HAND_OVER_CELLS))
+        spread_wave(
+            point[0], point[1], point[2], radius, self.limits.margin, self.problem.snapshot.obstacles, wave
+        )
+        n = int(self.tree.count[0])
+        cell = 2.0 * radius / (HAND_OVER_CELLS - 1)
+        index = np.rint((self.tree.state[:n, :2] - point[:2] + radius) / cell).astype(np.int64)
+        index = np.clip(index, 0, HAND_OVER_CELLS - 1)
+        ways = np.where(self.tree.active[:n] == 1, wave[index[:, 0], index[:, 1]], np.inf)
+        return int(np.argmin(ways)) if np.isfinite(ways).any() else self.nearest_node(point)
+
+    def reach_goal(
+        self, goal: FloatArray, radius_m: float, root: int, should_stop: ShouldStop
+    ) -> tuple[bool, int]:
+        """Sub task after sub task until the goal is reached or the budget ends.
+
+        Returns whether it was, and the node at which the path ends. A sub task that fails hands over
+        its branch nearest to the sub goal (paper Fig. 6); after several in a row the tree starts
+        afresh from the root, which RRTs profit from (their run times are heavy-tailed).
+        """
+        end, used, in_a_row = root, [], 0
+        settings = self.problem.settings
+        while not self.is_spent(should_stop):
+            centre = self.tree.state[end, :3].copy()
+            self.sense(centre)
+            chosen = choose_sub_goal(
+                end=self.tree.state[end].copy(), goal=goal,
+                elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
+                obstacles=self.problem.snapshot.obstacles, threats=self.threats, pursuers=self.pursuers,
+                model=self.model, limits=self.limits, settings=settings, used=used,
+            )  # fmt: skip
+            if not np.array_equal(chosen.position_enu_m, goal):
+                used.append(chosen.position_enu_m)
+            self.sub_goals.append(chosen.position_enu_m)
+            self.centres.append(centre)
+            if chosen.note and chosen.note not in self.notes:
+                self.notes.append(chosen.note)
+            is_goal = bool(np.array_equal(chosen.position_enu_m, goal))
+            tolerance = (
+                radius_m
+                if is_goal
+                else settings.sub_goal_tolerance_steps * self.limits.v_cruise * self.limits.tau
+            )
+            self.activate(centre, end, whole=True)
+            node = self.run_sub_task(chosen.position_enu_m, tolerance, centre, should_stop)
+            if node >= 0:
+                if is_goal:
+                    return True, node
+                end, in_a_row = node, 0
+                continue
+            in_a_row += 1
+            end = self.nearest_by_way(chosen.position_enu_m)
+            full = int(self.tree.count[0]) == settings.tree_capacity
+            if in_a_row >= RESTART_AFTER or full:
+                if root != 0:
+                    break
+                self.plant()
+                end, in_a_row, used = root, 0, []
+        return False, end
+
+
+_TABLES: dict[tuple[object, ...], object] = {}
+
+
+def tables_for(problem: Problem):  # type: ignore[no-untyped-def]
+    """LQG-MP tables of a vehicle, made once."""
+    key = (problem.vehicle, problem.settings.tau_s, problem.snapshot.dimension)
+    if key not in _TABLES:
+        _TABLES[key] = uncertainty_tables(problem.vehicle, problem.settings.tau_s, problem.snapshot.dimension)
+    return _TABLES[key]

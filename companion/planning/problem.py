@@ -1,0 +1,75 @@
+"""What is to be planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.planning.settings import PlannerSettings
+from companion.vehicle.motion import VehicleModel
+from companion.world.snapshot import Snapshot
+
+
+@dataclass(frozen=True, slots=True)
+class StartState:
+    """Where the plan begins.
+
+    Parameters
+    ----------
+    stamp_s : float
+        Clock reading at which the aircraft is there.
+    position_enu_m : tuple of float
+        East, north, up [m].
+    direction_rad : float
+        Counter-clockwise from east [rad].
+    climb_rad : float
+        Flight-path angle [rad].
+    airspeed_m_s : float
+        Within the vehicle's limits.
+    error_covariance, estimate_covariance : ndarray, shape (6, 6)
+        P and Λ at the start.
+    """
+
+    stamp_s: float
+    position_enu_m: tuple[float, float, float]
+    direction_rad: float
+    climb_rad: float
+    airspeed_m_s: float
+    error_covariance: FloatArray
+    estimate_covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class GoalRegion:
+    """A point to pass within a radius of [m]."""
+
+    position_enu_m: tuple[float, float, float]
+    acceptance_radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Everything a plan depends on; equal problems give equal plans."""
+
+    start: StartState
+    goals: tuple[GoalRegion, ...]
+    snapshot: Snapshot
+    vehicle: VehicleModel
+    settings: PlannerSettings
+    seed: int
+
+
+def initial_covariances(vehicle: VehicleModel, horizontal_std_m: float, vertical_std_m: float) -> FloatArray:
+    """Diagonal P (6, 6) of a start whose position accuracy is known; Λ starts at zero."""
+    return np.diag(
+        [
+            horizontal_std_m**2,
+            horizontal_std_m**2,
+            vertical_std_m**2,
+            vehicle.course_std_rad**2,
+            vehicle.climb_std_rad**2,
+            0.5**2,  # airspeed: pitot noise of a small aircraft, m/s
+        ]
+    )

@@ -1,0 +1,132 @@
+"""How the planner works: its weights, budgets and strategies, with the paper's values as defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from companion.kernels.layout import Limits, Search, ThreatModel
+from companion.vehicle.motion import VehicleModel
+
+
+class Certainty(IntEnum):
+    """Form of the certainty function (2); the numbers are the kernel's."""
+
+    SHIFTED = 0
+    LITERAL = 1
+    PROBABILISTIC = 2  # the comparator of Table 5: ν = 0, CF = 1
+
+
+class SubGoalRule(Enum):
+    """How a sub goal is chosen on the sensing horizon."""
+
+    HEURISTIC = "heuristic"  # (4)–(6)
+    EUCLIDEAN = "euclidean"  # EDBM: distances only
+
+
+class Estimator(IntEnum):
+    """Reachability-set estimator; the numbers are the kernel's."""
+
+    EX_RRT = 0
+    RRT_REACH = 1
+    RRT = 2
+
+
+class Optimiser(Enum):
+    """What improves a path once the goal is reached."""
+
+    RRT_STAR = "rrt-star"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Strategies:
+    """What Safe-RRT is composed of; a comparator is another composition (SPEC 7)."""
+
+    use_dynamic_domain: bool = True
+    use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes
+    use_goal_zoom: bool = True
+    use_k_near: bool = True  # else the nearest node
+    dts_are_no_fly: bool = False
+    certainty: Certainty = Certainty.SHIFTED
+    sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
+    estimator: Estimator = Estimator.EX_RRT
+    use_safety_adjustment: bool = True
+    optimiser: Optimiser = Optimiser.RRT_STAR
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSettings:
+    """Parameters of SPEC 3–6. Lengths in metres unless they are weights of planning units.
+
+    ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
+    total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*.
+    """
+
+    strategies: Strategies = Strategies()
+    method: str = "safe-rrt"
+    tau_s: float = 1.0
+    clearance_min_m: float = 15.0
+    sensing_horizon_m: float = 825.0
+    num_sub_goal_points: int = 60
+    sub_goal_tolerance_steps: float = 4.0
+    sub_goal_level_max: float = 0.5
+    weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
+    weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
+    weights_obstacles_3d: tuple[float, float, float] = (0.7, 0.15, 0.15)
+    k_clear: float = 1.0  # k_c of (7)
+    k_threat: float = 5.0  # k_T of (7)
+    domain_steps: float = 10.0  # DD = 10·le
+    weights_cost: tuple[float, float, float] = (0.5, 0.1, 0.4)  # D_γ of (9)
+    goal_zoom: float = 0.3
+    p_tid: float = 0.5
+    k_pursuer: int = 3
+    num_secondary: int = 10
+    weight_count: float = 0.7  # ω_N of (2)
+    weight_delta: float = 0.3  # ω_δ
+    exponent: float = 1.0  # ω_C
+    certain: float = 0.999
+    adjust_collision_max: float = 0.5
+    sub_task_iterations: int = 1500
+    stall_iterations: int = 500
+    max_iterations: int = 60_000
+    optimise_iterations: int = 400
+    burst: int = 100
+    tree_capacity: int = 6000
+
+    def threat_model(self, vehicle: VehicleModel, unit_m: float) -> ThreatModel:
+        """Kernel form of the A-IFS model."""
+        return ThreatModel(
+            weight_count=self.weight_count,
+            weight_delta=self.weight_delta if self.strategies.use_uncertainty else 0.0,
+            exponent=self.exponent,
+            form=int(self.strategies.certainty),
+            v_min=vehicle.airspeed_min_m_s,
+            v_max=vehicle.airspeed_max_m_s,
+            v_penetration=vehicle.penetration_speed_m_s,
+            unit=unit_m,
+        )
+
+    def search(self, limits: Limits, unit_m: float, tolerance_m: float) -> Search:
+        """Kernel form of the local search's weights and switches."""
+        chosen = self.strategies
+        return Search(
+            k_clear=self.k_clear,
+            k_threat=self.k_threat,
+            domain=self.domain_steps * limits.v_cruise * limits.tau,
+            cost_distance=self.weights_cost[0],
+            cost_turn=self.weights_cost[1],
+            cost_threat=self.weights_cost[2],
+            unit=unit_m,
+            zoom=self.goal_zoom if chosen.use_goal_zoom else 0.0,
+            use_k_near=int(chosen.use_k_near),
+            use_domain=int(chosen.use_dynamic_domain),
+            use_uncertainty=int(chosen.use_uncertainty),
+            no_fly=int(chosen.dts_are_no_fly),
+            secondary=self.num_secondary,
+            tolerance=tolerance_m,
+            certain=self.certain,
+            estimator=int(chosen.estimator),
+            p_tid=self.p_tid,
+            k_pursuer=self.k_pursuer,
+        )

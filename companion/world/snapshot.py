@@ -1,0 +1,85 @@
+"""The world at one instant: immutable and numbered, all that a plan depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.kernels.layout import IntArray, Obstacles, Threats
+from companion.types.threat import Obstacle, Radar, TrackState
+from companion.world.obstacles import packed_obstacles
+from companion.world.threats import known_within, packed_threats
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is known of the world.
+
+    Parameters
+    ----------
+    number : int
+        Counts up; plans name the snapshot they were made from.
+    stamp_s : float
+        Clock reading at which it is true.
+    dimension : int
+        2 or 3. In the plane, threats and DTs are taken to stand at the flight level.
+    bounds : tuple of float
+        East, north, up, each low and high [m].
+    unit_m : float
+        Metres in a planning unit.
+    tracks : tuple of TrackState
+        Moving threats as tracked.
+    """
+
+    number: int
+    stamp_s: float
+    dimension: int
+    unit_m: float
+    bounds: tuple[float, float, float, float, float, float]
+    obstacle_list: tuple[Obstacle, ...]
+    radar_list: tuple[Radar, ...]
+    obstacles: Obstacles
+    threats: Threats
+    tracks: tuple[TrackState, ...] = ()
+
+    def with_tracks(self, stamp_s: float, tracks: Sequence[TrackState]) -> Snapshot:
+        """The next snapshot, with new tracks."""
+        return replace(self, number=self.number + 1, stamp_s=stamp_s, tracks=tuple(tracks))
+
+    def with_known(self, known: IntArray) -> Snapshot:
+        """The same snapshot, with the static threats known by now; ``known`` (R,) of 0 and 1."""
+        return replace(self, threats=self.threats._replace(known=np.ascontiguousarray(known)))
+
+    def sensed(self, east_m: float, north_m: float, sensing_horizon_m: float) -> IntArray:
+        """Which static threats are known from a position: those already known, and those in reach."""
+        near: IntArray = known_within(self.threats, east_m, north_m, sensing_horizon_m)
+        return np.maximum(self.threats.known, near)
+
+
+def first_snapshot(
+    *,
+    dimension: int,
+    unit_m: float,
+    bounds: tuple[float, float, float, float, float, float],
+    obstacles: Sequence[Obstacle],
+    radars: Sequence[Radar],
+    none_known: bool = True,
+) -> Snapshot:
+    """Build the fields once; ``none_known`` starts with every static threat still to be sensed."""
+    packed = packed_obstacles(obstacles, bounds)
+    threats = packed_threats(radars, packed, bounds)
+    if none_known:
+        threats = threats._replace(known=np.zeros(len(radars), dtype=np.int64))
+    return Snapshot(
+        number=0,
+        stamp_s=0.0,
+        dimension=dimension,
+        unit_m=unit_m,
+        bounds=bounds,
+        obstacle_list=tuple(obstacles),
+        radar_list=tuple(radars),
+        obstacles=packed,
+        threats=threats,
+    )

@@ -1,0 +1,38 @@
+"""Static threats in kernel form, with their shadow fields (SPEC 3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from companion.kernels.layout import Obstacles, Threats
+from companion.kernels.visibility import fill_shadows
+from companion.types.threat import Radar
+
+SHADOW_NODES = 321
+
+
+def packed_threats(
+    radars: Sequence[Radar], obstacles: Obstacles, bounds: tuple[float, float, float, float, float, float]
+) -> Threats:
+    """Flat arrays of all radars, all known, and the shadow field of each, built once."""
+    rows = np.array(
+        [[*r.position_enu_m, r.max_threat_radius_m, r.boundary_coefficient_per_m] for r in radars],
+        dtype=np.float64,
+    ).reshape(-1, 5)
+    width, height = bounds[1] - bounds[0], bounds[3] - bounds[2]
+    spacing = max(width, height) / (SHADOW_NODES - 1)
+    shape = (math.ceil(width / spacing) + 1, math.ceil(height / spacing) + 1)
+    grid = np.array([bounds[0], bounds[2], spacing])
+    shadows = np.zeros((len(rows), *shape))
+    for row, shadow in zip(rows, shadows, strict=True):
+        fill_shadows(shadow, grid, row, obstacles)
+    return Threats(radars=rows, known=np.ones(len(rows), dtype=np.int64), shadows=shadows, grid=grid)
+
+
+def known_within(threats: Threats, east_m: float, north_m: float, sensing_horizon_m: float) -> np.ndarray:
+    """Which radars' areas reach into the sensing horizon about a point (SPEC 6), shape (R,) of 0 and 1."""
+    away = np.hypot(threats.radars[:, 0] - east_m, threats.radars[:, 1] - north_m)
+    return (away <= sensing_horizon_m + threats.radars[:, 3]).astype(np.int64)
