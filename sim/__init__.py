@@ -1,1 +1,17 @@
-"""JSBSim fixed-wing software-in-the-loop simulator that stands in for the aircraft."""
+"""JSBSim fixed-wing software-in-the-loop simulator that stands in for the aircraft.
+
+From the ground up:
+
+- ``aircraft/``, ``fdm``: the small UAV. Its figures are the Aerosonde's of Beard and McLain (source
+  and adaptations are told in the aircraft's file), flown from 12.5 to 37.5 m/s equivalent airspeed.
+- ``sensors``, ``attitude``, ``guidance``, ``flight``: estimator noise and the control loops.
+- ``autopilot``, ``ardupilot`` with ``mission_*``: the MAVLink side, with ArduPlane's own semantics.
+- ``roads``, ``pursuer``, ``tracks``: the ground vehicles that hunt it, and how they are seen.
+- ``truth``: what really happened. ``simulator`` steps all this; ``faults`` spoils the link to it;
+  ``link`` and ``python -m sim`` put it on a socket.
+
+Airspeeds that the autopilot takes and tells are equivalent airspeed, as a pitot tube measures it;
+the truth tells true airspeed. Not modelled: take-off and landing, ground contact (the flight counts
+as a collision), terrain, stick input (MANUAL and FBWA hold the wings level), avoidance by the
+autopilot itself, fence breaches, and failing sensors.
+"""

@@ -12,6 +12,7 @@ from tests.sim.client import (
     JUMP,
     LAND_START,
     LOITER,
+    RTL,
     SPEED,
     TAKEOFF,
     TIME,
@@ -443,7 +444,66 @@ def test_a_loiter_never_ends(flying):
     assert math.dist(autopilot(flying).flight.position, (2400.0, 0.0)) == pytest.approx(125.0, abs=12.0)
 
 
+def test_a_loiter_to_height_ends_at_it(client):
+    climb = item(31, 300.0, -125.0, 150.0, p2=125.0)
+    client.upload([*route(), climb, item(LOITER, 0.0, 300.0, 150.0)])
+    client.set_current(1)
+    assert client.until(lambda: autopilot(client).current_sequence == 2, 90.0)
+    assert autopilot(client).flight.estimate.up_m == pytest.approx(150.0, abs=6.0)
+
+
+def test_an_rtl_item_changes_the_mode_and_flies_home(client):
+    client.upload([*route((300.0, 0.0)), item(RTL, 0.0, 0.0)])
+    client.set_current(1)
+    assert client.until(lambda: autopilot(client).mode == "RTL", 30.0)
+    client.step(60.0)
+    assert math.hypot(*autopilot(client).flight.position) == pytest.approx(100.0, abs=15.0)
+
+
+def test_a_target_left_behind_is_turned_back_to(client):
+    client.upload(route((-800.0, 0.0)))
+    client.set_current(1)
+    client.step(20.0)
+    assert autopilot(client).mode == "AUTO"
+    assert client.until(lambda: autopilot(client).mode == "RTL", 60.0)
+    assert "Reached waypoint #1" in " ".join(client.texts())
+
+
 # --- commands and modes
+
+
+def test_an_item_sent_as_guided_is_flown_in_guided_only(flying):
+    message = flying.item_message(0, item(WAYPOINT, 300.0, 300.0))
+    message.current = 2
+    flying.send(message)
+    assert flying.wait("MISSION_ACK").type == ERROR
+    flying.simulator.set_mode("GUIDED")
+    flying.send(message)
+    assert flying.wait("MISSION_ACK").type == ACCEPTED
+    assert flying.steers_to(300.0, 300.0)
+
+
+def test_set_mode_by_message_and_what_is_no_mode(flying):
+    flying.send(mavlink.MAVLink_set_mode_message(1, 1, 12))
+    flying.step()
+    assert autopilot(flying).mode == "LOITER"
+    assert flying.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 99) == mavlink.MAV_RESULT_FAILED
+    assert flying.command(mavlink.MAV_CMD_DO_SET_MODE, 0, 10) == mavlink.MAV_RESULT_UNSUPPORTED
+    assert flying.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mavlink.MAV_RESULT_FAILED
+    assert autopilot(flying).mode == "LOITER"
+
+
+def test_rates_by_data_stream_as_older_ground_stations_ask(client):
+    client.send(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 5, 1))
+    client.clear()
+    client.step(2.0)
+    assert len(client.all("ATTITUDE")) == pytest.approx(10, abs=1)
+    assert client.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, 30) == ACCEPTED
+    assert client.all("MESSAGE_INTERVAL")[-1].interval_us == 200_000
+    client.send(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 5, 0))
+    client.clear()
+    client.step(2.0)
+    assert not client.all("ATTITUDE")
 
 
 def test_mission_start_takes_only_zeroes_and_pause_is_unsupported(flying):
