@@ -1,1 +1,15 @@
-"""Ownship state and tracks of moving threats."""
+"""Where the aircraft is, and where the moving threats are: estimates from what the link tells."""
+
+from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings, predicted
+from companion.tracking.particle_filter import FilterSettings, ParticleFilter
+from companion.tracking.tracks import Tracker, TrackerSettings
+
+__all__ = [
+    "FilterSettings",
+    "OwnshipEstimator",
+    "OwnshipSettings",
+    "ParticleFilter",
+    "Tracker",
+    "TrackerSettings",
+    "predicted",
+]

@@ -1,0 +1,233 @@
+"""The aircraft's own state, put together from the autopilot's telemetry.
+
+The autopilot's estimator has filtered position and velocity already; here they are brought to the
+local frame and to the instant asked for, and completed by what arrives in other messages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import astuple, dataclass, replace
+
+from companion.frames import LocalFrame
+from companion.types.events import (
+    AirData,
+    Attitude,
+    EstimatorAccuracy,
+    Event,
+    GlobalPosition,
+    WindEstimate,
+)
+from companion.types.state import Ownship
+
+GRAVITY_M_S2 = 9.80665
+BANK_MAX_RAD = math.radians(75.0)
+TURN_RATE_MIN_RAD_S = 1e-6
+
+_HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnshipSettings:
+    """How old telemetry may grow.
+
+    Parameters
+    ----------
+    extrapolate_max_s : float
+        Longest time a position is moved on by its velocity [s].
+    stale_after_s : float
+        Age of the position from which nothing should be decided by it [s].
+    secondary_max_age_s : float
+        Age from which airspeed and bank count as not heard [s].
+    course_speed_min_m_s : float
+        Ground speed below which the course is taken from the yaw: at rest a velocity has no
+        direction [m/s].
+    position_std_horizontal_m, position_std_vertical_m : float
+        Accuracy taken until the autopilot tells its own [m].
+    """
+
+    extrapolate_max_s: float = 1.0
+    stale_after_s: float = 2.0
+    secondary_max_age_s: float = 3.0
+    course_speed_min_m_s: float = 1.0
+    position_std_horizontal_m: float = 2.0
+    position_std_vertical_m: float = 3.0
+
+    def __post_init__(self) -> None:
+        if min(astuple(self)) < 0.0:
+            raise ValueError("ages, speeds and accuracies count from zero up")
+
+
+class OwnshipEstimator:
+    """Keeps the latest of each message and answers where the aircraft is.
+
+    Parameters
+    ----------
+    frame : LocalFrame
+        The mission file's frame.
+    settings : OwnshipSettings, optional
+        Ages up to which telemetry is used.
+
+    Attributes
+    ----------
+    counters : Counter of str
+        Events not used, by reason: ``not_finite``, ``out_of_order``.
+    """
+
+    def __init__(self, frame: LocalFrame, settings: OwnshipSettings | None = None) -> None:
+        self._frame = frame
+        self._settings = settings or OwnshipSettings()
+        self._position: GlobalPosition | None = None
+        self._place_enu_m = (0.0, 0.0, 0.0)
+        self._air: AirData | None = None
+        self._attitude: Attitude | None = None
+        self._wind: WindEstimate | None = None
+        self._accuracy: EstimatorAccuracy | None = None
+        self.counters: Counter[str] = Counter()
+
+    def observe(self, event: Event) -> None:
+        """Take in an event; those that say nothing of the own state are passed over."""
+        if not isinstance(event, _HEARD):
+            return
+        if not _is_finite(event):
+            self.counters["not_finite"] += 1
+            return
+        held = self._held(event)
+        if held is not None and event.stamp_s < held.stamp_s:
+            self.counters["out_of_order"] += 1
+            return
+        match event:
+            case GlobalPosition():
+                self._position = event
+                self._place_enu_m = self._frame.local_from_global(
+                    event.latitude_deg, event.longitude_deg, event.altitude_amsl_m
+                )
+            case AirData():
+                self._air = event
+            case Attitude():
+                self._attitude = event
+            case WindEstimate():
+                self._wind = event
+            case EstimatorAccuracy():
+                self._accuracy = event
+
+    def is_stale(self, now_s: float) -> bool:
+        """Whether no position was heard, or none lately."""
+        return self._position is None or now_s - self._position.stamp_s > self._settings.stale_after_s
+
+    def state(self, now_s: float) -> Ownship | None:
+        """Return the state moved on to ``now_s``, as far as settings allow; None before any position.
+
+        ``stamp_s`` of the answer is the instant it was moved on to. Airspeed not heard is the
+        length of ground velocity less wind.
+        """
+        heard = self._position
+        if heard is None:
+            return None
+        ahead = min(max(now_s - heard.stamp_s, 0.0), self._settings.extrapolate_max_s)
+        east, north, up = heard.velocity_enu_m_s
+        wind = (0.0, 0.0) if self._wind is None else (self._wind.wind_east_m_s, self._wind.wind_north_m_s)
+        ground_speed = math.hypot(east, north)
+        place = self._place_enu_m
+        return Ownship(
+            stamp_s=heard.stamp_s + ahead,
+            position_enu_m=(place[0] + ahead * east, place[1] + ahead * north, place[2] + ahead * up),
+            course_rad=self._course(east, north),
+            flight_path_angle_rad=math.atan2(up, ground_speed) if ground_speed > 0.0 else 0.0,
+            airspeed_m_s=self._airspeed(now_s, east - wind[0], north - wind[1], up),
+            ground_speed_m_s=ground_speed,
+            wind_enu_m_s=wind,
+            position_std_m=self._position_std(),
+            bank_rad=self._bank(now_s),
+        )
+
+    def _held(self, event: Event) -> Event | None:
+        kept = (self._position, self._air, self._attitude, self._wind, self._accuracy)
+        return next((held for held in kept if type(held) is type(event)), None)
+
+    def _course(self, east_m_s: float, north_m_s: float) -> float:
+        slow = math.hypot(east_m_s, north_m_s) < self._settings.course_speed_min_m_s
+        if slow and self._attitude is not None:
+            return self._attitude.yaw_rad % (2.0 * math.pi)
+        return math.atan2(east_m_s, north_m_s) % (2.0 * math.pi)
+
+    def _airspeed(self, now_s: float, east_m_s: float, north_m_s: float, up_m_s: float) -> float:
+        air = self._air
+        if air is not None and now_s - air.stamp_s <= self._settings.secondary_max_age_s:
+            return air.airspeed_m_s
+        return math.hypot(east_m_s, north_m_s, up_m_s)
+
+    def _bank(self, now_s: float) -> float:
+        attitude = self._attitude
+        if attitude is None or now_s - attitude.stamp_s > self._settings.secondary_max_age_s:
+            return 0.0
+        return attitude.bank_rad
+
+    def _position_std(self) -> tuple[float, float]:
+        if self._accuracy is None:
+            return self._settings.position_std_horizontal_m, self._settings.position_std_vertical_m
+        return self._accuracy.position_horizontal_std_m, self._accuracy.position_vertical_std_m
+
+
+def predicted(state: Ownship, ahead_s: float) -> Ownship:
+    """Return where a coordinated turn at the present bank, speed and wind leads.
+
+    The air-relative velocity turns at ``g·tan(bank)/v`` (v its horizontal part) while the wind
+    carries the circle along; the climb rate stays. Good for a few seconds: no bank lasts longer.
+
+    Parameters
+    ----------
+    state : Ownship
+        Where it starts.
+    ahead_s : float
+        For how long, at least 0 [s].
+
+    References
+    ----------
+    Beard and McLain, *Small Unmanned Aircraft*, 2012, eq. (9.14): the coordinated turn.
+    """
+    wind_east, wind_north = state.wind_enu_m_s
+    air_east = state.ground_speed_m_s * math.sin(state.course_rad) - wind_east
+    air_north = state.ground_speed_m_s * math.cos(state.course_rad) - wind_north
+    speed = math.hypot(air_east, air_north)
+    bank = min(max(state.bank_rad, -BANK_MAX_RAD), BANK_MAX_RAD)
+    rate = GRAVITY_M_S2 * math.tan(bank) / speed if speed > 0.0 else 0.0
+    heading = math.atan2(air_east, air_north)
+    turned = heading + rate * ahead_s
+    if abs(rate) < TURN_RATE_MIN_RAD_S:
+        moved_east, moved_north = air_east * ahead_s, air_north * ahead_s
+    else:
+        radius = speed / rate
+        moved_east = radius * (math.cos(heading) - math.cos(turned))
+        moved_north = radius * (math.sin(turned) - math.sin(heading))
+    ground_east = speed * math.sin(turned) + wind_east
+    ground_north = speed * math.cos(turned) + wind_north
+    ground_speed = math.hypot(ground_east, ground_north)
+    climb_rate = state.ground_speed_m_s * math.tan(state.flight_path_angle_rad)
+    east, north, up = state.position_enu_m
+    return replace(
+        state,
+        stamp_s=state.stamp_s + ahead_s,
+        position_enu_m=(
+            east + moved_east + wind_east * ahead_s,
+            north + moved_north + wind_north * ahead_s,
+            up + climb_rate * ahead_s,
+        ),
+        course_rad=math.atan2(ground_east, ground_north) % (2.0 * math.pi)
+        if ground_speed
+        else state.course_rad,
+        flight_path_angle_rad=math.atan2(climb_rate, ground_speed) if ground_speed else 0.0,
+        ground_speed_m_s=ground_speed,
+    )
+
+
+def _is_finite(event: Event) -> bool:
+    """Whether no number of an event, or of a tuple in it, is NaN or infinite."""
+    numbers = [
+        number
+        for value in astuple(event)
+        for number in (value if isinstance(value, tuple) else (value,))
+        if isinstance(number, float)
+    ]
+    return all(map(math.isfinite, numbers))
