@@ -1,0 +1,506 @@
+"""Independent check of paths and missions before they are flown.
+
+Written apart from the planner and sharing no code with it: plain NumPy and shapely. A fault in a
+kernel or in the search can then not hide itself here.
+
+What rows of a path can tell
+----------------------------
+Between two rows the aircraft flies a curve that the rows only sample: an arc, or, where a turn begins
+or ends between them, an arc and a straight piece. Three rules rest on that:
+
+- *Clearance* is measured from the chord. A curve that turns one way by ``Δ`` with a radius bounded from
+  below leaves its chord by at most ``4/27·chord·Δ`` (an arc over two thirds of the edge, then straight;
+  a whole arc leaves it by ``1/8·chord·Δ``). That much is taken off.
+- *Turn radius* is the edge's mean: length over course change. Chord and courses must agree, so a path
+  cannot hide a turn by stating courses that it does not fly.
+- *Straight flight* between turns is the sum of edges without course change, and of the two edges on
+  either side of them the part that a turn at the smallest radius does not need. Of these parts one
+  edge length at most is granted: that is the uncertainty of sampling.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
+from companion.frames import FloatArray
+from companion.types.path import Path
+from companion.types.threat import Obstacle
+
+BoolArray = NDArray[np.bool_]
+
+POINT_TOLERANCE_M = 0.01  # of bounds and goals
+BULGE_TOLERANCE_M = 2.0  # by which an arc between two rows inside the bounds may pass them
+SPEED_TOLERANCE_M_S = 0.01
+CLIMB_TOLERANCE_RAD = math.radians(0.1)
+COURSE_TOLERANCE_RAD = 0.02  # between an edge's chord and its courses
+RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
+CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
+STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
+BULGE_SHARE = 4.0 / 27.0
+CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
+NUMBER_MAX = 1e8  # anything larger is no position, time or speed
+LOITER_SIDES, CORNER_SIDES = 72, 8
+BETWEEN_ROWS = "climb angle between rows [rad]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckLimits:
+    """What a path has to keep.
+
+    Parameters
+    ----------
+    bounds : tuple of float
+        East, north, up, each low and high [m].
+    margin_m : float
+        Distance from obstacles beyond what the covariance asks for [m].
+    deviations : float
+        Standard deviations of position added to the margin.
+    turn_radius_min_m, straight_length_min_m : float
+        Of turns, and of straight flight between two turns [m].
+    climb_angle_max_rad, descent_angle_max_rad : float
+        Both positive [rad].
+    airspeed_min_m_s, airspeed_max_m_s : float
+        Limits of the airspeed [m/s].
+    threat_level_max : float
+        Largest threat level of a row; 1 limits nothing.
+    quality_min : float
+        Smallest product of p_c over the rows.
+    altitude_tolerance_m : float
+        Widens the altitude band, for an aircraft in flight [m].
+    """
+
+    bounds: tuple[float, float, float, float, float, float]
+    margin_m: float
+    deviations: float = 1.0
+    turn_radius_min_m: float
+    straight_length_min_m: float
+    climb_angle_max_rad: float
+    descent_angle_max_rad: float
+    airspeed_min_m_s: float
+    airspeed_max_m_s: float
+    threat_level_max: float = 1.0
+    quality_min: float = 0.0
+    altitude_tolerance_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One rule broken at one row; rows of an edge or leg are that of its end."""
+
+    rule: str
+    row: int
+    value: float
+    limit: float
+    detail: str
+
+    def __str__(self) -> str:
+        return f"row {self.row}: {self.detail}: {self.value:.6g}, limit {self.limit:.6g} ({self.rule})"
+
+
+@dataclass(frozen=True, slots=True)
+class _Edges:
+    """What follows from the rows alone: arrays of one number an edge, edge k from row k to row k + 1."""
+
+    rows: NDArray[np.int64]  # row at the end of each
+    usable: BoolArray  # both ends have numbers
+    steps_s: FloatArray
+    chords_m: FloatArray
+    flat_chords_m: FloatArray
+    turns_rad: FloatArray  # course change, positive to the right
+    offsets_rad: FloatArray  # chord's course against the mean course
+    lengths_m: FloatArray  # along the arc, level
+    rises_m: FloatArray
+
+
+def _wrapped(angles: FloatArray) -> FloatArray:
+    """Angles in [-π, π)."""
+    result: FloatArray = (angles + math.pi) % (2.0 * math.pi) - math.pi
+    return result
+
+
+def _edges(path: Path, usable_rows: BoolArray) -> _Edges:
+    """Differences between rows; the numbers of unusable rows are taken as 0."""
+    positions = np.where(usable_rows[:, None], path.positions_enu_m, 0.0)
+    courses = np.where(usable_rows, path.courses_rad, 0.0)
+    times = np.where(usable_rows, path.times_s, 0.0)
+    away = np.diff(positions, axis=0)
+    flat = np.hypot(away[:, 0], away[:, 1])
+    turns = _wrapped(np.diff(courses))
+    half = 0.5 * np.abs(turns)
+    offsets = _wrapped(np.arctan2(away[:, 0], away[:, 1]) - (courses[:-1] + 0.5 * turns))
+    return _Edges(
+        rows=np.arange(1, len(courses)),
+        usable=usable_rows[:-1] & usable_rows[1:],
+        steps_s=np.diff(times),
+        chords_m=np.linalg.norm(away, axis=1),
+        flat_chords_m=flat,
+        turns_rad=turns,
+        offsets_rad=offsets,
+        lengths_m=flat / np.sinc(half / math.pi),
+        rises_m=away[:, 2],
+    )
+
+
+class Checker:
+    """All rules over the obstacles of one world.
+
+    Parameters
+    ----------
+    obstacles : sequence of Obstacle
+        Upright prisms. A polygon that crosses itself is taken as its convex hull.
+    limits : CheckLimits
+        What paths and missions have to keep.
+
+    Raises
+    ------
+    ValueError
+        If an obstacle has a number that is not finite, or fewer than three corners.
+    """
+
+    def __init__(self, obstacles: Sequence[Obstacle], limits: CheckLimits) -> None:
+        self.limits = limits
+        self._prisms = Prisms(obstacles)
+        self._climbs = (-limits.descent_angle_max_rad, limits.climb_angle_max_rad)
+
+    def check_path(
+        self,
+        path: Path,
+        *,
+        goal_enu_m: Sequence[float] | None = None,
+        acceptance_radius_m: float | None = None,
+        from_row: int = 0,
+    ) -> tuple[Violation, ...]:
+        """Every rule a path breaks from a row on; nothing if it may be flown.
+
+        Parameters
+        ----------
+        path : Path
+            As planned or as it is being flown.
+        goal_enu_m : sequence of float, optional
+            East, north, up of the point at which it has to end [m].
+        acceptance_radius_m : float, optional
+            How near; 0 if left out [m].
+        from_row : int
+            Rows before it have been flown and are not judged; they still count as what came before.
+        """
+        num = len(path.times_s)
+        table = (path.courses_rad, path.climb_angles_rad, path.speeds_m_s, path.collision_free)
+        shapes_fit = (
+            all(np.shape(column) == (num,) for column in (*table, path.threat_levels))
+            and np.shape(path.positions_enu_m) == (num, 3)
+            and np.shape(path.position_covariances_m2) == (num, 3, 3)
+        )
+        if num < 2 or not shapes_fit:
+            return (Violation("rows", 0, float(num), 2.0, "a path needs two rows and columns of one length"),)
+        first = min(max(from_row, 0), num - 1)
+        with np.errstate(all="ignore"):
+            found = list(self._path_violations(path, first))
+            if goal_enu_m is not None:
+                found += _goal_violations(path, goal_enu_m, acceptance_radius_m or 0.0)
+        return tuple(violation for violation in found if violation.row >= first)
+
+    def _path_violations(self, path: Path, first: int) -> Iterator[Violation]:
+        """Violations of all rows; edges that end at or before ``first`` are left out."""
+        deviations, well_formed = _position_deviations(path.position_covariances_m2)
+        numbers = np.column_stack(
+            [path.times_s, path.positions_enu_m, path.courses_rad, path.climb_angles_rad, path.speeds_m_s]
+        )
+        usable: BoolArray = np.all(np.abs(numbers) <= NUMBER_MAX, axis=1)
+        for row in np.flatnonzero(~usable):
+            yield Violation("finite", int(row), math.nan, NUMBER_MAX, "numbers that are not finite")
+        for row in np.flatnonzero(~well_formed):
+            yield Violation("covariance", int(row), math.nan, 0.0, "covariance is not positive semidefinite")
+        edges = _edges(path, usable)
+        yield from self._row_violations(path, usable, first)
+        ahead = edges.usable & (edges.rows > first)
+        yield from self._edge_violations(path, edges, ahead)
+        yield from _straight_violations(edges, self.limits, first)
+        yield from self._bulge_violations(path, edges, ahead)
+        which = np.flatnonzero(ahead & well_formed[:-1] & well_formed[1:])
+        spread = self.limits.deviations * np.maximum(deviations[:-1], deviations[1:])
+        yield from self._clearance_violations(
+            path.positions_enu_m[which],
+            path.positions_enu_m[which + 1],
+            self.limits.margin_m + spread[which],
+            BULGE_SHARE * edges.flat_chords_m[which] * np.abs(edges.turns_rad[which]),
+            edges.rows[which],
+        )
+
+    def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
+        """Bounds, speeds, stated climb angles, threat levels and quality."""
+        limits, ahead = self.limits, np.arange(len(usable)) >= first
+        ready = usable & ahead
+        yield from self._bounds_violations(path.positions_enu_m, ready, POINT_TOLERANCE_M)
+        speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
+        rows = np.arange(len(usable))
+        airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
+        yield from _outside("speed", rows, ready, speed, airspeeds, SPEED_TOLERANCE_M_S, "airspeed [m/s]")
+        yield from _outside(
+            "climb", rows, ready, climb, self._climbs, CLIMB_TOLERANCE_RAD, "stated climb angle [rad]"
+        )
+        is_level = (level >= 0.0) & (level <= 1.0)
+        too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
+        yield from _listed("threat", rows, too_high, level, limits.threat_level_max, "threat level")
+        free = path.collision_free
+        is_share = (free >= 0.0) & (free <= 1.0)
+        yield from _listed("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
+        quality = float(np.prod(free[first:]))
+        if not quality >= limits.quality_min:
+            yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
+
+    def _edge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
+        """Time stamps, agreement of speed, course and positions, turn radius, climb by geometry."""
+        limits, rows = self.limits, edges.rows
+        backwards = ahead & ~(edges.steps_s > 0.0)
+        yield from _listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
+        timed = ahead & (edges.steps_s > 0.0)
+        flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
+        too_far = timed & (edges.chords_m > flown * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
+        yield from _listed(
+            "pace", rows, too_far, edges.chords_m, flown, "farther than speed and time allow [m]"
+        )
+        # No curve of the smallest radius has a shorter chord than its arc (Schur's theorem).
+        arc = np.minimum(0.5 * flown / limits.turn_radius_min_m, 0.5 * math.pi)
+        least = flown * np.sinc(arc / math.pi)
+        too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
+        yield from _listed(
+            "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
+        )
+        turns = np.abs(edges.turns_rad)
+        room = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
+        astray = ahead & (np.abs(edges.offsets_rad) > room)
+        yield from _listed("course", rows, astray, np.abs(edges.offsets_rad), room,
+                           "courses do not agree with positions [rad]")  # fmt: skip
+        radii = edges.lengths_m / np.maximum(turns, 1e-12)
+        smallest = limits.turn_radius_min_m
+        tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
+        yield from _listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        angles = np.arctan2(edges.rises_m, edges.lengths_m)
+        yield from _outside("climb", rows, ahead, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+
+    def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
+        """Bounds of the arcs' middles, which lie outside the chords by the sagitta."""
+        turns = edges.turns_rad
+        sagitta = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
+        course = path.courses_rad[:-1] + 0.5 * turns
+        middles = 0.5 * (path.positions_enu_m[:-1] + path.positions_enu_m[1:])
+        # A turn to the right bulges to the left of its chord.
+        middles[:, 0] -= sagitta * np.cos(course)
+        middles[:, 1] += sagitta * np.sin(course)
+        turning = np.append(False, ahead & (np.abs(turns) > STRAIGHT_COURSE_RAD))
+        points = np.vstack([middles[:1], middles])
+        yield from self._bounds_violations(points, turning, BULGE_TOLERANCE_M)
+
+    def _bounds_violations(
+        self, points: FloatArray, ready: BoolArray, tolerance_m: float, row: int | None = None
+    ) -> Iterator[Violation]:
+        """Points outside the bounds; ``row`` names them all where given."""
+        widen = (tolerance_m, tolerance_m, POINT_TOLERANCE_M + self.limits.altitude_tolerance_m)
+        rows = np.arange(len(points)) if row is None else np.full(len(points), row)
+        for axis, name in enumerate(("east", "north", "up")):
+            low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
+            yield from _outside(
+                "bounds", rows, ready, points[:, axis], (low, high), widen[axis], f"{name} of the bounds [m]"
+            )
+
+    def _clearance_violations(
+        self,
+        starts: FloatArray,
+        ends: FloatArray,
+        margins: FloatArray,
+        bulges: FloatArray,
+        rows: NDArray[np.int64],
+    ) -> Iterator[Violation]:
+        """Segments that come too near to a prism: their distance less the bulge, against the margin."""
+        for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
+            yield Violation(
+                "clearance", int(rows[segment]), clear, float(margins[segment]), f"distance to {name} [m]"
+            )
+
+    def check_legs(
+        self, positions_enu_m: FloatArray, *, ends_in_loiter: bool, loiter_radius_m: float | None,
+        loiter_centre_enu_m: FloatArray | None = None,
+    ) -> tuple[Violation, ...]:  # fmt: skip
+        """Every rule that mission waypoints break as they are flown: straight legs and fly-by corners.
+
+        Parameters
+        ----------
+        positions_enu_m : ndarray, shape (K, 3)
+            Waypoints in order, the first the one the aircraft comes from.
+        ends_in_loiter : bool
+            Whether the last is a loiter; it breaks the rule ``ending`` if not.
+        loiter_radius_m : float or None
+            Its radius; the sign (direction) does not matter [m].
+        loiter_centre_enu_m : ndarray, shape (3,), optional
+            Its centre, where that is not the last waypoint but a point beside it [m].
+        """
+        points = np.asarray(positions_enu_m, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
+            return (Violation("rows", 0, float(len(points)), 2.0, "a mission needs two waypoints"),)
+        usable = (np.abs(points) <= NUMBER_MAX).all(axis=1)
+        if not usable.all():
+            return tuple(
+                Violation("finite", int(row), math.nan, NUMBER_MAX, "numbers that are not finite")
+                for row in np.flatnonzero(~usable)
+            )
+        with np.errstate(all="ignore"):
+            found = list(self._leg_violations(points))
+            centre = points[-1] if loiter_centre_enu_m is None else np.asarray(loiter_centre_enu_m)
+            found += self._ending_violations(points, centre, ends_in_loiter, loiter_radius_m)
+        return tuple(found)
+
+    def _leg_violations(self, points: FloatArray) -> Iterator[Violation]:
+        """Bounds, clearance, climb and corners of the legs."""
+        yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
+        rows = np.arange(1, len(points))
+        none = np.zeros(len(rows))
+        margins = none + self.limits.margin_m
+        yield from self._clearance_violations(points[:-1], points[1:], margins, none, rows)
+        away = np.diff(points, axis=0)
+        lengths = np.hypot(away[:, 0], away[:, 1])
+        moving = lengths > POINT_TOLERANCE_M
+        angles = np.arctan2(away[:, 2], lengths)
+        flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
+        yield from _outside("climb", rows, flown, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+        kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
+        if len(kept) >= 3:
+            yield from self._corner_violations(points[kept], kept)
+
+    def _corner_violations(self, points: FloatArray, rows: NDArray[np.int64]) -> Iterator[Violation]:
+        """Whether turns at the corners fit on their legs, and clear obstacles on the inside."""
+        away = np.diff(points[:, :2], axis=0)
+        lengths = np.hypot(away[:, 0], away[:, 1])
+        courses = np.arctan2(away[:, 0], away[:, 1])
+        turns = _wrapped(np.diff(courses))
+        reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
+        needed = np.append(reach, 0.0) + np.append(0.0, reach)
+        short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
+        yield from _listed(
+            "corner", rows[1:], short, lengths, needed, "leg too short for the turns at its ends [m]"
+        )
+        for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):
+            cut = float(min(reach[corner], lengths[corner], lengths[corner + 1]))
+            arc, sagitta = _fly_by(
+                points[corner : corner + 3], float(courses[corner]), float(turns[corner]), cut
+            )
+            none = np.zeros(CORNER_SIDES)
+            yield from self._clearance_violations(
+                arc[:-1], arc[1:], none + self.limits.margin_m, none + sagitta,
+                np.full(CORNER_SIDES, rows[corner + 1]),
+            )  # fmt: skip
+
+    def _ending_violations(
+        self, points: FloatArray, centre: FloatArray, ends_in_loiter: bool, loiter_radius_m: float | None
+    ) -> Iterator[Violation]:
+        """Whether the loiter at the end can be flown, clear of obstacles and inside the bounds."""
+        last, smallest = len(points) - 1, self.limits.turn_radius_min_m
+        if not ends_in_loiter:
+            yield Violation("ending", last, 0.0, 1.0, "the mission does not end in a loiter")
+            return
+        radius = math.nan if loiter_radius_m is None else abs(loiter_radius_m)
+        if not smallest * (1.0 - RATIO_TOLERANCE) <= radius <= NUMBER_MAX:
+            yield Violation("ending", last, radius, smallest, "loiter radius [m]")
+        if not radius <= NUMBER_MAX:
+            return
+        angles = np.linspace(0.0, 2.0 * math.pi, LOITER_SIDES + 1)
+        ring = centre + radius * np.column_stack([np.sin(angles), np.cos(angles), np.zeros(len(angles))])
+        none = np.zeros(LOITER_SIDES)
+        margins, bulges = (
+            none + self.limits.margin_m,
+            none + radius * (1.0 - math.cos(math.pi / LOITER_SIDES)),
+        )
+        rows = np.full(LOITER_SIDES, last)
+        found = list(self._clearance_violations(ring[:-1], ring[1:], margins, bulges, rows))
+        if found:  # one for the circle, not one for each of its sides
+            yield min(found, key=lambda violation: violation.value)
+        outside = list(self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=last))
+        yield from outside[:1]
+
+
+def _position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Largest standard deviation of each covariance (N, 3, 3) [m], and whether it is one at all."""
+    finite: BoolArray = np.all(np.abs(covariances) <= NUMBER_MAX, axis=(1, 2))
+    safe = np.where(finite[:, None, None], covariances, 0.0)
+    eigenvalues = np.linalg.eigvalsh(0.5 * (safe + np.swapaxes(safe, 1, 2)))
+    scale = 1e-6 * (1.0 + eigenvalues[:, -1])
+    skew = np.abs(safe - np.swapaxes(safe, 1, 2)).max(axis=(1, 2))
+    well_formed = finite & (eigenvalues[:, 0] >= -scale) & (skew <= scale)
+    return np.sqrt(np.maximum(eigenvalues[:, -1], 0.0)), well_formed
+
+
+def _straight_violations(edges: _Edges, limits: CheckLimits, first: int) -> Iterator[Violation]:
+    """Find turns begun before enough straight flight since the last (see the module's docstring)."""
+    lengths = np.where(edges.usable, np.hypot(edges.lengths_m, edges.rises_m), 0.0)
+    turns = np.where(edges.usable, edges.turns_rad, 0.0)
+    signs = np.where(np.abs(turns) > STRAIGHT_COURSE_RAD, np.sign(turns), 0.0).astype(int)
+    spare = np.maximum(0.0, lengths - limits.turn_radius_min_m * np.abs(turns))
+    last_sign, straight, last_edge = 0, 0.0, 0
+    for k in np.flatnonzero(signs):
+        straight = float(lengths[last_edge + 1 : k].sum())
+        goes_on = signs[k] == last_sign and k == last_edge + 1
+        if last_sign != 0 and not goes_on:
+            straight += min(float(max(lengths[k], lengths[last_edge])), float(spare[k] + spare[last_edge]))
+            if straight < limits.straight_length_min_m - LENGTH_TOLERANCE_M and edges.rows[k] > first:
+                yield Violation(
+                    "straight", int(edges.rows[k]), straight, limits.straight_length_min_m,
+                    "straight flight since the last turn [m]",
+                )  # fmt: skip
+        last_sign, last_edge = signs[k], int(k)
+
+
+def _outside(
+    rule: str,
+    rows: NDArray[np.int64],
+    ready: BoolArray,
+    values: FloatArray,
+    limits: tuple[float, float],
+    tolerance: float,
+    detail: str,
+) -> Iterator[Violation]:
+    """One violation for every element below or above its limits, where it is ready to be judged."""
+    low, high = limits
+    yield from _listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
+    yield from _listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
+
+
+def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
+    """Whether the last row is at the goal."""
+    away = float(np.linalg.norm(path.positions_enu_m[-1] - np.asarray(goal_enu_m, dtype=np.float64)))
+    if not away <= radius_m + POINT_TOLERANCE_M:
+        yield Violation(
+            "goal", len(path.times_s) - 1, away, radius_m, "distance of the end from the goal [m]"
+        )
+
+
+def _listed(
+    rule: str,
+    rows: NDArray[np.int64],
+    broken: BoolArray,
+    values: FloatArray,
+    limit: float | FloatArray,
+    detail: str,
+) -> Iterator[Violation]:
+    """One violation for every element that is broken."""
+    limits = np.broadcast_to(limit, np.shape(values))
+    for index in np.flatnonzero(broken):
+        yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
+
+
+def _fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tuple[FloatArray, float]:
+    """Points of the arc that leaves a leg ``cut_m`` before its corner, and the sagitta between them [m]."""
+    into, out = corner[1] - corner[0], corner[2] - corner[1]
+    before = corner[1] - into * (cut_m / float(np.hypot(into[0], into[1])))
+    behind = corner[1] + out * (cut_m / float(np.hypot(out[0], out[1])))
+    radius, side = cut_m / math.tan(0.5 * abs(turn)), math.copysign(1.0, turn)
+    share = np.linspace(0.0, 1.0, CORNER_SIDES + 1)
+    courses = course + turn * share
+    east = before[0] + side * radius * (math.cos(course) - np.cos(courses))
+    north = before[1] + side * radius * (np.sin(courses) - math.sin(course))
+    up = before[2] + share * (behind[2] - before[2])
+    return np.column_stack([east, north, up]), radius * (1.0 - math.cos(0.5 * turn / CORNER_SIDES))
