@@ -150,7 +150,8 @@ class Search(NamedTuple):
     probability of GoalZoom; ``use_k_near``, ``use_domain``, ``use_uncertainty``, ``no_fly`` switches
     (1 on); ``secondary`` n_q; ``tolerance`` distance at which a sub goal is reached [m];
     ``certain`` p_c from which a node never blocked has no limit for uncertainty; ``estimator`` of
-    RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators.
+    RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators;
+    ``level_max`` threat level above which a node is not kept.
     """
 
     k_clear: float
@@ -171,6 +172,7 @@ class Search(NamedTuple):
     estimator: int
     p_tid: float
     k_pursuer: int
+    level_max: float
 
 
 def empty_tree(capacity: int, num_threats: int) -> Tree:

@@ -254,6 +254,14 @@ def add_node(
 
 
 @nb.njit(cache=True, nogil=True)
+def drop_last(tree: Tree, parent: int) -> None:
+    """Take back the node added last."""
+    tree.count[0] -= 1
+    tree.active[tree.count[0]] = 0
+    tree.children[parent] -= 1
+
+
+@nb.njit(cache=True, nogil=True)
 def inherit_threats(tree: Tree, i: int, parent: int, obstacles: Obstacles) -> None:
     """A DT that could be somewhere for the parent can wait there for the child, if it sees it."""
     for d in range(tree.threat_point.shape[1]):
@@ -322,6 +330,10 @@ def explore(
             draws[m, 4:7], obstacles, changed,
         )  # fmt: skip
         assess(tree, i, threats, reach, model, tables.normals, search, limits.dimension, scratch, levels)
+        if tree.level[i] > search.level_max and tree.level[i] >= tree.level[q_n]:
+            drop_last(tree, q_n)  # but ways out of a threat already entered stay open
+            stats[2] += 1
+            continue
         for c in range(num):
             if changed[c] != i:
                 assess(

@@ -158,7 +158,7 @@ def path_cost(
     states: FloatArray, times: FloatArray, first: int, n: int, delta: float, pursuers: Pursuers,
     obstacles: Obstacles, threats: Threats, model: ThreatModel, search: Search,
 ) -> float:  # fmt: skip
-    """Sum of (9) over the edges that end in rows ``first`` to ``n - 1``."""
+    """Sum of (9) over the edges that end in rows ``first`` to ``n - 1``; infinite above the level limit."""
     scratch = np.empty((MAX_THREATS, 2))
     points = np.zeros((max(pursuers.count.shape[0], 1), 4))
     reach = pursuers.model[:, 1].copy()
@@ -171,6 +171,8 @@ def path_cost(
             p[0], p[1], p[2], q[0], q[1], q[2], q[5], delta, threats, points, reach, model,
             search.secondary, scratch,
         )  # fmt: skip
+        if level > search.level_max:
+            total = math.inf
         total += (
             search.cost_distance * chord / search.unit
             + search.cost_turn * turn_cost(p, q[0], q[1], q[2])

@@ -107,6 +107,7 @@ class AutopilotLink:
         self._on_pending_change = on_pending_change
         self._timeout_s = timeout_s
         self._pending_calls = 0
+        self._is_our_turn = False
         self._dialect: Dialect | None = None
         self._heartbeat: bytes | None = None
         self._mission_ack: MissionAck | None = None
@@ -121,6 +122,15 @@ class AutopilotLink:
     def pending_calls(self) -> int:
         """How many calls of MAVSDK are under way."""
         return self._pending_calls
+
+    @property
+    def is_our_turn(self) -> bool:
+        """Whether a call is under way and the next word is MAVSDK's, not the autopilot's.
+
+        Simulated time stands still meanwhile: MAVSDK's threads would else take as much of it as they
+        happen to need.
+        """
+        return self._pending_calls > 0 and self._is_our_turn
 
     def receive(self, frame: Frame) -> None:
         """Take a received frame; those of other systems and of no concern are ignored."""
@@ -137,6 +147,7 @@ class AutopilotLink:
         if self._mavsdk is not None and (
             frame.message_id in _MISSION_MESSAGES or frame.message_id == _HEARTBEAT
         ):
+            self._is_our_turn = self._is_our_turn or frame.message_id in _MISSION_MESSAGES
             self._mavsdk.pass_received_raw_bytes(frame.raw)
 
     async def upload(self, items: Sequence[MissionItem]) -> int:
@@ -311,6 +322,7 @@ class AutopilotLink:
         """Pass on what MAVSDK wants sent, in the loop."""
         message_id = raw_frame(data).message_id
         if message_id in _MISSION_MESSAGES:
+            self._is_our_turn = False
             self._send(self._codec.renumbered(data))
             if message_id == _MISSION_ACK:
                 self._has_acknowledged.set()
@@ -360,6 +372,7 @@ class AutopilotLink:
 
     def _count(self, change: int) -> None:
         self._pending_calls += change
+        self._is_our_turn = change > 0
         if self._on_pending_change is not None:
             self._on_pending_change(self._pending_calls)
 

@@ -9,6 +9,9 @@ from companion.kernels.layout import Limits, Search, ThreatModel
 from companion.vehicle.motion import VehicleModel
 
 
+LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
+
+
 class Certainty(IntEnum):
     """Form of the certainty function (2); the numbers are the kernel's."""
 
@@ -87,6 +90,7 @@ class PlannerSettings:
     exponent: float = 1.0  # ω_C
     certain: float = 0.999
     adjust_collision_max: float = 0.5
+    threat_level_max: float = 1.0
     sub_task_iterations: int = 1500
     stall_iterations: int = 500
     max_iterations: int = 60_000
@@ -129,4 +133,5 @@ class PlannerSettings:
             estimator=int(chosen.estimator),
             p_tid=self.p_tid,
             k_pursuer=self.k_pursuer,
+            level_max=LEVEL_SHARE * self.threat_level_max if self.threat_level_max < 1.0 else 2.0,
         )

@@ -7,15 +7,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from companion.frames import direction_from_course
 from companion.kernels.splice import path_cost
 from companion.kernels.threat import membership, success_over_exposures
 from companion.kernels.visibility import is_hidden
 from companion.planning.explore import Exploration
+from companion.planning.finish import finished_route
 from companion.planning.optimise import optimised_route
 from companion.planning.problem import Problem
 from companion.planning.route import Assessment, Route, assess_route, path_from_route, route_from_tree
 from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
+from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 
 HIGH_THREAT = 0.5
@@ -31,6 +34,7 @@ def solve(
     problem: Problem,
     should_stop: Callable[[], bool] = never,
     timer: Callable[[], float] = time.perf_counter,
+    flown: Path | None = None,
 ) -> Plan:
     """Plan from the start through all goals, in order.
 
@@ -42,6 +46,8 @@ def solve(
         Asked between bursts of iterations; the default leaves it to ``max_iterations``.
     timer : callable
         Seconds, for the measure PST only; nothing is decided by it.
+    flown : Path, optional
+        What is left of the path being flown, from the start on; costed in the same world.
 
     Returns
     -------
@@ -66,6 +72,8 @@ def solve(
     searched = timer() - began
     route = route_from_tree(exploration, node)
     notes = list(exploration.notes)
+    if reached:
+        route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
     if reached and problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
         route, kept = optimised_route(exploration, route, should_stop)
         notes.append(f"{kept} rewirings")
@@ -73,6 +81,7 @@ def solve(
         route, moved = adjusted_route(exploration, route)
         notes.append(f"{moved} waypoints adjusted")
     assessment = assess_route(exploration, route)
+    flown_cost, flown_threat = flown_risk(exploration, flown)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(route, assessment),
@@ -82,6 +91,8 @@ def solve(
         snapshot_number=problem.snapshot.number,
         trace=trace_of(exploration),
         notes=tuple(notes),
+        flown_cost=flown_cost,
+        flown_threat=flown_threat,
     )
 
 
@@ -109,6 +120,27 @@ def measures_of(
         num_high_threat_waypoints=int((assessment.levels > HIGH_THREAT).sum()),
         penetration_success=float(success_over_exposures(assessment.levels)),
     )
+
+
+def flown_risk(exploration: Exploration, flown: Path | None) -> tuple[float | None, float | None]:
+    """Cost by (9) and largest threat level of a path being flown; nothing for none."""
+    if flown is None or len(flown) < 2:
+        return None, None
+    directions = [direction_from_course(float(course)) for course in flown.courses_rad]
+    states = np.column_stack(
+        [flown.positions_enu_m, directions, flown.climb_angles_rad, flown.speeds_m_s]
+    )
+    steps = np.diff(flown.times_s, prepend=flown.times_s[0] - 1.0)
+    turns = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
+    climbs = np.diff(flown.climb_angles_rad, prepend=flown.climb_angles_rad[0]) / steps
+    route = Route(states, flown.times_s.copy(), np.column_stack([turns, climbs]))
+    problem = exploration.problem
+    search = problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0)
+    cost = path_cost(
+        route.states, route.times, 1, len(route), float(exploration.tree.delta[0]), exploration.pursuers,
+        problem.snapshot.obstacles, exploration.threats, exploration.model, search,
+    )  # fmt: skip
+    return float(cost), float(assess_route(exploration, route).levels.max())
 
 
 def radar_memberships(exploration: Exploration, route: Route) -> tuple[np.ndarray, np.ndarray]:

@@ -77,7 +77,11 @@ class SearchTrace:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The planner's answer: a status, and a path where there is one."""
+    """The planner's answer: a status, and a path where there is one.
+
+    ``flown_cost`` and ``flown_threat`` are the cost by (9) and the largest threat level of what is left
+    of the path being flown, seen in the same world as the new path, where one was given.
+    """
 
     status: PlanStatus
     path: Path | None
@@ -87,6 +91,8 @@ class Plan:
     snapshot_number: int
     trace: SearchTrace = field(default_factory=SearchTrace)
     notes: tuple[str, ...] = ()
+    flown_cost: float | None = None
+    flown_threat: float | None = None
 
     @property
     def reaches_goal(self) -> bool:

@@ -41,7 +41,7 @@ def test_defaults_of_keys_left_out():
     config = mission_from_text(GOOD, "m.yaml")
     assert config.planning.method == "safe-rrt"
     assert config.planning.certainty == "shifted"
-    assert config.planning.max_iterations == 20_000
+    assert config.planning.max_iterations == 60_000
     assert config.vehicle.climb_angle_max_deg == 10.0
     assert config.vehicle.initial_position_std_m == 2.0
     assert config.dynamic_threats[0].behaviour == "pursue"

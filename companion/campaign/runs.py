@@ -1,0 +1,128 @@
+"""Offline plans of a mission file: one or many."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+
+from companion.config import MissionConfig
+from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
+from companion.errors import ConfigError
+from companion.frames import direction_from_course
+from companion.planning.comparators import METHODS
+from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.solver import solve
+from companion.types.plan import Plan
+from companion.types.threat import TrackState
+from companion.world.snapshot import Snapshot
+
+
+def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | None, seed: int) -> Problem:
+    """The problem the mission file states: from its start, at time 0.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method.
+    """
+    name = method or mission.planning.method
+    if name not in METHODS:
+        raise ConfigError(mission.name, None, "method", name, "one of " + ", ".join(sorted(METHODS)))
+    vehicle = vehicle_of(mission)
+    std = float(mission.vehicle.initial_position_std_m)
+    start = StartState(
+        stamp_s=0.0,
+        position_enu_m=(float(mission.start.east_m), float(mission.start.north_m), float(mission.start.up_m)),
+        direction_rad=direction_from_course(math.radians(mission.start.course_deg)),
+        climb_rad=0.0,
+        airspeed_m_s=vehicle.airspeed_cruise_m_s,
+        error_covariance=initial_covariances(vehicle, std, std),
+        estimate_covariance=np.zeros((6, 6)),
+    )
+    return Problem(start, goals_of(mission), snapshot, vehicle, planner_settings_of(mission, name), seed)
+
+
+def offline_world(mission: MissionConfig) -> Snapshot:
+    """The mission's world at time 0, each moving threat seen standing at its start."""
+    tracks = [
+        TrackState(
+            stamp_s=0.0,
+            identity=threat.name,
+            position_enu_m=threat.position_enu_m,
+            velocity_enu_m_s=(0.0, 0.0, 0.0),
+            covariance=np.eye(4),
+            speed_max_m_s=threat.speed_m_s,
+            max_threat_radius_m=threat.max_threat_radius_m,
+            turn_radius_m=threat.turn_radius_m,
+            is_airborne=False,
+            observed_s=0.0,
+        )
+        for threat in mission.dynamic_threat_list
+    ]
+    return world_of(mission).with_tracks(0.0, tracks)
+
+
+def plan_runs(
+    mission: MissionConfig, *, method: str | None, first_seed: int, runs: int, time_limit_s: float | None
+) -> tuple[Snapshot, list[Plan]]:
+    """Plans with consecutive seeds, and the world they were made in."""
+    snapshot = offline_world(mission)
+    problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
+    if time_limit_s is not None:  # compile outside the clock
+        solve(problems[0], lambda: True)
+    plans = []
+    for problem in problems:
+        deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s
+        plans.append(solve(problem, lambda end=deadline: time.perf_counter() >= end))  # type: ignore[misc]
+    return snapshot, plans
+
+
+def result_of(plan: Plan) -> dict[str, object]:
+    """One object of ``plan --json``: the measures of the paper's tables, and the path."""
+    m = plan.measures
+    return {
+        "seed": plan.seed,
+        "method": plan.method,
+        "success": plan.reaches_goal,
+        "status": plan.status.value,
+        "PST": round(m.path_search_time_s, 6),
+        "NCDC": m.num_collision_checks,
+        "NTN": m.num_tree_nodes,
+        "ESR": round(m.extension_success_rate, 6),
+        "TSI": round(m.search_iteration_time_s, 9),
+        "PC": round(m.path_cost, 6) if math.isfinite(m.path_cost) else None,
+        "Q": round(m.quality, 9),
+        "TTA": round(m.total_threat_amount, 6),
+        "ATP": round(m.aggregated_threat, 6),
+        "NHTW": m.num_high_threat_waypoints,
+        "PSR": round(m.penetration_success, 9),
+        "path": [] if plan.path is None else plan.path.rows(),
+    }
+
+
+def results_table(name: str, plans: Sequence[Plan]) -> Table:
+    """Medians of the runs for the terminal."""
+    reached = [plan for plan in plans if plan.reaches_goal]
+    table = Table(title=f"{name}: {plans[0].method}, {len(reached)} of {len(plans)} reach the goal")
+    for column in ("measure", "median", "min", "max"):
+        table.add_column(column, justify="left" if column == "measure" else "right")
+    rows = {
+        "PST, path search [ms]": [1e3 * plan.measures.path_search_time_s for plan in reached],
+        "NCDC, collision checks": [float(plan.measures.num_collision_checks) for plan in reached],
+        "NTN, tree nodes": [float(plan.measures.num_tree_nodes) for plan in reached],
+        "ESR": [plan.measures.extension_success_rate for plan in reached],
+        "PC, path cost": [plan.measures.path_cost for plan in reached],
+        "Q, path quality": [plan.measures.quality for plan in reached],
+        "TTA, radar threat": [plan.measures.total_threat_amount for plan in reached],
+        "NHTW, waypoints above 0.5": [float(plan.measures.num_high_threat_waypoints) for plan in reached],
+        "length [m]": [plan.path.length_m for plan in reached if plan.path is not None],
+        "duration [s]": [plan.path.duration_s for plan in reached if plan.path is not None],
+    }
+    for measure, values in rows.items():
+        if values:
+            table.add_row(measure, *(f"{v:.4g}" for v in (np.median(values), min(values), max(values))))
+    return table

@@ -1,0 +1,77 @@
+"""What a mission file says, as the program understood it."""
+
+from __future__ import annotations
+
+import math
+
+from rich.table import Table
+
+from companion.config import MissionConfig
+
+
+def described(mission: MissionConfig) -> dict[str, object]:
+    """The JSON of ``companion check``; positions in metres east, north, up of the origin."""
+    start = mission.start
+    return {
+        "name": mission.name,
+        "dimension": mission.dimension,
+        "origin": {
+            "lat_deg": mission.origin.latitude_deg,
+            "lon_deg": mission.origin.longitude_deg,
+            "alt_amsl_m": mission.origin.altitude_amsl_m,
+        },
+        "start_enu_m": [start.east_m, start.north_m, start.up_m],
+        "start_course_deg": start.course_deg,
+        "goals_enu_m": [[goal.east_m, goal.north_m, goal.up_m] for goal in mission.goals],
+        "bounds_enu_m": [list(mission.bounds.east_m), list(mission.bounds.north_m), list(mission.bounds.up_m)],
+        "obstacles": [
+            {
+                "name": entry.name,
+                "polygon_enu_m": [list(corner) for corner in entry.polygon_enu_m],
+                "base_m": entry.base_m,
+                "top_m": entry.top_m,
+            }
+            for entry in mission.obstacles
+        ],
+        "radars": [
+            {
+                "name": radar.name,
+                "position_enu_m": [radar.east_m, radar.north_m, radar.up_m],
+                "max_threat_radius_m": radar.max_threat_radius_m,
+                "boundary_coefficient_per_m": radar.boundary_coefficient_per_m,
+            }
+            for radar in mission.radars
+        ],
+        "dynamic_threats": [
+            {
+                "name": threat.name,
+                "position_enu_m": [threat.east_m, threat.north_m, threat.up_m],
+                "speed_m_s": threat.speed_m_s,
+                "max_threat_radius_m": threat.max_threat_radius_m,
+            }
+            for threat in mission.dynamic_threats
+        ],
+    }
+
+
+def summary_table(mission: MissionConfig) -> Table:
+    """The same in short, for the terminal."""
+    table = Table(title=f"{mission.name}: {mission.description or 'no description'}", show_header=False)
+    start, goal, vehicle = mission.start, mission.goals[-1], mission.vehicle
+    straight = math.dist((start.east_m, start.north_m), (goal.east_m, goal.north_m))
+    table.add_row("dimension", f"{mission.dimension}")
+    table.add_row("origin", f"{mission.origin.latitude_deg:.6f}, {mission.origin.longitude_deg:.6f}")
+    table.add_row("start", f"{start.east_m:g} E, {start.north_m:g} N, {start.up_m:g} m up, {start.course_deg:g}°")
+    for number, entry in enumerate(mission.goals, 1):
+        where = f"{entry.east_m:g} E, {entry.north_m:g} N, {entry.up_m:g} m up, within {entry.acceptance_radius_m:g} m"
+        table.add_row(f"goal {number}", where)
+    table.add_row("straight way", f"{straight:.0f} m, {straight / vehicle.airspeed_cruise_m_s:.0f} s at cruise")
+    table.add_row(
+        "aircraft",
+        f"{vehicle.airspeed_min_m_s:g}–{vehicle.airspeed_max_m_s:g} m/s, turn radius {vehicle.turn_radius_min_m:g} m",
+    )
+    table.add_row("obstacles", str(len(mission.obstacles)))
+    table.add_row("radars", str(len(mission.radars)))
+    table.add_row("moving threats", str(len(mission.dynamic_threats)))
+    table.add_row("planner", f"{mission.planning.method}, every {mission.planning.time_horizon_s:g} s")
+    return table

@@ -1,0 +1,182 @@
+"""``companion``: the commands, and what they exit with.
+
+Exit codes: 0 done, 1 no safe plan or failed flight, 2 bad usage or configuration, 3 link failure,
+4 internal error.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+
+from companion import __version__
+from companion.errors import CompanionError, ConfigError
+
+EXIT_FAILED = 1
+EXTRA_COMMANDS = "companion.commands"
+MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+console = Console()
+_log = logging.getLogger("companion")
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Show the version and leave.")] = False,
+) -> None:
+    """Plan safe paths online for a fixed-wing aircraft, beside its autopilot."""
+    if version:
+        console.print(__version__)
+        raise typer.Exit
+
+
+def write_json(target: Path, document: object) -> None:
+    """Write a JSON document to a file, whole or not at all, or to standard output.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
+    """
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    if str(target) == "-":
+        sys.stdout.write(text)
+        return
+    part = target.with_name(target.name + ".part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text)
+        part.replace(target)
+    except OSError as error:
+        raise ConfigError(str(target), None, "--json", error.strerror or str(error), "a file to write") from None
+
+
+@app.command()
+def check(
+    mission: MissionFile,
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture here.")] = None,
+) -> None:
+    """Validate a mission file, and tell what was understood."""
+    from companion.campaign.understood import described, summary_table  # noqa: PLC0415
+    from companion.config import load_mission  # noqa: PLC0415
+
+    config = load_mission(mission)
+    if json_file is not None:
+        write_json(json_file, described(config))
+    if json_file is None or str(json_file) != "-":
+        console.print(summary_table(config))
+    if plot is not None:
+        from companion.config.compose import world_of  # noqa: PLC0415
+        from companion.ui.plots import plot_mission  # noqa: PLC0415
+
+        plot_mission(plot, config, world_of(config, none_known=False))
+
+
+@app.command()
+def plan(
+    mission: MissionFile,
+    method: Annotated[str | None, typer.Option(help="safe-rrt or a comparator.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the first run; the next count up.")] = None,
+    runs: Annotated[int, typer.Option(min=1)] = 1,
+    time_limit: Annotated[
+        float | None, typer.Option(min=0.01, help="Seconds a plan; else an iteration budget.")
+    ] = None,
+    json_file: JsonFile = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run here.")] = None,
+) -> None:
+    """Make one offline plan, or several, from the mission file's start."""
+    from companion.campaign.runs import plan_runs, result_of, results_table  # noqa: PLC0415
+    from companion.config import load_mission  # noqa: PLC0415
+
+    config = load_mission(mission)
+    snapshot, plans = plan_runs(
+        config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
+        time_limit_s=time_limit,
+    )  # fmt: skip
+    if json_file is not None:
+        write_json(json_file, [result_of(entry) for entry in plans])
+    if json_file is None or str(json_file) != "-":
+        console.print(results_table(config.name, plans))
+    if plot is not None:
+        from companion.ui.plots import plot_plan  # noqa: PLC0415
+
+        plot_plan(plot, config, snapshot, plans[0])
+    if not all(entry.reaches_goal for entry in plans):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def run(
+    mission: MissionFile,
+    link: Annotated[
+        str,
+        typer.Option(help="serial:///dev/ttyAMA0:921600, udpin://host:port, udpout://… or tcp://…"),
+    ],
+    record: Annotated[Path, typer.Option(help="Folder of the flights' recordings.")] = Path("flights"),
+) -> None:
+    """Run the service beside an autopilot until it is stopped."""
+    from companion.config import load_mission  # noqa: PLC0415
+    from companion.daemon.service import serve  # noqa: PLC0415
+
+    config = load_mission(mission)
+    try:
+        asyncio.run(serve(config, link, record))
+    except KeyboardInterrupt:
+        _log.info("stopped; the autopilot keeps the mission it flies")
+
+
+def _without_simulator() -> None:
+    """Say what is missing."""
+    raise ConfigError("companion", None, "sitl", "no simulator installed", "pip install 'safe-rrt-companion[sim]'")
+
+
+def _add_commands() -> None:
+    """Add the commands other packages contribute."""
+    names = set()
+    for entry in entry_points(group=EXTRA_COMMANDS):
+        try:
+            entry.load()(app)
+        except ImportError as error:
+            _log.debug("%s: %s", entry.name, error)
+            continue
+        names.add(entry.name)
+    if "sitl" not in names:
+        app.command(
+            "sitl",
+            help="Fly a mission in the simulator (not installed).",
+            context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+        )(_without_simulator)
+
+
+def main() -> None:
+    """Run a command; errors made on purpose become one message and their exit code."""
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(message)s",
+        handlers=[RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)],
+    )
+    _add_commands()
+    try:
+        app()
+    except CompanionError as error:
+        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
+        sys.exit(error.exit_code)
+    except Exception:
+        _log.exception("internal error")
+        sys.exit(CompanionError.exit_code)
+
+
+if __name__ == "__main__":
+    main()

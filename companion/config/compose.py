@@ -1,0 +1,97 @@
+"""Settings of the layers, composed from a mission file: the one place that knows both."""
+
+from __future__ import annotations
+
+import math
+
+from companion.assurance.checker import CheckLimits
+from companion.config.models import MissionConfig
+from companion.planning.comparators import settings_for
+from companion.planning.problem import GoalRegion
+from companion.planning.settings import Certainty, PlannerSettings
+from companion.vehicle.motion import VehicleModel
+from companion.world.snapshot import Snapshot, first_snapshot
+
+ALTITUDE_TOLERANCE_M = 20.0
+
+
+def vehicle_of(mission: MissionConfig) -> VehicleModel:
+    """What the aircraft can do, in the planner's terms."""
+    vehicle = mission.vehicle
+    return VehicleModel(
+        airspeed_min_m_s=float(vehicle.airspeed_min_m_s),
+        airspeed_max_m_s=float(vehicle.airspeed_max_m_s),
+        airspeed_cruise_m_s=float(vehicle.airspeed_cruise_m_s),
+        acceleration_max_m_s2=float(vehicle.acceleration_max_m_s2),
+        turn_radius_min_m=float(vehicle.turn_radius_min_m),
+        straight_length_min_m=float(vehicle.straight_length_min_m),
+        climb_angle_max_rad=math.radians(vehicle.climb_angle_max_deg),
+        descent_angle_max_rad=math.radians(vehicle.descent_angle_max_deg),
+        penetration_speed_m_s=float(vehicle.penetration_speed_m_s),
+        acceleration_std_m_s2=float(vehicle.acceleration_std_m_s2),
+        course_rate_std_rad_s=float(vehicle.course_rate_std_rad_s),
+        climb_rate_std_rad_s=float(vehicle.climb_rate_std_rad_s),
+        position_std_m=float(vehicle.position_std_m),
+        altitude_std_m=float(vehicle.altitude_std_m),
+        course_std_rad=math.radians(vehicle.course_std_deg),
+        climb_std_rad=math.radians(vehicle.climb_std_deg),
+    )
+
+
+def planner_settings_of(mission: MissionConfig, method: str | None = None) -> PlannerSettings:
+    """Planner settings, of the mission file's method or of another."""
+    planning = mission.planning
+    certainty = Certainty.LITERAL if planning.certainty == "literal" else Certainty.SHIFTED
+    return settings_for(
+        method or planning.method,
+        certainty=certainty,
+        clearance_min_m=float(planning.clearance_min_m),
+        sensing_horizon_m=float(planning.sensing_horizon_m),
+        max_iterations=int(planning.max_iterations),
+        threat_level_max=float(planning.threat_level_max),
+    )
+
+
+def bounds_of(mission: MissionConfig) -> tuple[float, float, float, float, float, float]:
+    """East, north, up, each low and high [m]."""
+    east, north, up = mission.bounds.east_m, mission.bounds.north_m, mission.bounds.up_m
+    return float(east[0]), float(east[1]), float(north[0]), float(north[1]), float(up[0]), float(up[1])
+
+
+def world_of(mission: MissionConfig, *, none_known: bool = True) -> Snapshot:
+    """First snapshot of the mission's world; ``none_known``: static threats are still to be sensed."""
+    return first_snapshot(
+        dimension=mission.dimension,
+        unit_m=float(mission.unit_m),
+        bounds=bounds_of(mission),
+        obstacles=mission.obstacle_list,
+        radars=mission.radar_list,
+        none_known=none_known,
+    )
+
+
+def goals_of(mission: MissionConfig) -> tuple[GoalRegion, ...]:
+    """Goals in order."""
+    return tuple(
+        GoalRegion((float(g.east_m), float(g.north_m), float(g.up_m)), float(g.acceptance_radius_m))
+        for g in mission.goals
+    )
+
+
+def check_limits_of(mission: MissionConfig) -> CheckLimits:
+    """What the independent check holds plans to."""
+    vehicle = vehicle_of(mission)
+    return CheckLimits(
+        bounds=bounds_of(mission),
+        margin_m=0.5 * float(mission.planning.clearance_min_m),
+        deviations=1.0,
+        turn_radius_min_m=vehicle.turn_radius_min_m,
+        straight_length_min_m=vehicle.straight_length_min_m,
+        climb_angle_max_rad=vehicle.climb_angle_max_rad,
+        descent_angle_max_rad=vehicle.descent_angle_max_rad,
+        airspeed_min_m_s=vehicle.airspeed_min_m_s,
+        airspeed_max_m_s=vehicle.airspeed_max_m_s,
+        threat_level_max=float(mission.planning.threat_level_max),
+        quality_min=0.0,
+        altitude_tolerance_m=ALTITUDE_TOLERANCE_M,
+    )

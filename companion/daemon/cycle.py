@@ -1,0 +1,213 @@
+"""One planning cycle: predict, plan, check, judge, and make the mission. Nothing here waits.
+
+Synchronous and without a clock, so that a replay decides the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.assurance.checker import Checker, Violation
+from companion.config import MissionConfig
+from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
+from companion.frames import FloatArray, direction_from_course
+from companion.mission.builder import Banks, Waypoints, bank_items, waypoints_from_path
+from companion.mission.loiter import loiter_beside
+from companion.mission.progress import progress_on, rest_of_path, time_at
+from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
+from companion.planning.solver import solve
+from companion.tracking.ownship import predicted
+from companion.types.mission import Mission
+from companion.types.path import Path
+from companion.types.plan import Plan
+from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
+
+ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms, up and down
+OFF_TRACK_MAX_M = 80.0
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """The path being flown and the mission that carries it."""
+
+    path: Path
+    mission: Mission
+    row: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What a cycle decided, and in words why."""
+
+    swap: bool
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a plan begins, and what is left of the flown path from there."""
+
+    state: StartState
+    rest: Path | None
+
+
+class Cycle:
+    """The decisions of one flight.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    seed : int
+        Of the flight; each plan has its own, counted from it.
+    """
+
+    def __init__(self, mission: MissionConfig, seed: int) -> None:
+        self._mission = mission
+        self._seed = seed
+        self.vehicle = vehicle_of(mission)
+        self.settings = planner_settings_of(mission)
+        self.goals = goals_of(mission)
+        self.checker = Checker(mission.obstacle_list, check_limits_of(mission))
+        self.flown: Flown | None = None
+        self.next_goal = 0
+        self.num_plans = 0
+
+    @property
+    def goals_left(self) -> tuple[GoalRegion, ...]:
+        """Goals not reached yet."""
+        return self.goals[self.next_goal :]
+
+    def note_position(self, state: Ownship) -> bool:
+        """Count goals passed, and the way along the flown path. Returns whether the last was reached."""
+        while self.next_goal < len(self.goals):
+            goal = self.goals[self.next_goal]
+            away = np.linalg.norm(np.subtract(goal.position_enu_m, state.position_enu_m))
+            if away > goal.acceptance_radius_m:
+                break
+            self.next_goal += 1
+        if self.flown is not None:
+            row = progress_on(self.flown.path, state.position_enu_m, self.flown.row).row
+            self.flown = Flown(self.flown.path, self.flown.mission, row)
+        return self.next_goal == len(self.goals)
+
+    def lead_s(self, num_items: int) -> float:
+        """How long until a plan begun now is flown: planning, upload, reading back, margin."""
+        planning = self._mission.planning
+        return float(planning.planning_budget_s + planning.swap_margin_s) + 2.0 * ITEM_S * num_items + 0.5
+
+    def start_after(self, state: Ownship, lead_s: float) -> Start:
+        """Where the aircraft will be in ``lead_s``: along the flown path, else by its own motion."""
+        covariance = initial_covariances(self.vehicle, *state.position_std_m)
+        stamp = state.stamp_s + lead_s
+        speed = float(
+            np.clip(state.airspeed_m_s, self.vehicle.airspeed_min_m_s, self.vehicle.airspeed_max_m_s)
+        )
+        if self.flown is not None:
+            path = self.flown.path
+            progress = progress_on(path, state.position_enu_m, self.flown.row)
+            if progress.off_track_m <= OFF_TRACK_MAX_M:
+                share = state.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
+                rest = rest_of_path(path, time_at(path, progress) + lead_s * share, stamp)
+                if rest is not None:
+                    east, north, up = (float(value) for value in rest.positions_enu_m[0])
+                    return Start(
+                        StartState(
+                            stamp, (east, north, up), direction_from_course(float(rest.courses_rad[0])),
+                            float(rest.climb_angles_rad[0]), float(rest.speeds_m_s[0]), covariance,
+                            np.zeros((6, 6)),
+                        ),
+                        rest,
+                    )  # fmt: skip
+        ahead = predicted(state, lead_s)
+        climb = float(
+            np.clip(
+                ahead.flight_path_angle_rad, -self.vehicle.descent_angle_max_rad, self.vehicle.climb_angle_max_rad
+            )
+        )
+        return Start(
+            StartState(
+                stamp, ahead.position_enu_m, direction_from_course(ahead.course_rad), climb, speed, covariance,
+                np.zeros((6, 6)),
+            ),
+            None,
+        )  # fmt: skip
+
+    def plan(self, start: Start, snapshot: Snapshot, should_stop: Callable[[], bool]) -> Plan:
+        """Plan from a start; the same snapshot, start and count give the same plan."""
+        state = start.state
+        if snapshot.dimension == 2:  # the plan keeps the mission's level, whatever the altitude is now
+            east, north, _ = state.position_enu_m
+            state = StartState(
+                state.stamp_s, (east, north, float(self._mission.start.up_m)), state.direction_rad, 0.0,
+                state.airspeed_m_s, state.error_covariance, state.estimate_covariance,
+            )  # fmt: skip
+        self.num_plans += 1
+        problem = Problem(
+            start=state,
+            goals=self.goals_left,
+            snapshot=snapshot,
+            vehicle=self.vehicle,
+            settings=self.settings,
+            seed=self._seed * 100_003 + self.num_plans,
+        )
+        return solve(problem, should_stop, flown=start.rest)
+
+    def check(self, path: Path) -> tuple[Violation, ...]:
+        """What is wrong with a path that should reach the last goal."""
+        goal = self.goals[-1]
+        return self.checker.check_path(
+            path, goal_enu_m=goal.position_enu_m, acceptance_radius_m=goal.acceptance_radius_m + 1.0
+        )
+
+    def judge(self, plan: Plan, start: Start) -> Judgement:
+        """Whether the new plan replaces what is flown: no dithering.
+
+        It does when nothing is flown yet, when the rest of the flown path fails the check or its
+        threat level passes the limit, or when it is cheaper by the mission file's ``swap_gain``.
+        """
+        if plan.path is None or not plan.reaches_goal:
+            return Judgement(False, "no plan", f"{plan.status.value}; {'; '.join(plan.notes)}")
+        violations = self.check(plan.path)
+        if plan.path.threat_levels[0] > self.checker.limits.threat_level_max:
+            # Already under the threat: a way out begins above the limit.
+            violations = tuple(entry for entry in violations if entry.rule != "threat")
+        if violations:
+            return Judgement(False, "rejected", f"{violations[0]} ({len(violations)} violations)")
+        cost = plan.measures.path_cost
+        if start.rest is None or plan.flown_cost is None:
+            return Judgement(True, "first plan", f"cost {cost:.1f}")
+        flown = self.check(start.rest)
+        if flown:
+            return Judgement(True, "unsafe", f"flown plan: {flown[0]}")
+        level, limit = plan.flown_threat or 0.0, float(self._mission.planning.threat_level_max)
+        if level > limit and float(plan.path.threat_levels.max()) < level:
+            return Judgement(True, "threat", f"level {level:.2f} on the flown plan")
+        gain = 1.0 - cost / plan.flown_cost if plan.flown_cost > 0.0 else 0.0
+        if gain >= float(self._mission.planning.swap_gain):
+            return Judgement(True, "better", f"cost {cost:.1f} instead of {plan.flown_cost:.1f}")
+        return Judgement(False, "keep", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}")
+
+    def waypoints(self, path: Path) -> tuple[Waypoints, tuple[Violation, ...]]:
+        """Waypoints of a path with its loiter, and what is wrong with flying them."""
+        flown = waypoints_from_path(path, float(self.vehicle.airspeed_cruise_m_s))
+        radius = self.vehicle.turn_radius_min_m
+        centre, direction = loiter_beside(
+            flown.positions_enu_m, float(path.courses_rad[-1]), radius, self._mission.obstacle_list,
+            self.checker.limits.bounds,
+        )  # fmt: skip
+        legs: FloatArray = np.vstack([path.positions_enu_m[:1], flown.positions_enu_m])
+        violations = self.checker.check_legs(
+            legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
+        )
+        return replace(flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius), violations
+
+    def mission_for(self, waypoints: Waypoints, banks: Banks) -> tuple[Mission, Banks]:
+        """The mission list with the waypoints in the idle bank."""
+        bank = bank_items(waypoints, banks.size, self._mission.frame)
+        return banks.with_new(bank, self.num_plans)

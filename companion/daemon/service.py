@@ -1,0 +1,67 @@
+"""``companion run``: the service on the computer's own clock."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from companion.clock import WallClock
+from companion.config import MissionConfig
+from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
+from companion.daemon.app import App
+from companion.daemon.record import Recorder
+from companion.link.transport import transport_from_url
+from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.solver import solve
+
+REPORT_SILENCE_S = 10.0
+
+_log = logging.getLogger(__name__)
+
+
+async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
+    """Run until cancelled; says within 10 s when no autopilot is heard, and keeps trying."""
+    clock = WallClock()
+    transport = transport_from_url(url, clock)
+    _log.info("compiling the planner's kernels")
+    await asyncio.to_thread(warm_up, mission)
+    name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
+    recorder = Recorder(flights / name, time.time() - clock.now_s())
+    app = App(mission, transport, clock, recorder, seed=int(mission.planning.seed), plans_inline=False)
+    _log.info("listening on %s; recording to %s", url, flights / name)
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(app.run())
+            tasks.create_task(_report_silence(app, clock, url))
+    finally:
+        recorder.close()
+
+
+async def _report_silence(app: App, clock: WallClock, url: str) -> None:
+    """Say every 10 s that no autopilot is heard, while that is so."""
+    while True:
+        await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
+        if not app.hears_autopilot:
+            _log.warning("no autopilot heard on %s for %.0f s; still trying", url, REPORT_SILENCE_S)
+
+
+def warm_up(mission: MissionConfig) -> None:
+    """Compile every kernel, so that the first plan in flight is as fast as the others."""
+    vehicle = vehicle_of(mission)
+    start = mission.start
+    problem = Problem(
+        start=StartState(
+            0.0, (float(start.east_m), float(start.north_m), float(start.up_m)), 0.0, 0.0,
+            vehicle.airspeed_cruise_m_s, initial_covariances(vehicle, 2.0, 2.0),
+            initial_covariances(vehicle, 0.0, 0.0),
+        ),
+        goals=goals_of(mission),
+        snapshot=world_of(mission),
+        vehicle=vehicle,
+        settings=planner_settings_of(mission),
+        seed=0,
+    )  # fmt: skip
+    solve(problem)

@@ -1,0 +1,79 @@
+"""Where the aircraft is along a path, and where it will be on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.types.path import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A point of a path.
+
+    Parameters
+    ----------
+    row : int
+        The path's row before it.
+    share : float
+        How far towards the next row, in [0, 1].
+    off_track_m : float
+        Distance of the aircraft from it [m].
+    """
+
+    row: int
+    share: float
+    off_track_m: float
+
+
+def progress_on(path: Path, position_enu_m: tuple[float, float, float], from_row: int = 0) -> Progress:
+    """Nearest point of a path at or after a row."""
+    points = path.positions_enu_m
+    from_row = min(from_row, len(points) - 2)
+    start, along = points[from_row:-1], np.diff(points[from_row:], axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-9)
+    offset = np.asarray(position_enu_m) - start
+    share = np.clip((offset * along).sum(axis=1) / square, 0.0, 1.0)
+    away = np.linalg.norm(offset - share[:, None] * along, axis=1)
+    best = int(np.argmin(away))
+    return Progress(from_row + best, float(share[best]), float(away[best]))
+
+
+def time_at(path: Path, progress: Progress) -> float:
+    """The path's own time at a point of it [s]."""
+    t0, t1 = path.times_s[progress.row], path.times_s[progress.row + 1]
+    return float(t0 + progress.share * (t1 - t0))
+
+
+def rest_of_path(path: Path, path_time_s: float, now_s: float) -> Path | None:
+    """What is left of a path after one of its times, restamped to begin at ``now_s``.
+
+    None where less than two rows are left.
+    """
+    first = int(np.searchsorted(path.times_s, path_time_s, side="right")) - 1
+    first = max(first, 0)
+    if len(path) - first < 3:
+        return None
+    t0, t1 = path.times_s[first], path.times_s[first + 1]
+    share = float(np.clip((path_time_s - t0) / (t1 - t0), 0.0, 1.0))
+
+    def cut(values: FloatArray) -> FloatArray:
+        rest = values[first:].copy()
+        rest[0] = (1.0 - share) * values[first] + share * values[first + 1]
+        return rest
+
+    times = cut(path.times_s) - path_time_s + now_s
+    courses = np.unwrap(path.courses_rad)
+    return Path(
+        times_s=times,
+        positions_enu_m=cut(path.positions_enu_m),
+        courses_rad=cut(courses) % (2.0 * np.pi),
+        climb_angles_rad=cut(path.climb_angles_rad),
+        speeds_m_s=cut(path.speeds_m_s),
+        position_covariances_m2=path.position_covariances_m2[first:],
+        collision_free=path.collision_free[first:],
+        threat_levels=path.threat_levels[first:],
+    )

@@ -1,0 +1,56 @@
+"""Methods by name: Safe-RRT and the comparators, each one composition of strategies (SPEC 7)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from companion.planning.settings import (
+    Certainty,
+    Estimator,
+    Optimiser,
+    PlannerSettings,
+    Strategies,
+    SubGoalRule,
+)
+
+_TADDRRT = Strategies(
+    use_uncertainty=False,
+    use_goal_zoom=False,
+    use_k_near=False,
+    use_safety_adjustment=True,
+    optimiser=Optimiser.NONE,
+)
+
+METHODS: dict[str, Strategies] = {
+    "safe-rrt": Strategies(),
+    "taddrrt": _TADDRRT,
+    "nfz-ddrrt": replace(_TADDRRT, dts_are_no_fly=True),
+    "edbm": Strategies(sub_goal=SubGoalRule.EUCLIDEAN),
+    "probabilistic": Strategies(certainty=Certainty.PROBABILISTIC),
+    "rrt-reach": Strategies(estimator=Estimator.RRT_REACH),
+    "rrt": Strategies(estimator=Estimator.RRT),
+}
+
+
+def settings_for(
+    method: str, *, certainty: Certainty, clearance_min_m: float, sensing_horizon_m: float, max_iterations: int,
+    threat_level_max: float = 1.0,
+) -> PlannerSettings:  # fmt: skip
+    """Settings of a method.
+
+    Raises
+    ------
+    KeyError
+        If there is no such method.
+    """
+    strategies = METHODS[method]
+    if strategies.certainty is not Certainty.PROBABILISTIC:
+        strategies = replace(strategies, certainty=certainty)
+    return PlannerSettings(
+        strategies=strategies,
+        method=method,
+        clearance_min_m=clearance_min_m,
+        sensing_horizon_m=sensing_horizon_m,
+        max_iterations=max_iterations,
+        threat_level_max=threat_level_max,
+    )

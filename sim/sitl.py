@@ -1,0 +1,189 @@
+"""A whole flight in one process: simulator, link and service on simulated time.
+
+The two talk MAVLink bytes, as over a wire. Simulated time moves in steps of 20 ms and stands still
+while it is the service's turn to speak: while it plans, and while MAVSDK's threads prepare an answer.
+A flight so runs as fast as the computer can, and the same seed gives the same flight.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from companion.clock import ManualClock
+from companion.config import MissionConfig
+from companion.daemon.app import App, stop
+from companion.daemon.modes import Mode
+from companion.daemon.record import Recorder
+from companion.errors import NoAutopilotError
+from companion.link.transport import MemoryTransport
+from companion.types.events import Dialect
+from companion.types.record import FlightRecord
+from sim.simulator import Simulator
+
+STEP_S = 0.02
+SETTLE_TURNS = 4  # event-loop turns in which the service's tasks take what a step brought
+TURN_TIMEOUT_S = 0.5  # wall clock: MAVSDK repeats itself after this, so nothing is waited for longer
+SILENT_S = 10.0
+LINGER_S = 2.0  # flown on after the goal
+EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the simulated flights' day
+
+
+@dataclass
+class Flight:
+    """A flight and its measures.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    seed : int
+        Of everything random.
+    folder : Path or None
+        For the recording.
+    """
+
+    mission: MissionConfig
+    seed: int
+    folder: Path | None = None
+    dialect: Dialect = Dialect.ARDUPILOT
+    speed: float = math.inf
+    wall_s: float = 0.0
+    recorder: Recorder = field(init=False)
+    simulator: Simulator = field(init=False)
+    app: App = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.recorder = Recorder(self.folder, EPOCH_S)
+        self.simulator = Simulator(self.mission, seed=self.seed, dialect=self.dialect)
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds."""
+        return self.simulator.now_s
+
+    @property
+    def limit_s(self) -> float:
+        """When the flight counts as failed: three times the straight way, and two minutes."""
+        points = [(self.mission.start.east_m, self.mission.start.north_m)]
+        points += [(goal.east_m, goal.north_m) for goal in self.mission.goals]
+        way = sum(math.dist(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+        return 120.0 + 3.0 * way / float(self.mission.vehicle.airspeed_cruise_m_s)
+
+    @property
+    def goal_reached(self) -> bool:
+        """Whether the true path passed the last goal within its radius."""
+        goal = self.mission.goals[-1]
+        rows = np.array(self.simulator.truth.path)[:, 1:4]
+        away = np.linalg.norm(rows - (goal.east_m, goal.north_m, goal.up_m), axis=1)
+        return bool(away.min() <= goal.acceptance_radius_m)
+
+    async def fly(self, on_step: Callable[[Flight], None] | None = None) -> None:
+        """Fly until the goal is reached, something is hit, or the limit passes.
+
+        Raises
+        ------
+        NoAutopilotError
+            If no heartbeat comes within 10 s of simulated time.
+        """
+        clock = ManualClock()
+        ours, theirs = MemoryTransport.pair()
+        self.app = App(self.mission, ours, clock, self.recorder, seed=self.seed, plans_inline=True)
+        theirs.set_receiver(self.simulator.receive)
+        await theirs.open()
+        running = asyncio.create_task(self.app.run(), name="service")
+        began, arrived_s = time.perf_counter(), math.inf
+        try:
+            while self.now_s < self.limit_s and self.now_s < arrived_s + LINGER_S:
+                await self._step(clock, theirs, running)
+                if self.app.mode is Mode.ARRIVED and arrived_s == math.inf:
+                    arrived_s = self.now_s
+                if self.simulator.truth.collision:
+                    break
+                if self.now_s > SILENT_S and not self.app.hears_autopilot:
+                    raise NoAutopilotError("no heartbeat of an autopilot within 10 s")
+                if on_step is not None:
+                    on_step(self)
+                if math.isfinite(self.speed):
+                    await asyncio.sleep(max(0.0, began + self.now_s / self.speed - time.perf_counter()))
+        finally:
+            self.wall_s = time.perf_counter() - began
+            await stop(running)
+            self.recorder.close()
+
+    async def _step(self, clock: ManualClock, theirs: MemoryTransport, running: asyncio.Task[None]) -> None:
+        """Advance simulated time once, and let the service act on it."""
+        self.simulator.step(STEP_S)
+        data = self.simulator.take_outgoing()
+        if data:
+            theirs.send(data)
+        clock.advance_to(self.simulator.now_s)
+        for _ in range(SETTLE_TURNS):
+            await asyncio.sleep(0)
+        waited_from = time.perf_counter()
+        while self.app.autopilot.is_our_turn and time.perf_counter() - waited_from < TURN_TIMEOUT_S:
+            await asyncio.sleep(0.0002)
+        if running.done():
+            await running
+
+    def summary(self) -> dict[str, float | int | bool | str]:
+        """The measures of ``sitl --json``, but for the paths."""
+        truth, recorder = self.simulator.truth, self.recorder
+        plan_ms = np.array(recorder.plan_ms or [math.nan])
+        latency = np.array(recorder.track_to_mission_ms or [math.nan])
+        reached, hit = self.goal_reached, truth.collision
+        return {
+            "mission": self.mission.name,
+            "seed": self.seed,
+            "success": reached and not hit,
+            "goal_reached": reached,
+            "collision": hit,
+            "min_obstacle_clearance_m": _rounded(truth.min_obstacle_clearance_m),
+            "min_dt_distance_m": _rounded(truth.min_threat_distance_m),
+            "missions_uploaded": self.app.num_swaps,
+            "missions_rejected": recorder.num_rejected,
+            "replans": len(recorder.plan_ms),
+            "plan_ms_median": _rounded(float(np.median(plan_ms))),
+            "plan_ms_p95": _rounded(float(np.percentile(plan_ms, 95))),
+            "plan_ms_max": _rounded(float(plan_ms.max())),
+            "track_to_mission_ms_median": _rounded(float(np.median(latency))),
+            "track_to_mission_ms_p95": _rounded(float(np.percentile(latency, 95))),
+            "flight_s": _rounded(self.now_s),
+            "wall_s": _rounded(self.wall_s),
+        }
+
+    def document(self) -> dict[str, object]:
+        """The JSON of ``companion sitl``: measures by name, and the true paths."""
+        flat: dict[str, object] = dict(self.summary())
+        for name, keys in (("plan_ms", ("median", "p95", "max")), ("track_to_mission_ms", ("median", "p95"))):
+            flat[name] = {key: flat.pop(f"{name}_{key}") for key in keys}
+        truth = self.simulator.truth
+        flat["true_path"] = [[round(value, 4) for value in row] for row in truth.path]
+        flat["dt_path"] = [[round(value, 3) for value in row] for row in truth.dt_path]
+        return flat
+
+    def record(self) -> FlightRecord:
+        """The record for the report, with the true paths in place of those known on board."""
+        truth = self.simulator.truth
+        known = self.recorder.record(self.summary())
+        return FlightRecord(
+            flown=np.array(truth.path),
+            dt_paths=tuple(np.array(rows) for rows in truth.threat_paths.values()),
+            dt_tracks=known.dt_tracks,
+            missions=known.missions,
+            decisions=known.decisions,
+            threat=known.threat,
+            plan_ms=known.plan_ms,
+            summary=known.summary,
+        )
+
+
+def _rounded(value: float) -> float | str:
+    """A number fit for JSON: infinities and NaN as words."""
+    return round(value, 3) if math.isfinite(value) else str(value)
