@@ -8,9 +8,9 @@ What rows of a path can tell
 Between two rows the aircraft flies a curve that the rows only sample: an arc, or, where a turn begins
 or ends between them, an arc and a straight piece. Three rules rest on that:
 
-- *Clearance* is measured from the chord. A curve that turns one way by ``Δ`` with a radius bounded from
-  below leaves its chord by at most ``4/27·chord·Δ`` (an arc over two thirds of the edge, then straight;
-  a whole arc leaves it by ``1/8·chord·Δ``). That much is taken off.
+- *Clearance* is measured from the chord, less the most that the curve can leave it. A curve of length
+  ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, does so farthest with its whole turn in
+  the middle: by ``L·Δ/4 − r·Δ²/8``, which is ``L·Δ/8`` for an arc from end to end.
 - *Turn radius* is the edge's mean: length over course change. Chord and courses must agree, so a path
   cannot hide a turn by stating courses that it does not fly.
 - *Straight flight* between turns is the sum of edges without course change, and of the two edges on
@@ -28,9 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
+from companion.assurance.violation import Violation, listed, outside
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle
+
+__all__ = ["CheckLimits", "Checker", "Violation"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -42,7 +45,6 @@ COURSE_TOLERANCE_RAD = 0.02  # between an edge's chord and its courses
 RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
 CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
 STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
-BULGE_SHARE = 4.0 / 27.0
 CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
 NUMBER_MAX = 1e8  # anything larger is no position, time or speed
 LOITER_SIDES, CORNER_SIDES = 72, 8
@@ -87,20 +89,6 @@ class CheckLimits:
     threat_level_max: float = 1.0
     quality_min: float = 0.0
     altitude_tolerance_m: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """One rule broken at one row; rows of an edge or leg are that of its end."""
-
-    rule: str
-    row: int
-    value: float
-    limit: float
-    detail: str
-
-    def __str__(self) -> str:
-        return f"row {self.row}: {self.detail}: {self.value:.6g}, limit {self.limit:.6g} ({self.rule})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +216,7 @@ class Checker:
             path.positions_enu_m[which],
             path.positions_enu_m[which + 1],
             self.limits.margin_m + spread[which],
-            BULGE_SHARE * edges.flat_chords_m[which] * np.abs(edges.turns_rad[which]),
+            _bulges(edges, self.limits.turn_radius_min_m)[which],
             edges.rows[which],
         )
 
@@ -240,16 +228,16 @@ class Checker:
         speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
-        yield from _outside("speed", rows, ready, speed, airspeeds, SPEED_TOLERANCE_M_S, "airspeed [m/s]")
-        yield from _outside(
+        yield from outside("speed", rows, ready, speed, airspeeds, SPEED_TOLERANCE_M_S, "airspeed [m/s]")
+        yield from outside(
             "climb", rows, ready, climb, self._climbs, CLIMB_TOLERANCE_RAD, "stated climb angle [rad]"
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
-        yield from _listed("threat", rows, too_high, level, limits.threat_level_max, "threat level")
+        yield from listed("threat", rows, too_high, level, limits.threat_level_max, "threat level")
         free = path.collision_free
         is_share = (free >= 0.0) & (free <= 1.0)
-        yield from _listed("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
+        yield from listed("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
         quality = float(np.prod(free[first:]))
         if not quality >= limits.quality_min:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
@@ -258,31 +246,31 @@ class Checker:
         """Time stamps, agreement of speed, course and positions, turn radius, climb by geometry."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
-        yield from _listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
+        yield from listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
         timed = ahead & (edges.steps_s > 0.0)
         flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
         too_far = timed & (edges.chords_m > flown * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
-        yield from _listed(
+        yield from listed(
             "pace", rows, too_far, edges.chords_m, flown, "farther than speed and time allow [m]"
         )
         # No curve of the smallest radius has a shorter chord than its arc (Schur's theorem).
         arc = np.minimum(0.5 * flown / limits.turn_radius_min_m, 0.5 * math.pi)
         least = flown * np.sinc(arc / math.pi)
         too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
-        yield from _listed(
+        yield from listed(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
         turns = np.abs(edges.turns_rad)
         room = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
         astray = ahead & (np.abs(edges.offsets_rad) > room)
-        yield from _listed("course", rows, astray, np.abs(edges.offsets_rad), room,
+        yield from listed("course", rows, astray, np.abs(edges.offsets_rad), room,
                            "courses do not agree with positions [rad]")  # fmt: skip
         radii = edges.lengths_m / np.maximum(turns, 1e-12)
         smallest = limits.turn_radius_min_m
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
-        yield from _listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
-        yield from _outside("climb", rows, ahead, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+        yield from outside("climb", rows, ahead, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
 
     def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Bounds of the arcs' middles, which lie outside the chords by the sagitta."""
@@ -305,7 +293,7 @@ class Checker:
         rows = np.arange(len(points)) if row is None else np.full(len(points), row)
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
-            yield from _outside(
+            yield from outside(
                 "bounds", rows, ready, points[:, axis], (low, high), widen[axis], f"{name} of the bounds [m]"
             )
 
@@ -367,7 +355,7 @@ class Checker:
         moving = lengths > POINT_TOLERANCE_M
         angles = np.arctan2(away[:, 2], lengths)
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
-        yield from _outside("climb", rows, flown, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+        yield from outside("climb", rows, flown, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
         kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
         if len(kept) >= 3:
             yield from self._corner_violations(points[kept], kept)
@@ -381,7 +369,7 @@ class Checker:
         reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
         needed = np.append(reach, 0.0) + np.append(0.0, reach)
         short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
-        yield from _listed(
+        yield from listed(
             "corner", rows[1:], short, lengths, needed, "leg too short for the turns at its ends [m]"
         )
         for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):
@@ -434,6 +422,14 @@ def _position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray
     return np.sqrt(np.maximum(eigenvalues[:, -1], 0.0)), well_formed
 
 
+def _bulges(edges: _Edges, radius_m: float) -> FloatArray:
+    """How far the curves may leave their chords (see the module's docstring) [m]."""
+    turns = np.abs(edges.turns_rad)
+    spread: FloatArray = 0.25 * edges.lengths_m * turns - 0.125 * radius_m * turns**2
+    sagitta: FloatArray = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
+    return np.maximum(spread, sagitta)
+
+
 def _straight_violations(edges: _Edges, limits: CheckLimits, first: int) -> Iterator[Violation]:
     """Find turns begun before enough straight flight since the last (see the module's docstring)."""
     lengths = np.where(edges.usable, np.hypot(edges.lengths_m, edges.rises_m), 0.0)
@@ -454,21 +450,6 @@ def _straight_violations(edges: _Edges, limits: CheckLimits, first: int) -> Iter
         last_sign, last_edge = signs[k], int(k)
 
 
-def _outside(
-    rule: str,
-    rows: NDArray[np.int64],
-    ready: BoolArray,
-    values: FloatArray,
-    limits: tuple[float, float],
-    tolerance: float,
-    detail: str,
-) -> Iterator[Violation]:
-    """One violation for every element below or above its limits, where it is ready to be judged."""
-    low, high = limits
-    yield from _listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
-    yield from _listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
-
-
 def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
     """Whether the last row is at the goal."""
     away = float(np.linalg.norm(path.positions_enu_m[-1] - np.asarray(goal_enu_m, dtype=np.float64)))
@@ -476,20 +457,6 @@ def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -
         yield Violation(
             "goal", len(path.times_s) - 1, away, radius_m, "distance of the end from the goal [m]"
         )
-
-
-def _listed(
-    rule: str,
-    rows: NDArray[np.int64],
-    broken: BoolArray,
-    values: FloatArray,
-    limit: float | FloatArray,
-    detail: str,
-) -> Iterator[Violation]:
-    """One violation for every element that is broken."""
-    limits = np.broadcast_to(limit, np.shape(values))
-    for index in np.flatnonzero(broken):
-        yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
 
 
 def _fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tuple[FloatArray, float]:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from companion.assurance.checker import Violation
+from companion.assurance.violation import Violation
 
 SOFT_RULES = frozenset({"threat", "quality"})
 
@@ -90,7 +90,7 @@ _TABLE: tuple[tuple[EmergencyStep, Callable[[Situation], bool], str], ...] = (
 
 
 def emergency_decision(situation: Situation) -> EmergencyDecision:
-    """The first step of the table that can be taken, and why those before it could not.
+    """Choose the first step that can be taken, and say why those before it could not.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
-LENGTH_TOLERANCE_M = 0.1  # of clearances: where a planner samples an edge, it sees corners that late
+LENGTH_TOLERANCE_M = 0.2  # of clearances: where a planner samples an edge, it sees corners that late
 PIECE_MIN_M = 0.05  # pieces of a climbing segment are not split further
 
 

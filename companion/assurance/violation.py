@@ -1,0 +1,56 @@
+"""What the checker reports, and how a column of numbers is turned into it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One rule broken at one row; rows of an edge or leg are that of its end."""
+
+    rule: str
+    row: int
+    value: float
+    limit: float
+    detail: str
+
+    def __str__(self) -> str:
+        return f"row {self.row}: {self.detail}: {self.value:.6g}, limit {self.limit:.6g} ({self.rule})"
+
+
+def listed(
+    rule: str,
+    rows: NDArray[np.int64],
+    broken: BoolArray,
+    values: FloatArray,
+    limit: float | FloatArray,
+    detail: str,
+) -> Iterator[Violation]:
+    """One violation for every element that is broken."""
+    limits = np.broadcast_to(limit, np.shape(values))
+    for index in np.flatnonzero(broken):
+        yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
+
+
+def outside(
+    rule: str,
+    rows: NDArray[np.int64],
+    ready: BoolArray,
+    values: FloatArray,
+    limits: tuple[float, float],
+    tolerance: float,
+    detail: str,
+) -> Iterator[Violation]:
+    """One violation for every element below or above its limits, where it is ready to be judged."""
+    low, high = limits
+    yield from listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
+    yield from listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
