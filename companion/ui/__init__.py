@@ -1,1 +1,1 @@
-"""Reports and the live page."""
+"""What people see: pictures of plans and missions, and the report of a flight."""

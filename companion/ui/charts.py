@@ -1,0 +1,169 @@
+"""Curves over a flight: altitude, threat level, and how long the plans took."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from companion.config.models import MissionConfig
+from companion.frames import FloatArray
+from companion.types.record import FlightRecord
+from companion.ui import style
+from companion.world.snapshot import Snapshot
+
+WIDTH_IN, HEIGHT_IN = 9.6, 3.1
+HIGH_THREAT = 0.5  # from which the paper counts a waypoint as highly threatened
+BESIDE_M = 30.0
+NUM_OBSTACLE_SAMPLES_MAX = 1500
+
+
+def altitude_chart(
+    mission: MissionConfig, snapshot: Snapshot, record: FlightRecord, start_s: float
+) -> Figure:
+    """Return the height over time between its bounds, with the obstacles under the path."""
+    figure, axes = _new_chart()
+    low, high = snapshot.bounds[4:6]
+    flown = record.flown
+    times = flown[:, 0] - start_s
+    if snapshot.dimension == 3 and len(flown):
+        instants, tops = obstacle_tops(snapshot, flown)
+        axes.fill_between(
+            instants - start_s, np.full(len(tops), -1e5), tops, where=np.isfinite(tops).tolist(), step="mid",
+            color=style.OBSTACLE, alpha=0.75, lw=0, label=f"obstacle below or within {BESIDE_M:.0f} m",
+        )  # fmt: skip
+    for bound, name in ((low, "floor"), (high, "ceiling")):
+        axes.axhline(
+            bound,
+            color=style.GOAL,
+            lw=1.1,
+            ls=(0, (5, 3)),
+            label="altitude bounds" if name == "floor" else None,
+        )
+        _write_right(axes, bound, f"{name} {bound:.0f} m", style.GOAL)
+    axes.plot(times, flown[:, 3], color=style.FLOWN, lw=2.0, label="flown")
+    if record.missions:
+        axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
+    margin = 0.08 * (high - low)
+    lowest = float(np.nanmin(flown[:, 3], initial=low))
+    highest = float(np.nanmax(flown[:, 3], initial=high))
+    axes.set_ylim(min(low, lowest) - margin, max(high, highest) + margin)
+    axes.set_ylabel(f"up [m], 0 is {mission.origin.altitude_amsl_m:g} m AMSL")
+    _finish(axes, record, start_s, "Altitude")
+    return figure
+
+
+def threat_chart(record: FlightRecord, start_s: float) -> Figure:
+    """Return the threat level along the flown path over time."""
+    figure, axes = _new_chart()
+    times, level = record.threat[:, 0] - start_s, record.threat[:, 1]
+    axes.axhspan(HIGH_THREAT, 1.0, color=style.GOAL, alpha=0.06, lw=0)
+    axes.axhline(HIGH_THREAT, color=style.GOAL, lw=1.0, ls=(0, (5, 3)))
+    _write_right(axes, HIGH_THREAT, "high", style.GOAL)
+    axes.fill_between(times, 0.0, level, color=style.RADAR, alpha=0.22, lw=0)
+    axes.plot(times, level, color=style.RADAR, lw=1.8, label="threat level")
+    if record.missions:
+        axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
+    axes.set_ylim(0.0, 1.0)
+    axes.set_ylabel("threat level TI [0–1]")
+    _finish(axes, record, start_s, "Threat level")
+    return figure
+
+
+def latency_chart(record: FlightRecord) -> Figure:
+    """Return how long each plan took, with median and 95th percentile."""
+    figure, axes = _new_chart()
+    values = np.array(record.plan_ms, dtype=np.float64)
+    axes.set_title("Computing time of the plans", pad=22)
+    axes.set_xlabel("plan number")
+    axes.set_ylabel("time [ms]")
+    if values.size == 0:
+        axes.text(
+            0.5,
+            0.5,
+            "no plan was recorded",
+            ha="center",
+            va="center",
+            color=style.MUTED,
+            transform=axes.transAxes,
+        )
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return figure
+    number = np.arange(1, len(values) + 1)
+    axes.bar(number, values, width=0.72 if len(values) < 200 else 1.0, color=style.TREE, label="plan")
+    middle, late = (float(np.nanpercentile(values, share)) for share in (50, 95))
+    axes.axhline(middle, color=style.INK, lw=1.2, label=f"median {middle:.0f} ms")
+    axes.axhline(late, color=style.GOAL, lw=1.2, ls=(0, (5, 3)), label=f"95th percentile {late:.0f} ms")
+    axes.set_xlim(0.3, len(values) + 0.7)
+    axes.set_ylim(0.0, 1.12 * float(np.nanmax(values, initial=1.0)))
+    axes.xaxis.set_major_locator(MaxNLocator(min(12, len(values) + 1), integer=True))
+    _legend(axes)
+    return figure
+
+
+def obstacle_tops(snapshot: Snapshot, flown: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the highest obstacle below the path or just beside it.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The world.
+    flown : ndarray, shape (N, 7)
+        As in the record.
+
+    Returns
+    -------
+    stamps_s, tops_m : ndarray, shape (K,)
+        An even sample of the path, and the top there; NaN where there is none.
+    """
+    rows = flown[:: max(1, len(flown) // NUM_OBSTACLE_SAMPLES_MAX)]
+    points = shapely.points(rows[:, 1], rows[:, 2])
+    tops = np.full(len(rows), np.nan)
+    for obstacle in snapshot.obstacle_list:
+        near = shapely.dwithin(points, shapely.Polygon(obstacle.polygon_enu_m), BESIDE_M)
+        tops[near] = np.fmax(tops[near], obstacle.top_m)
+    return rows[:, 0], tops
+
+
+def _new_chart() -> tuple[Figure, Axes]:
+    figure = style.new_figure(WIDTH_IN, HEIGHT_IN)
+    axes = figure.add_axes((0.085, 0.17, 0.80, 0.62))
+    axes.grid(visible=True, axis="y")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _finish(axes: Axes, record: FlightRecord, start_s: float, title: str) -> None:
+    """Set title, time axis, upload times and legend."""
+    ends = [float(rows[-1, 0]) for rows in (record.flown, record.threat) if len(rows)]
+    end = max(ends, default=start_s + 1.0) - start_s
+    for upload in record.missions:
+        axes.axvline(upload.stamp_s - start_s, color=style.MUTED, lw=0.8, ls=":", zorder=0.8)
+    style.clock_axis(axes, 0.0, end if math.isfinite(end) and end > 0.0 else 1.0)
+    axes.set_title(title, pad=22)
+    _legend(axes)
+
+
+def _legend(axes: Axes) -> None:
+    """Put the legend between title and curves, where it covers nothing."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 0.99),
+        ncols=5,
+        columnspacing=1.4,
+        handlelength=1.8,
+        borderpad=0.2,
+    )
+
+
+def _write_right(axes: Axes, value: float, text: str, colour: str) -> None:
+    """Name a level right of the curves."""
+    axes.annotate(
+        text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(5, 0), textcoords="offset points",
+        va="center", fontsize=8, color=colour, annotation_clip=False,
+    )  # fmt: skip

@@ -1,0 +1,62 @@
+"""The static threats' field over the map, as the planner's kernels see it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.kernels.threat import membership
+from companion.kernels.visibility import is_hidden
+from companion.world.snapshot import Snapshot
+
+NODES_LONG_SIDE = 180
+
+
+def threat_field(
+    snapshot: Snapshot, height_m: float, num_nodes: int = NODES_LONG_SIDE
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the radars' joint membership over the bounds at one height.
+
+    Every radar counts, sensed or not: the picture shows what is there. Membership is (1) of the
+    paper, 0 where an obstacle masks the radar; several radars join as ``1 - Π(1 - μ)``.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The world.
+    height_m : float
+        Up coordinate of the section [m].
+    num_nodes : int
+        Cells along the longer side.
+
+    Returns
+    -------
+    east_m, north_m : ndarray, shape (NX,) and (NY,)
+        Cell centres [m].
+    level : ndarray, shape (NY, NX)
+        In [0, 1].
+    """
+    east_low, east_high, north_low, north_high = snapshot.bounds[:4]
+    spacing = max(east_high - east_low, north_high - north_low) / num_nodes
+    east = np.arange(east_low + 0.5 * spacing, east_high, spacing)
+    north = np.arange(north_low + 0.5 * spacing, north_high, spacing)
+    threats, free = snapshot.threats, np.ones((len(north), len(east)))
+    for radar, shadow in zip(threats.radars, threats.shadows, strict=True):
+        above, reach, coefficient = height_m - float(radar[2]), float(radar[3]), float(radar[4])
+        distance = np.hypot(east - radar[0], (north - radar[1])[:, None])
+        for row, column in zip(*np.nonzero(distance <= reach), strict=True):
+            level = float(distance[row, column])
+            if is_hidden(east[column], north[row], height_m, shadow, threats.grid):
+                continue
+            slant = math.hypot(level, above)
+            free[row, column] *= 1.0 - membership(slant, above, level, reach, coefficient)
+    return east, north, 1.0 - free
+
+
+def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:
+    """Return the height at which to section the world: the median flown [m], or the fallback."""
+    finite = ups_m[np.isfinite(ups_m)]
+    height = float(np.median(finite)) if finite.size else fallback_m
+    return min(max(height, snapshot.bounds[4]), snapshot.bounds[5])

@@ -1,0 +1,261 @@
+"""The report of a flight: one HTML file that needs nothing else, and its map as a picture."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import re
+from html import escape
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from companion.config.models import MissionConfig
+from companion.types.record import Decision, FlightRecord
+from companion.ui import style
+from companion.ui.charts import altitude_chart, latency_chart, threat_chart
+from companion.ui.plots import flight_map, flight_start
+from companion.world.snapshot import Snapshot
+
+UNITS = (
+    ("_m_s", "m/s"),
+    ("_ms", "ms"),
+    ("_deg", "°"),
+    ("_rad", "rad"),
+    ("_hz", "Hz"),
+    ("_m", "m"),
+    ("_s", "s"),
+)
+
+STYLE_SHEET = """
+:root { color-scheme: light; --ink: #1d2733; --muted: #5b6773; --line: #dfe4e9; --soft: #f5f7f9; }
+* { box-sizing: border-box; }
+body { margin: 0; color: var(--ink); background: #fff; line-height: 1.5;
+       font-family: system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
+main { max-width: 1120px; margin: 0 auto; padding: 1.6rem 1.2rem 4rem; }
+h1 { font-size: 1.7rem; margin: 0; line-height: 1.25; }
+h2 { font-size: 1.2rem; margin: 2.4rem 0 .7rem; padding-bottom: .3rem; border-bottom: 2px solid var(--line); }
+p.lead { color: var(--muted); margin: .2rem 0 0; }
+figure { margin: 0 0 1.4rem; }
+figure > div { overflow-x: auto; }
+figure img, figure svg { display: block; width: 100%; min-width: 44rem; height: auto; }
+figcaption { color: var(--muted); font-size: .88rem; margin-top: .35rem; max-width: 75ch; }
+table { border-collapse: collapse; width: 100%; font-size: .93rem; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; vertical-align: top; padding: .38rem .7rem; border-bottom: 1px solid var(--line); }
+thead th { position: sticky; top: 0; background: var(--soft); white-space: nowrap; }
+td.number, th.number { text-align: right; white-space: nowrap; }
+td.kind { white-space: nowrap; font-weight: 600; }
+td.text { overflow-wrap: anywhere; min-width: 18rem; }
+tbody tr:hover { background: var(--soft); }
+.scroll { overflow: auto; max-height: 36rem; border: 1px solid var(--line); border-radius: 6px; }
+.summary { display: grid; grid-template-columns: repeat(auto-fit, minmax(15rem, 1fr)); gap: 0 2rem;
+           align-items: start; }
+.summary th { font-weight: 400; color: var(--muted); }
+.summary td { text-align: right; font-weight: 600; }
+@media print { .scroll { max-height: none; overflow: visible; } thead th { position: static; } }
+"""
+
+
+def write_report(
+    folder: Path, mission: MissionConfig, snapshot: Snapshot, record: FlightRecord
+) -> tuple[Path, Path]:
+    """Write ``report.html`` and ``report.png`` into a folder, which is made if need be.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to.
+    mission : MissionConfig
+        What was to be flown.
+    snapshot : Snapshot
+        The world, for obstacles, radars and bounds.
+    record : FlightRecord
+        What happened.
+
+    Returns
+    -------
+    tuple of Path
+        The page and the picture.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    page, picture = folder / "report.html", folder / "report.png"
+    with style.drawing():
+        start_s = flight_start(record)
+        flight_map(mission, snapshot, record).savefig(picture, dpi=style.DPI)
+        altitude, threat = altitude_chart(mission, snapshot, record, start_s), threat_chart(record, start_s)
+        charts = [
+            (
+                _svg(altitude, "altitude", "Altitude over flight time, between floor and ceiling"),
+                "Height along the flown path.",
+            ),
+            (
+                _svg(threat, "threat", "Threat level along the flown path over flight time"),
+                "How exposed the aircraft was to radars and moving threats together; 0 is unseen.",
+            ),
+            (
+                _svg(latency_chart(record), "latency", "Computing time of every plan in milliseconds"),
+                "How long each plan took to compute, in the order they were made.",
+            ),
+        ]
+    page.write_text(_page(mission, record, picture.read_bytes(), charts, start_s), encoding="utf-8")
+    return page, picture
+
+
+def _page(
+    mission: MissionConfig,
+    record: FlightRecord,
+    picture: bytes,
+    charts: list[tuple[str, str]],
+    start_s: float,
+) -> str:
+    title = f"Flight report: {mission.name}"
+    image = base64.b64encode(picture).decode("ascii")
+    figures = "\n".join(
+        f"<figure><div>{svg}</div><figcaption>{escape(text)}</figcaption></figure>" for svg, text in charts
+    )
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<style>{STYLE_SHEET}</style>
+</head>
+<body>
+<main>
+<header>
+<h1>{escape(title)}</h1>
+<p class="lead">{escape(_lead(mission, record, start_s))}</p>
+</header>
+<h2>Summary</h2>
+{_summary(record)}
+<h2>Map</h2>
+<figure>
+<div><img src="data:image/png;base64,{image}"
+ alt="{escape(_map_text(mission, record))}"></div>
+<figcaption>{escape(_map_caption(is_solid=mission.dimension == 3))}</figcaption>
+</figure>
+<h2>Over the flight</h2>
+{figures}
+<h2>Decisions</h2>
+{_decisions(record.decisions, start_s)}
+</main>
+</body>
+</html>
+"""
+
+
+def _lead(mission: MissionConfig, record: FlightRecord, start_s: float) -> str:
+    flown_s = float(record.flown[-1, 0]) - start_s if len(record.flown) else 0.0
+    sentence = (
+        f"{style.clock_text(flown_s)} flown, {len(record.missions)} missions uploaded, "
+        f"{len(record.plan_ms)} plans."
+    )
+    return f"{mission.description}. {sentence}" if mission.description else sentence
+
+
+def _map_text(mission: MissionConfig, record: FlightRecord) -> str:
+    return (
+        f"Map of {mission.name}, north up: {len(mission.obstacles)} obstacles, {len(mission.radars)} radars "
+        f"with the threat they cast, {len(record.dt_paths) or len(record.dt_tracks)} moving threats with "
+        f"their paths, {len(record.missions)} uploaded missions, the flown path from start to where the "
+        "record ends, and the goals."
+    )
+
+
+def _map_caption(*, is_solid: bool) -> str:
+    text = (
+        "Times on the paths are minutes and seconds of flight; equal times on two paths are the same moment."
+    )
+    if is_solid:
+        return (
+            f"{text} The threat is cut at the median height flown; figures in obstacles are their tops [m]."
+        )
+    return text
+
+
+def _summary(record: FlightRecord) -> str:
+    """Summary as a few tables side by side, so that it is read without scrolling."""
+    rows = [
+        f'<tr><th scope="row">{escape(_key_text(key))}</th><td>{_value(key, value)}</td></tr>'
+        for key, value in record.summary.items()
+    ]
+    if not rows:
+        return "<p>Nothing was summed up.</p>"
+    size = math.ceil(len(rows) / min(3, math.ceil(len(rows) / 3)))
+    parts = [rows[first : first + size] for first in range(0, len(rows), size)]
+    tables = "\n".join(f"<table><tbody>{''.join(part)}</tbody></table>" for part in parts)
+    return f'<div class="summary">{tables}</div>'
+
+
+def _key_text(key: str) -> str:
+    """Return a key as words, without its unit."""
+    suffix = next((ending for ending, _ in UNITS if key.endswith(ending)), "")
+    return key.removesuffix(suffix).replace("_", " ").strip() or key
+
+
+def _value(key: str, value: float | int | bool | str) -> str:
+    """Return a value with its unit, as HTML."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return escape(value)
+    unit = next((f" {name}" for ending, name in UNITS if key.endswith(ending)), "")
+    if isinstance(value, int):
+        return f"{value}{unit}"
+    if not math.isfinite(value):
+        return "–"
+    digits = max(0, 3 - math.floor(math.log10(abs(value))) - 1) if abs(value) >= 1e-3 else 4
+    return f"{value:.{min(digits, 4)}f}{unit}"
+
+
+def _decisions(decisions: tuple[Decision, ...], start_s: float) -> str:
+    if not decisions:
+        return "<p>No decision was recorded.</p>"
+    rows = "\n".join(
+        f'<tr><td class="number">{style.clock_text(entry.stamp_s - start_s)}</td>'
+        f'<td class="kind">{escape(entry.kind)}</td><td class="text">{escape(entry.text)}</td>'
+        f'<td class="number">{_milliseconds(entry.plan_ms)}</td>'
+        f'<td class="number">{_milliseconds(entry.track_to_mission_ms)}</td></tr>'
+        for entry in decisions
+    )
+    return f"""<div class="scroll" tabindex="0" role="region" aria-label="Decisions">
+<table>
+<thead><tr>
+<th scope="col" class="number">Time [mm:ss]</th><th scope="col">Kind</th><th scope="col">Decision</th>
+<th scope="col" class="number">Plan [ms]</th><th scope="col" class="number">Track to mission [ms]</th>
+</tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table>
+</div>"""
+
+
+def _milliseconds(value: float | None) -> str:
+    return "–" if value is None or not math.isfinite(value) else f"{value:.0f}"
+
+
+def _svg(figure: Figure, name: str, text: str) -> str:
+    """Return a figure as an SVG element to stand inside a page.
+
+    Parameters
+    ----------
+    figure : Figure
+        What is drawn.
+    name : str
+        Put before every name defined in the drawing: names are unique within a page, not a drawing.
+    text : str
+        For readers that do not see it.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    drawing = buffer.getvalue()
+    drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub(r'href="#|url\(#', lambda found: f"{found.group()}{name}-", drawing)
+    # Width and height in points would fix its size; the view box alone lets the page scale it.
+    for side in ("width", "height"):
+        drawing = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", drawing, count=1)
+    return drawing.replace("<svg", f'<svg role="img" aria-label="{escape(text)}"', 1)
