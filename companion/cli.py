@@ -59,7 +59,9 @@ def write_json(target: Path, document: object) -> None:
         part.write_text(text)
         part.replace(target)
     except OSError as error:
-        raise ConfigError(str(target), None, "--json", error.strerror or str(error), "a file to write") from None
+        raise ConfigError(
+            str(target), None, "--json", error.strerror or str(error), "a file to write"
+        ) from None
 
 
 @app.command()
@@ -69,8 +71,8 @@ def check(
     plot: Annotated[Path | None, typer.Option(help="Write a picture here.")] = None,
 ) -> None:
     """Validate a mission file, and tell what was understood."""
-    from companion.campaign.understood import described, summary_table  # noqa: PLC0415
-    from companion.config import load_mission  # noqa: PLC0415
+    from companion.campaign.understood import described, summary_table
+    from companion.config import load_mission
 
     config = load_mission(mission)
     if json_file is not None:
@@ -78,8 +80,8 @@ def check(
     if json_file is None or str(json_file) != "-":
         console.print(summary_table(config))
     if plot is not None:
-        from companion.config.compose import world_of  # noqa: PLC0415
-        from companion.ui.plots import plot_mission  # noqa: PLC0415
+        from companion.config.compose import world_of
+        from companion.ui.plots import plot_mission
 
         plot_mission(plot, config, world_of(config, none_known=False))
 
@@ -97,8 +99,8 @@ def plan(
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run here.")] = None,
 ) -> None:
     """Make one offline plan, or several, from the mission file's start."""
-    from companion.campaign.runs import plan_runs, result_of, results_table  # noqa: PLC0415
-    from companion.config import load_mission  # noqa: PLC0415
+    from companion.campaign.runs import plan_runs, result_of, results_table
+    from companion.config import load_mission
 
     config = load_mission(mission)
     snapshot, plans = plan_runs(
@@ -110,7 +112,7 @@ def plan(
     if json_file is None or str(json_file) != "-":
         console.print(results_table(config.name, plans))
     if plot is not None:
-        from companion.ui.plots import plot_plan  # noqa: PLC0415
+        from companion.ui.plots import plot_plan
 
         plot_plan(plot, config, snapshot, plans[0])
     if not all(entry.reaches_goal for entry in plans):
@@ -127,8 +129,8 @@ def run(
     record: Annotated[Path, typer.Option(help="Folder of the flights' recordings.")] = Path("flights"),
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
-    from companion.config import load_mission  # noqa: PLC0415
-    from companion.daemon.service import serve  # noqa: PLC0415
+    from companion.config import load_mission
+    from companion.daemon.service import serve
 
     config = load_mission(mission)
     try:
@@ -139,7 +141,9 @@ def run(
 
 def _without_simulator() -> None:
     """Say what is missing."""
-    raise ConfigError("companion", None, "sitl", "no simulator installed", "pip install 'safe-rrt-companion[sim]'")
+    raise ConfigError(
+        "companion", None, "sitl", "no simulator installed", "pip install 'safe-rrt-companion[sim]'"
+    )
 
 
 def _add_commands() -> None:
@@ -165,13 +169,17 @@ def main() -> None:
     logging.basicConfig(
         level=logging.INFO,
         format="%(message)s",
-        handlers=[RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)],
+        handlers=[
+            RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)
+        ],
     )
     _add_commands()
     try:
         app()
     except CompanionError as error:
-        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
+        Console(stderr=True, soft_wrap=True).print(
+            f"error: {error}", style="red", markup=False, highlight=False
+        )
         sys.exit(error.exit_code)
     except Exception:
         _log.exception("internal error")

@@ -8,6 +8,7 @@ A flight so runs as fast as the computer can, and the same seed gives the same f
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -73,7 +74,7 @@ class Flight:
         """When the flight counts as failed: three times the straight way, and two minutes."""
         points = [(self.mission.start.east_m, self.mission.start.north_m)]
         points += [(goal.east_m, goal.north_m) for goal in self.mission.goals]
-        way = sum(math.dist(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+        way = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
         return 120.0 + 3.0 * way / float(self.mission.vehicle.airspeed_cruise_m_s)
 
     @property
@@ -127,7 +128,10 @@ class Flight:
         for _ in range(SETTLE_TURNS):
             await asyncio.sleep(0)
         waited_from = time.perf_counter()
-        while self.app.autopilot.is_our_turn and time.perf_counter() - waited_from < TURN_TIMEOUT_S:
+        # Its threads cannot tell when they are about to speak, so their turn is polled.
+        while (  # noqa: ASYNC110
+            self.app.autopilot.is_our_turn and time.perf_counter() - waited_from < TURN_TIMEOUT_S
+        ):
             await asyncio.sleep(0.0002)
         if running.done():
             await running

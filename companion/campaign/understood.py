@@ -23,7 +23,11 @@ def described(mission: MissionConfig) -> dict[str, object]:
         "start_enu_m": [start.east_m, start.north_m, start.up_m],
         "start_course_deg": start.course_deg,
         "goals_enu_m": [[goal.east_m, goal.north_m, goal.up_m] for goal in mission.goals],
-        "bounds_enu_m": [list(mission.bounds.east_m), list(mission.bounds.north_m), list(mission.bounds.up_m)],
+        "bounds_enu_m": [
+            list(mission.bounds.east_m),
+            list(mission.bounds.north_m),
+            list(mission.bounds.up_m),
+        ],
         "obstacles": [
             {
                 "name": entry.name,
@@ -61,14 +65,20 @@ def summary_table(mission: MissionConfig) -> Table:
     straight = math.dist((start.east_m, start.north_m), (goal.east_m, goal.north_m))
     table.add_row("dimension", f"{mission.dimension}")
     table.add_row("origin", f"{mission.origin.latitude_deg:.6f}, {mission.origin.longitude_deg:.6f}")
-    table.add_row("start", f"{start.east_m:g} E, {start.north_m:g} N, {start.up_m:g} m up, {start.course_deg:g}°")
+    table.add_row(
+        "start", f"{start.east_m:g} E, {start.north_m:g} N, {start.up_m:g} m up, {start.course_deg:g}°"
+    )
     for number, entry in enumerate(mission.goals, 1):
-        where = f"{entry.east_m:g} E, {entry.north_m:g} N, {entry.up_m:g} m up, within {entry.acceptance_radius_m:g} m"
+        where = f"{entry.east_m:g} E, {entry.north_m:g} N, {entry.up_m:g} m up"
+        where += f", within {entry.acceptance_radius_m:g} m"
         table.add_row(f"goal {number}", where)
-    table.add_row("straight way", f"{straight:.0f} m, {straight / vehicle.airspeed_cruise_m_s:.0f} s at cruise")
+    table.add_row(
+        "straight way", f"{straight:.0f} m, {straight / vehicle.airspeed_cruise_m_s:.0f} s at cruise"
+    )
     table.add_row(
         "aircraft",
-        f"{vehicle.airspeed_min_m_s:g}–{vehicle.airspeed_max_m_s:g} m/s, turn radius {vehicle.turn_radius_min_m:g} m",
+        f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g} m/s, "
+        f"turn radius {vehicle.turn_radius_min_m:g} m",
     )
     table.add_row("obstacles", str(len(mission.obstacles)))
     table.add_row("radars", str(len(mission.radars)))

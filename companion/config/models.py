@@ -103,7 +103,7 @@ class PlanningConfig(Section):
     max_iterations: Annotated[int, Field(ge=1, le=100_000_000)] = 60_000
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1
+    swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
 
 
 class RadarConfig(Section):

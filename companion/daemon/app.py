@@ -22,7 +22,7 @@ from companion.link.frame import Frame
 from companion.link.identity import answer
 from companion.link.streams import Streams
 from companion.link.transport import Transport
-from companion.mission.builder import Banks, new_banks
+from companion.mission.builder import Banks, Waypoints, new_banks
 from companion.mission.progress import progress_on
 from companion.mission.swap import SwapOutcome, enter, store
 from companion.types.events import Event, Heartbeat, StatusText
@@ -30,6 +30,7 @@ from companion.types.mission import Command, Mission
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.record import UploadedMission
+from companion.world.snapshot import Snapshot
 
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
 HOUSEKEEPING_S = 1.0
@@ -143,10 +144,14 @@ class App:
         self.mode = next_mode(before, event, may_resume=self._mission.authority.resume == "auto")
         if self.mode is before:
             return
-        kind = "arrived" if self.mode is Mode.ARRIVED else "suspended" if self.mode is Mode.SUSPENDED else "mode"
+        kind = (
+            "arrived" if self.mode is Mode.ARRIVED else "suspended" if self.mode is Mode.SUSPENDED else "mode"
+        )
         self.decide(kind, f"{self.mode.value} ({self.autopilot_mode or 'no autopilot'})")
 
-    def decide(self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None) -> None:
+    def decide(
+        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None
+    ) -> None:
         """Record a decision and tell the pilot."""
         self.recorder.decide(self._clock.now_s(), kind, text, plan_ms, latency_ms)
         if self.codec.vehicle_system_id is not None:
@@ -218,7 +223,10 @@ class App:
         self._planned_for = self._news()
         track_s = self.picture.newest_track_s
         num_items = 2 * self._banks.size + len(self._banks.prefix) if self._banks is not None else 40
-        start = self.cycle.start_after(state, self.cycle.lead_s(num_items))
+        lead = self.cycle.lead_s(num_items)
+        if self.cycle.is_on_last_leg(state, lead):
+            return
+        start = self.cycle.start_after(state, lead)
         budget = float(self._mission.planning.planning_budget_s)
         plan, plan_ms = await self._solved(start, snapshot, budget)
         self.recorder.plan_ms.append(plan_ms)
@@ -235,27 +243,37 @@ class App:
             return
         await self._swap(plan.path, waypoints, judgement.kind, judgement.text, plan_ms, track_s, start)
 
-    async def _solved(self, start: Start, snapshot: object, budget_s: float) -> tuple[Plan, float]:
+    async def _solved(self, start: Start, snapshot: Snapshot, budget_s: float) -> tuple[Plan, float]:
         """Plan within the budget; the plan and the computer's milliseconds it took."""
         began, due = time.perf_counter(), self._clock.now_s() + budget_s
         if self._plans_inline:
-            plan = self.cycle.plan(start, snapshot, lambda: False)  # type: ignore[arg-type]
+            plan = self.cycle.plan(start, snapshot, lambda: False)
             took = 1e3 * (time.perf_counter() - began)
             await self._clock.sleep_until(due)
             return plan, took
         plan = await asyncio.to_thread(
-            self.cycle.plan, start, snapshot, lambda: self._clock.now_s() >= due  # type: ignore[arg-type]
+            self.cycle.plan,
+            start,
+            snapshot,
+            lambda: self._clock.now_s() >= due,
         )
         return plan, 1e3 * (time.perf_counter() - began)
 
     async def _swap(
-        self, path: Path, waypoints: object, kind: str, text: str, plan_ms: float, track_s: float, start: Start
+        self,
+        path: Path,
+        waypoints: Waypoints,
+        kind: str,
+        text: str,
+        plan_ms: float,
+        track_s: float,
+        start: Start,
     ) -> None:
         """Store the mission in the idle bank, and enter it when the aircraft is there."""
-        banks = await self._banks_for(len(waypoints.positions_enu_m))  # type: ignore[attr-defined]
+        banks = await self._banks_for(len(waypoints.positions_enu_m))
         if banks is None:
             return
-        mission, after = self.cycle.mission_for(waypoints, banks)  # type: ignore[arg-type]
+        mission, after = self.cycle.mission_for(waypoints, banks)
         outcome, reason = await store(self.autopilot, mission)
         if outcome is None:
             enter_s = start.state.stamp_s - ENTER_EARLY_S if self.cycle.flown is not None else 0.0
@@ -275,13 +293,13 @@ class App:
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
         if latency is not None:
             self.recorder.track_to_mission_ms.append(latency)
-        self.recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, kind))  # type: ignore[attr-defined]
+        self.recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, kind))
         self.decide("swap", f"{kind}, {text}; {reason}", plan_ms, latency)
 
     def _may_act(self) -> bool:
         return self.mode is Mode.ACTIVE
 
-    def _entry(self, mission: Mission, path: Path, waypoints: object) -> int | None:
+    def _entry(self, mission: Mission, path: Path, waypoints: Waypoints) -> int | None:
         """Sequence of the first waypoint that lies ahead and can be flown to directly."""
         state = self.picture.ownship.state(self._clock.now_s())
         if state is None:
@@ -297,7 +315,10 @@ class App:
             )
             there = progress_on(path, (east, north, up))
             ahead = (there.row + there.share) - (here.row + here.share)
-            if ahead * float(path.speeds_m_s[here.row]) >= ENTRY_AHEAD_M or item.command != Command.NAV_WAYPOINT:
+            if (
+                ahead * float(path.speeds_m_s[here.row]) >= ENTRY_AHEAD_M
+                or item.command != Command.NAV_WAYPOINT
+            ):
                 return sequence
             sequence += 1
         return None

@@ -28,6 +28,7 @@ from companion.world.snapshot import Snapshot
 
 ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms, up and down
 OFF_TRACK_MAX_M = 80.0
+LAST_LEG_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,55 +102,66 @@ class Cycle:
         planning = self._mission.planning
         return float(planning.planning_budget_s + planning.swap_margin_s) + 2.0 * ITEM_S * num_items + 0.5
 
+    def is_on_last_leg(self, state: Ownship, lead_s: float) -> bool:
+        """Whether the flown path ends before a new one could be of use."""
+        if self.flown is None:
+            return False
+        progress = progress_on(self.flown.path, state.position_enu_m, self.flown.row)
+        left = float(self.flown.path.times_s[-1]) - time_at(self.flown.path, progress)
+        return progress.off_track_m <= OFF_TRACK_MAX_M and left < lead_s + LAST_LEG_S
+
     def start_after(self, state: Ownship, lead_s: float) -> Start:
         """Where the aircraft will be in ``lead_s``: along the flown path, else by its own motion."""
-        covariance = initial_covariances(self.vehicle, *state.position_std_m)
-        stamp = state.stamp_s + lead_s
-        speed = float(
-            np.clip(state.airspeed_m_s, self.vehicle.airspeed_min_m_s, self.vehicle.airspeed_max_m_s)
-        )
-        if self.flown is not None:
-            path = self.flown.path
-            progress = progress_on(path, state.position_enu_m, self.flown.row)
-            if progress.off_track_m <= OFF_TRACK_MAX_M:
-                share = state.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
-                rest = rest_of_path(path, time_at(path, progress) + lead_s * share, stamp)
-                if rest is not None:
-                    east, north, up = (float(value) for value in rest.positions_enu_m[0])
-                    return Start(
-                        StartState(
-                            stamp, (east, north, up), direction_from_course(float(rest.courses_rad[0])),
-                            float(rest.climb_angles_rad[0]), float(rest.speeds_m_s[0]), covariance,
-                            np.zeros((6, 6)),
-                        ),
-                        rest,
-                    )  # fmt: skip
+        rest = self._rest_after(state, lead_s)
+        if rest is not None:
+            east, north, up = (float(value) for value in rest.positions_enu_m[0])
+            begin = self._begin(
+                state, float(rest.times_s[0]), (east, north, up), float(rest.courses_rad[0]),
+                float(rest.climb_angles_rad[0]), float(rest.speeds_m_s[0]),
+            )  # fmt: skip
+            return Start(begin, rest)
         ahead = predicted(state, lead_s)
-        climb = float(
-            np.clip(
-                ahead.flight_path_angle_rad, -self.vehicle.descent_angle_max_rad, self.vehicle.climb_angle_max_rad
-            )
-        )
-        return Start(
-            StartState(
-                stamp, ahead.position_enu_m, direction_from_course(ahead.course_rad), climb, speed, covariance,
-                np.zeros((6, 6)),
-            ),
-            None,
+        begin = self._begin(
+            state, state.stamp_s + lead_s, ahead.position_enu_m, ahead.course_rad,
+            ahead.flight_path_angle_rad, state.airspeed_m_s,
         )  # fmt: skip
+        return Start(begin, None)
+
+    def _rest_after(self, state: Ownship, lead_s: float) -> Path | None:
+        """What is left of the flown path in ``lead_s``; None off it, or near its end."""
+        if self.flown is None:
+            return None
+        path = self.flown.path
+        progress = progress_on(path, state.position_enu_m, self.flown.row)
+        if progress.off_track_m > OFF_TRACK_MAX_M:
+            return None
+        share = state.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
+        return rest_of_path(path, time_at(path, progress) + lead_s * share, state.stamp_s + lead_s)
+
+    def _begin(
+        self, state: Ownship, stamp_s: float, position: tuple[float, float, float], course_rad: float,
+        climb_rad: float, airspeed_m_s: float,
+    ) -> StartState:  # fmt: skip
+        """A start state within the aircraft's limits; in the plane on the mission's level."""
+        vehicle = self.vehicle
+        if self._mission.dimension == 2:
+            position, climb_rad = (*position[:2], float(self._mission.start.up_m)), 0.0
+        climb = min(vehicle.climb_angle_max_rad, max(-vehicle.descent_angle_max_rad, climb_rad))
+        return StartState(
+            stamp_s=stamp_s,
+            position_enu_m=position,
+            direction_rad=direction_from_course(course_rad),
+            climb_rad=climb,
+            airspeed_m_s=min(vehicle.airspeed_max_m_s, max(vehicle.airspeed_min_m_s, airspeed_m_s)),
+            error_covariance=initial_covariances(vehicle, *state.position_std_m),
+            estimate_covariance=np.zeros((6, 6)),
+        )
 
     def plan(self, start: Start, snapshot: Snapshot, should_stop: Callable[[], bool]) -> Plan:
         """Plan from a start; the same snapshot, start and count give the same plan."""
-        state = start.state
-        if snapshot.dimension == 2:  # the plan keeps the mission's level, whatever the altitude is now
-            east, north, _ = state.position_enu_m
-            state = StartState(
-                state.stamp_s, (east, north, float(self._mission.start.up_m)), state.direction_rad, 0.0,
-                state.airspeed_m_s, state.error_covariance, state.estimate_covariance,
-            )  # fmt: skip
         self.num_plans += 1
         problem = Problem(
-            start=state,
+            start=start.state,
             goals=self.goals_left,
             snapshot=snapshot,
             vehicle=self.vehicle,

@@ -122,7 +122,7 @@ class Tree(NamedTuple):
     threat_point: FloatArray
     children: IntArray
     blocked: IntArray
-    count: IntArray
+    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
 
 
 class Pursuers(NamedTuple):
@@ -137,7 +137,7 @@ class Pursuers(NamedTuple):
     heading: FloatArray
     parent: IntArray
     time: FloatArray
-    count: IntArray
+    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
     model: FloatArray
     bounds: FloatArray
 

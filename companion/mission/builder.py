@@ -24,6 +24,7 @@ ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room f
 CORNER_MAX_RAD = math.radians(50.0)
 STRAIGHT_RAD = 1e-4
 HEIGHT_TOLERANCE_M = 8.0
+SLIGHT_M = 2.0
 SPACING_M = 60.0  # between a waypoint for height and its neighbours
 
 
@@ -64,7 +65,20 @@ def waypoints_from_path(path: Path, airspeed_m_s: float) -> Waypoints:
     chosen = [position for at, position in marks[1:-1] if at >= ENTRY_AHEAD_M]
     if marks[1][0] > ENTRY_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
         chosen.insert(0, points[int(np.searchsorted(travelled[:-1], ENTRY_AHEAD_M))])
-    return Waypoints(np.array([*chosen, points[-1]]), airspeed_m_s)
+    return Waypoints(_without_slight_corners(np.array([*chosen, points[-1]])), airspeed_m_s)
+
+
+def _without_slight_corners(points: FloatArray) -> FloatArray:
+    """Drop inner points that lie within :data:`SLIGHT_M` of the line between their neighbours."""
+    kept = [points[0]]
+    for k in range(1, len(points) - 1):
+        along = points[k + 1] - kept[-1]
+        share = np.clip((points[k] - kept[-1]) @ along / max(float(along @ along), 1e-9), 0.0, 1.0)
+        if np.linalg.norm(points[k] - kept[-1] - share * along) > SLIGHT_M:
+            kept.append(points[k])
+    if len(points) > 1:
+        kept.append(points[-1])
+    return np.array(kept)
 
 
 def _corners(
@@ -173,9 +187,7 @@ def bank_items(waypoints: Waypoints, size: int, frame: LocalFrame) -> tuple[Miss
             parameters = (0.0, round(airspeed, 1), -1.0, 0.0)  # airspeed, m/s, throttle unchanged
             items.append(MissionItem(0, Command.DO_CHANGE_SPEED, Frame.MISSION, parameters, 0, 0, 0.0))
     centre = waypoints.loiter_centre_enu_m
-    last = _item(
-        Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame
-    )
+    last = _item(Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame)
     loiter = replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
     return tuple(items) + (loiter,) * (size - len(items))
 

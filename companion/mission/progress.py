@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray
 from companion.types.path import Path
+
+MIN_ROWS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,30 +50,20 @@ def time_at(path: Path, progress: Progress) -> float:
 
 
 def rest_of_path(path: Path, path_time_s: float, now_s: float) -> Path | None:
-    """What is left of a path after one of its times, restamped to begin at ``now_s``.
+    """What is left of a path from its first row at or after one of its times on.
 
-    None where less than two rows are left.
+    Restamped so that the path's time ``path_time_s`` falls on the clock's ``now_s``. It begins at a row,
+    since only rows lie exactly on turns. None where fewer than three rows are left.
     """
-    first = int(np.searchsorted(path.times_s, path_time_s, side="right")) - 1
-    first = max(first, 0)
-    if len(path) - first < 3:
+    first = int(np.searchsorted(path.times_s, path_time_s, side="left"))
+    if len(path) - first < MIN_ROWS:
         return None
-    t0, t1 = path.times_s[first], path.times_s[first + 1]
-    share = float(np.clip((path_time_s - t0) / (t1 - t0), 0.0, 1.0))
-
-    def cut(values: FloatArray) -> FloatArray:
-        rest = values[first:].copy()
-        rest[0] = (1.0 - share) * values[first] + share * values[first + 1]
-        return rest
-
-    times = cut(path.times_s) - path_time_s + now_s
-    courses = np.unwrap(path.courses_rad)
     return Path(
-        times_s=times,
-        positions_enu_m=cut(path.positions_enu_m),
-        courses_rad=cut(courses) % (2.0 * np.pi),
-        climb_angles_rad=cut(path.climb_angles_rad),
-        speeds_m_s=cut(path.speeds_m_s),
+        times_s=path.times_s[first:] - path_time_s + now_s,
+        positions_enu_m=path.positions_enu_m[first:],
+        courses_rad=path.courses_rad[first:],
+        climb_angles_rad=path.climb_angles_rad[first:],
+        speeds_m_s=path.speeds_m_s[first:],
         position_covariances_m2=path.position_covariances_m2[first:],
         collision_free=path.collision_free[first:],
         threat_levels=path.threat_levels[first:],

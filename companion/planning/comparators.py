@@ -33,9 +33,14 @@ METHODS: dict[str, Strategies] = {
 
 
 def settings_for(
-    method: str, *, certainty: Certainty, clearance_min_m: float, sensing_horizon_m: float, max_iterations: int,
+    method: str,
+    *,
+    certainty: Certainty,
+    clearance_min_m: float,
+    sensing_horizon_m: float,
+    max_iterations: int,
     threat_level_max: float = 1.0,
-) -> PlannerSettings:  # fmt: skip
+) -> PlannerSettings:
     """Settings of a method.
 
     Raises

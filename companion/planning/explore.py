@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.layout import IntArray, Tree, empty_tree
+from companion.kernels.geometry import clearance
+from companion.kernels.layout import IntArray, Tree, Uncertainty, empty_tree
 from companion.kernels.motion import OK, state_status
 from companion.kernels.search import DRAWS, FULL, REACHED, assess, explore
 from companion.kernels.sub_goals import spread_wave
 from companion.kernels.threat import MAX_THREATS
 from companion.kernels.uncertainty import collision_free, position_deviation
-from companion.kernels.geometry import clearance
 from companion.planning.problem import Problem
 from companion.planning.sub_goal import choose_sub_goal
 from companion.vehicle.lqg import uncertainty_tables
+from companion.vehicle.motion import VehicleModel
 from companion.world.reachability import threat_trees
 from companion.world.threats import known_within
 
@@ -48,7 +50,7 @@ class Exploration:
         self.limits = problem.vehicle.limits(
             snapshot.dimension, snapshot.bounds, settings.clearance_min_m, settings.tau_s
         )
-        self.tables = tables_for(problem)
+        self.tables = _tables(problem.vehicle, settings.tau_s, snapshot.dimension)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.threats = snapshot.threats
         self.pursuers = threat_trees(
@@ -168,7 +170,8 @@ class Exploration:
         its branch nearest to the sub goal (paper Fig. 6); after several in a row the tree starts
         afresh from the root, which RRTs profit from (their run times are heavy-tailed).
         """
-        end, used, in_a_row = root, [], 0
+        end, in_a_row = root, 0
+        used: list[FloatArray] = []
         settings = self.problem.settings
         while not self.is_spent(should_stop):
             centre = self.tree.state[end, :3].copy()
@@ -209,12 +212,7 @@ class Exploration:
         return False, end
 
 
-_TABLES: dict[tuple[object, ...], object] = {}
-
-
-def tables_for(problem: Problem):  # type: ignore[no-untyped-def]
-    """LQG-MP tables of a vehicle, made once."""
-    key = (problem.vehicle, problem.settings.tau_s, problem.snapshot.dimension)
-    if key not in _TABLES:
-        _TABLES[key] = uncertainty_tables(problem.vehicle, problem.settings.tau_s, problem.snapshot.dimension)
-    return _TABLES[key]
+@functools.cache
+def _tables(vehicle: VehicleModel, tau_s: float, dimension: int) -> Uncertainty:
+    """LQG-MP tables of a vehicle, made once: the paper's "off-line" part."""
+    return uncertainty_tables(vehicle, tau_s, dimension)

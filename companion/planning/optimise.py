@@ -11,9 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.kernels.splice import JOINED, is_clear, is_flyable, path_cost, splice
+from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.planning.explore import Exploration
-from companion.planning.route import Route
+from companion.planning.route import Route, cost_between
 
 SPARE_ROWS = 64
 
@@ -34,7 +34,6 @@ def optimised_route(
     """
     problem, limits = exploration.problem, exploration.limits
     settings, obstacles = problem.settings, exploration.problem.snapshot.obstacles
-    search = settings.search(limits, problem.snapshot.unit_m, 0.0)
     kept = 0
     nowhere = np.zeros(6)
     for iteration in range(settings.optimise_iterations):
@@ -56,15 +55,8 @@ def optimised_route(
         if not is_clear(states, rates, times, i + 1, at + 1, obstacles, limits.margin):
             continue
         # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
-        delta = float(exploration.tree.delta[0])
-        old = path_cost(
-            route.states, route.times, i + 1, j + 1, delta, exploration.pursuers, obstacles,
-            exploration.threats, exploration.model, search,
-        )  # fmt: skip
-        new = path_cost(
-            states, times, i + 1, at + 1, delta, exploration.pursuers, obstacles, exploration.threats,
-            exploration.model, search,
-        )  # fmt: skip
+        old = cost_between(exploration, route, i + 1, j + 1)
+        new = cost_between(exploration, Route(states, times, rates), i + 1, at + 1)
         if new < old - 1e-9:
             route = Route(states[:m].copy(), times[:m].copy(), rates[:m].copy())
             kept += 1

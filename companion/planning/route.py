@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray, course_from_direction
+from companion.frames import FloatArray, course_from_direction, direction_from_course
 from companion.kernels.geometry import clearance
-from companion.kernels.splice import dt_positions
+from companion.kernels.splice import dt_positions, path_cost
 from companion.kernels.threat import MAX_THREATS, node_threat
 from companion.kernels.uncertainty import collision_free, position_deviation, position_factor, propagate
 from companion.planning.explore import Exploration
@@ -36,6 +36,16 @@ def route_from_tree(exploration: Exploration, node: int) -> Route:
         node = int(tree.parent[node])
     index = np.array(rows[::-1])
     return Route(tree.state[index].copy(), tree.time[index].copy(), tree.rate[index].copy())
+
+
+def route_from_path(path: Path) -> Route:
+    """A path of an earlier plan as rows; the rates of its first edge are not known and taken as 0."""
+    directions = np.array([direction_from_course(float(course)) for course in path.courses_rad])
+    states = np.column_stack([path.positions_enu_m, directions, path.climb_angles_rad, path.speeds_m_s])
+    steps = np.diff(path.times_s, prepend=path.times_s[0] - 1.0)
+    turns = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
+    climbs = np.diff(path.climb_angles_rad, prepend=path.climb_angles_rad[0]) / steps
+    return Route(np.ascontiguousarray(states), path.times_s.copy(), np.column_stack([turns, climbs]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +106,19 @@ def assess_route(exploration: Exploration, route: Route) -> Assessment:
             reach, exploration.model, tables.normals, scratch, result.particle_levels[k],
         )  # fmt: skip
     return result
+
+
+def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
+    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``; by default over all."""
+    problem = exploration.problem
+    return float(
+        path_cost(
+            route.states, route.times, first, len(route) if end is None else end,
+            float(exploration.tree.delta[0]), exploration.pursuers, problem.snapshot.obstacles,
+            exploration.threats, exploration.model,
+            problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0),
+        )
+    )  # fmt: skip
 
 
 def path_from_route(route: Route, assessment: Assessment) -> Path:

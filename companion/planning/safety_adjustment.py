@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.kernels.splice import JOINED, is_clear, is_flyable, path_cost, splice
+from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.kernels.uncertainty import position_factor
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route
+from companion.planning.route import Assessment, Route, assess_route, cost_between
 
 REACH_STEPS = 8  # rows before and after a moved waypoint over which its edges are laid anew
 SHIFT_MIN_M = 0.5  # smaller moves are below what is flown
@@ -28,8 +28,7 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
     int
         How many waypoints moved.
     """
-    settings, problem = exploration.problem.settings, exploration.problem
-    search = settings.search(exploration.limits, problem.snapshot.unit_m, 0.0)
+    settings = exploration.problem.settings
     assessment = assess_route(exploration, route)
     moved, k = 0, REACH_STEPS
     while k < len(route) - REACH_STEPS:
@@ -37,15 +36,8 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
         laid = None if np.linalg.norm(shift) < SHIFT_MIN_M else _moved(exploration, route, k, shift)
         if laid is not None:
             candidate, at = laid
-            old = path_cost(
-                route.states, route.times, k - REACH_STEPS + 1, k + REACH_STEPS + 1, 0.0, exploration.pursuers,
-                problem.snapshot.obstacles, exploration.threats, exploration.model, search,
-            )  # fmt: skip
-            new = path_cost(
-                candidate.states, candidate.times, k - REACH_STEPS + 1, at + 1, 0.0, exploration.pursuers,
-                problem.snapshot.obstacles, exploration.threats, exploration.model,
-                search,
-            )  # fmt: skip
+            old = cost_between(exploration, route, k - REACH_STEPS + 1, k + REACH_STEPS + 1)
+            new = cost_between(exploration, candidate, k - REACH_STEPS + 1, at + 1)
             if new < old:
                 trial = assess_route(exploration, candidate)
                 if 1.0 - trial.clear.min() <= settings.adjust_collision_max:
@@ -71,15 +63,15 @@ def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> 
 
 
 def _moved(exploration: Exploration, route: Route, k: int, shift: np.ndarray) -> tuple[Route, int] | None:
-    """The route with row ``k`` shifted and the row its last new edge ends in, or None where no flyable, clear one exists."""
+    """The route with row ``k`` shifted and the row its last new edge ends in, if flyable and clear."""
     capacity = len(route) + 4 * REACH_STEPS
     states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
     via = route.states[k].copy()
     via[:3] += shift
     first, last = k - REACH_STEPS, k + REACH_STEPS
     status, n, at = splice(
-        route.states, route.times, route.rates, len(route), first, via, True, last, exploration.limits, states,
-        times, rates,
+        route.states, route.times, route.rates, len(route), first, via, True, last, exploration.limits,
+        states, times, rates,
     )  # fmt: skip
     if status != JOINED or not is_flyable(states, times, rates, n, first + 1, exploration.limits):
         return None

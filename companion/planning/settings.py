@@ -8,7 +8,6 @@ from enum import Enum, IntEnum
 from companion.kernels.layout import Limits, Search, ThreatModel
 from companion.vehicle.motion import VehicleModel
 
-
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 
 

@@ -7,21 +7,28 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.frames import direction_from_course
-from companion.kernels.splice import path_cost
 from companion.kernels.threat import membership, success_over_exposures
 from companion.kernels.visibility import is_hidden
 from companion.planning.explore import Exploration
 from companion.planning.finish import finished_route
 from companion.planning.optimise import optimised_route
 from companion.planning.problem import Problem
-from companion.planning.route import Assessment, Route, assess_route, path_from_route, route_from_tree
+from companion.planning.route import (
+    Assessment,
+    Route,
+    assess_route,
+    cost_between,
+    path_from_route,
+    route_from_path,
+    route_from_tree,
+)
 from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 
 HIGH_THREAT = 0.5
+MIN_ROWS = 4
 NUM_SECONDARY = 10
 
 
@@ -80,8 +87,16 @@ def solve(
     if reached and problem.settings.strategies.use_safety_adjustment:
         route, moved = adjusted_route(exploration, route)
         notes.append(f"{moved} waypoints adjusted")
+    flown_cost, flown_threat = None, None
+    if flown is not None and len(flown) >= MIN_ROWS:
+        flown_route = route_from_path(flown)
+        flown_cost = cost_between(exploration, flown_route)
+        flown_threat = float(assess_route(exploration, flown_route).levels.max())
+        improved, kept = optimised_route(exploration, flown_route, should_stop)
+        if not reached or cost_between(exploration, improved) < cost_between(exploration, route):
+            route, reached = improved, True
+            notes = [f"the flown path, {kept} rewirings"]
     assessment = assess_route(exploration, route)
-    flown_cost, flown_threat = flown_risk(exploration, flown)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(route, assessment),
@@ -100,12 +115,6 @@ def measures_of(
     exploration: Exploration, route: Route, assessment: Assessment, searched_s: float
 ) -> Measures:
     """The measures of the paper's tables (its 5.3), over the radars known to the planner."""
-    problem = exploration.problem
-    search = problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0)
-    cost = path_cost(
-        route.states, route.times, 1, len(route), float(exploration.tree.delta[0]), exploration.pursuers,
-        problem.snapshot.obstacles, exploration.threats, exploration.model, search,
-    )  # fmt: skip
     waypoint, secondary = radar_memberships(exploration, route)
     total = waypoint.sum() + secondary.sum()
     free = np.prod((1.0 - waypoint) ** (1.0 / len(route)))
@@ -113,34 +122,13 @@ def measures_of(
         path_search_time_s=searched_s,
         num_collision_checks=int(exploration.stats[0]),
         num_tree_nodes=int(exploration.tree.count[0]) + exploration.num_nodes,
-        path_cost=float(cost),
+        path_cost=cost_between(exploration, route),
         quality=float(np.prod(assessment.clear)),
         total_threat_amount=float(total),
         aggregated_threat=float(1.0 - free),
         num_high_threat_waypoints=int((assessment.levels > HIGH_THREAT).sum()),
         penetration_success=float(success_over_exposures(assessment.levels)),
     )
-
-
-def flown_risk(exploration: Exploration, flown: Path | None) -> tuple[float | None, float | None]:
-    """Cost by (9) and largest threat level of a path being flown; nothing for none."""
-    if flown is None or len(flown) < 2:
-        return None, None
-    directions = [direction_from_course(float(course)) for course in flown.courses_rad]
-    states = np.column_stack(
-        [flown.positions_enu_m, directions, flown.climb_angles_rad, flown.speeds_m_s]
-    )
-    steps = np.diff(flown.times_s, prepend=flown.times_s[0] - 1.0)
-    turns = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
-    climbs = np.diff(flown.climb_angles_rad, prepend=flown.climb_angles_rad[0]) / steps
-    route = Route(states, flown.times_s.copy(), np.column_stack([turns, climbs]))
-    problem = exploration.problem
-    search = problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0)
-    cost = path_cost(
-        route.states, route.times, 1, len(route), float(exploration.tree.delta[0]), exploration.pursuers,
-        problem.snapshot.obstacles, exploration.threats, exploration.model, search,
-    )  # fmt: skip
-    return float(cost), float(assess_route(exploration, route).levels.max())
 
 
 def radar_memberships(exploration: Exploration, route: Route) -> tuple[np.ndarray, np.ndarray]:

@@ -35,14 +35,15 @@ def horizon_points(centre: FloatArray, radius_m: float, count: int, limits: Limi
     if limits.dimension == 2:
         angle = 2.0 * math.pi * index / count
         flat = np.column_stack([radius_m * np.cos(angle), radius_m * np.sin(angle), np.zeros(count)])
-        return np.ascontiguousarray(centre + flat)
+        return np.ascontiguousarray(centre + flat, dtype=np.float64)
     low = max(limits.bounds[4], centre[2] - radius_m * math.sin(limits.descent_max))
     high = min(limits.bounds[5], centre[2] + radius_m * math.sin(limits.climb_max))
     up = low + (index + 0.5) / count * max(high - low, 0.0) - centre[2]
     flat_radius = np.sqrt(np.maximum(radius_m**2 - up**2, 0.0))
     angle = index * GOLDEN_ANGLE
     return np.ascontiguousarray(
-        centre + np.column_stack([flat_radius * np.cos(angle), flat_radius * np.sin(angle), up])
+        centre + np.column_stack([flat_radius * np.cos(angle), flat_radius * np.sin(angle), up]),
+        dtype=np.float64,
     )
 
 
