@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 
 from companion.clock import Clock
 from companion.config import MissionConfig
-from companion.daemon.cycle import Cycle, Flown, Start
+from companion.daemon.cycle import Cycle, Flown, Judgement, Start
 from companion.daemon.modes import Mode, ModeEvent, next_mode
 from companion.daemon.picture import Picture
 from companion.daemon.record import Recorder
@@ -22,7 +22,7 @@ from companion.link.frame import Frame
 from companion.link.identity import answer
 from companion.link.streams import Streams
 from companion.link.transport import Transport
-from companion.mission.builder import Banks, Waypoints, new_banks
+from companion.mission.builder import BANK_EXTRAS, BANK_ITEMS_MAX, Banks, Waypoints, new_banks
 from companion.mission.progress import progress_on
 from companion.mission.swap import SwapOutcome, enter, store
 from companion.types.events import Event, Heartbeat, StatusText
@@ -236,12 +236,13 @@ class App:
         if not judgement.swap or plan.path is None:
             self.decide(judgement.kind, judgement.text, plan_ms)
             return
-        waypoints, violations = self.cycle.waypoints(plan.path)
+        room = self._banks.size - BANK_EXTRAS if self._banks is not None else BANK_ITEMS_MAX - BANK_EXTRAS
+        waypoints, carried_s, violations = self.cycle.waypoints(plan.path, room)
         if violations:
             self.recorder.num_rejected += 1
             self.decide("rejected", f"mission: {violations[0]}", plan_ms)
             return
-        await self._swap(plan.path, waypoints, judgement.kind, judgement.text, plan_ms, track_s, start)
+        await self._swap(plan.path, waypoints, carried_s, judgement, plan_ms, track_s, start)
 
     async def _solved(self, start: Start, snapshot: Snapshot, budget_s: float) -> tuple[Plan, float]:
         """Plan within the budget; the plan and the computer's milliseconds it took."""
@@ -263,8 +264,8 @@ class App:
         self,
         path: Path,
         waypoints: Waypoints,
-        kind: str,
-        text: str,
+        carried_s: float,
+        judgement: Judgement,
         plan_ms: float,
         track_s: float,
         start: Start,
@@ -289,12 +290,12 @@ class App:
             return
         now = self._clock.now_s()
         self.num_swaps += 1
-        self.cycle.flown = Flown(path, mission)
+        self.cycle.flown = Flown(path, mission, carried_s)
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
         if latency is not None:
             self.recorder.track_to_mission_ms.append(latency)
-        self.recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, kind))
-        self.decide("swap", f"{kind}, {text}; {reason}", plan_ms, latency)
+        self.recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, judgement.kind))
+        self.decide("swap", f"{judgement.kind}, {judgement.text}; {reason}", plan_ms, latency)
 
     def _may_act(self) -> bool:
         return self.mode is Mode.ACTIVE
@@ -325,11 +326,8 @@ class App:
 
     async def _banks_for(self, num_waypoints: int) -> Banks | None:
         """The banks; before the first swap, laid behind what the autopilot holds."""
-        if self._banks is not None and num_waypoints + 2 <= self._banks.size:
-            return self._banks
         if self._banks is not None:
-            self.decide("rejected", f"{num_waypoints} waypoints do not fit the bank of {self._banks.size}")
-            return None
+            return self._banks
         try:
             existing = await self.autopilot.download()
         except CompanionError as error:

@@ -5,6 +5,7 @@ Synchronous and without a clock, so that a replay decides the same.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -29,14 +30,19 @@ from companion.world.snapshot import Snapshot
 ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms, up and down
 OFF_TRACK_MAX_M = 80.0
 LAST_LEG_S = 10.0
+CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
+EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
+SHORTEST_ROWS = 12
+NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """The path being flown and the mission that carries it."""
+    """The path being flown, the mission that carries it, and the path's time at which that one ends."""
 
     path: Path
     mission: Mission
+    carried_until_s: float
     row: int = 0
 
 
@@ -94,7 +100,7 @@ class Cycle:
             self.next_goal += 1
         if self.flown is not None:
             row = progress_on(self.flown.path, state.position_enu_m, self.flown.row).row
-            self.flown = Flown(self.flown.path, self.flown.mission, row)
+            self.flown = replace(self.flown, row=row)
         return self.next_goal == len(self.goals)
 
     def lead_s(self, num_items: int) -> float:
@@ -104,7 +110,7 @@ class Cycle:
 
     def is_on_last_leg(self, state: Ownship, lead_s: float) -> bool:
         """Whether the flown path ends before a new one could be of use."""
-        if self.flown is None:
+        if self.flown is None or self.flown.carried_until_s < self.flown.path.times_s[-1]:
             return False
         progress = progress_on(self.flown.path, state.position_enu_m, self.flown.row)
         left = float(self.flown.path.times_s[-1]) - time_at(self.flown.path, progress)
@@ -203,17 +209,59 @@ class Cycle:
         gain = 1.0 - cost / plan.flown_cost if plan.flown_cost > 0.0 else 0.0
         if gain >= float(self._mission.planning.swap_gain):
             return Judgement(True, "better", f"cost {cost:.1f} instead of {plan.flown_cost:.1f}")
+        if self._carried_s(start) < EXTENDED_HORIZONS * float(self._mission.planning.time_horizon_s):
+            return Judgement(True, "extend", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}")
         return Judgement(False, "keep", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}")
 
-    def waypoints(self, path: Path) -> tuple[Waypoints, tuple[Violation, ...]]:
-        """Waypoints of a path with its loiter, and what is wrong with flying them."""
-        flown = waypoints_from_path(path, float(self.vehicle.airspeed_cruise_m_s))
+    def _carried_s(self, start: Start) -> float:
+        """How long the mission in the autopilot still carries on from a start [s]; to the goal: endless."""
+        if self.flown is None or start.rest is None:
+            return 0.0
+        path = self.flown.path
+        if self.flown.carried_until_s >= path.times_s[-1]:
+            return math.inf
+        return self.flown.carried_until_s - float(path.times_s[len(path) - len(start.rest)])
+
+    def waypoints(self, path: Path, max_waypoints: int) -> tuple[Waypoints, float, tuple[Violation, ...]]:
+        """Waypoints of the part of a path that a mission carries, and a loiter at its end.
+
+        Beyond a few time horizons a path is a guess: threats there are still to be sensed. The mission
+        carries no more than :data:`CARRIED_HORIZONS` of it where a clear circle can end it there, else
+        the nearest row at which one can; should the service fall silent, the aircraft circles at a
+        place that was checked.
+
+        Returns
+        -------
+        Waypoints
+            What to upload.
+        float
+            The path's time at their end [s].
+        tuple of Violation
+            What is wrong with them, if no part of the path can be carried.
+        """
+        wanted = CARRIED_HORIZONS * float(self._mission.planning.time_horizon_s)
+        last = len(path) - 1
+        row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
+        tries = [row, *(row + k for k in range(2, last - row, 2)), last]
+        tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
+        first_wrong: tuple[Violation, ...] = ()
+        for end in tries:
+            waypoints, violations = self._carried(path, end)
+            if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
+                return waypoints, float(path.times_s[end]), ()
+            first_wrong = first_wrong or violations
+        return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
+
+    def _carried(self, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
+        """Waypoints up to a row with the loiter beside it, and what is wrong with them."""
+        part = path.until(end)
+        flown = waypoints_from_path(part, float(self.vehicle.airspeed_cruise_m_s))
         radius = self.vehicle.turn_radius_min_m
         centre, direction = loiter_beside(
-            flown.positions_enu_m, float(path.courses_rad[-1]), radius, self._mission.obstacle_list,
+            flown.positions_enu_m, float(part.courses_rad[-1]), radius, self._mission.obstacle_list,
             self.checker.limits.bounds,
         )  # fmt: skip
-        legs: FloatArray = np.vstack([path.positions_enu_m[:1], flown.positions_enu_m])
+        legs: FloatArray = np.vstack([part.positions_enu_m[:1], flown.positions_enu_m])
         violations = self.checker.check_legs(
             legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
         )

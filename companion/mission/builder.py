@@ -18,7 +18,8 @@ from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, Frame, Mission, MissionItem
 from companion.types.path import Path
 
-BANK_ITEMS_MIN, BANK_ITEMS_MAX = 12, 60
+BANK_ITEMS_MIN, BANK_ITEMS_MAX = 20, 60
+BANK_EXTRAS = 2  # the airspeed, and the loiter at the end
 ENTRY_AHEAD_M = 45.0  # the entry lies at least this far along the path: nearer is reached on entering
 ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room for its turn
 CORNER_MAX_RAD = math.radians(50.0)
@@ -173,7 +174,7 @@ class Banks:
 
 def new_banks(existing: Sequence[MissionItem], num_waypoints: int) -> Banks:
     """Banks behind what the autopilot holds now, with room for paths half as long again."""
-    size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + 6))
+    size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
     return Banks(prefix=tuple(existing), size=size)
 
 

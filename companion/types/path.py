@@ -55,6 +55,20 @@ class Path:
         """Sum of the straight distances between waypoints [m]."""
         return float(np.linalg.norm(np.diff(self.positions_enu_m, axis=0), axis=1).sum())
 
+    def until(self, row: int) -> Path:
+        """Rows up to one, that one included."""
+        end = row + 1
+        return Path(
+            self.times_s[:end],
+            self.positions_enu_m[:end],
+            self.courses_rad[:end],
+            self.climb_angles_rad[:end],
+            self.speeds_m_s[:end],
+            self.position_covariances_m2[:end],
+            self.collision_free[:end],
+            self.threat_levels[:end],
+        )
+
     def rows(self) -> list[list[float]]:
         """Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
         table = np.column_stack(
