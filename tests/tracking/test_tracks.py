@@ -169,6 +169,30 @@ def test_a_parked_vehicle_that_drives_off_is_a_mover_within_seconds():
     assert track.velocity_enu_m_s[0] == pytest.approx(10.0, abs=4.0)
 
 
+def test_a_parked_vehicle_that_is_found_elsewhere_is_a_mover():
+    target = tracker(PARKED)
+    for stamp in range(20):
+        target.observe(report(float(stamp), 1000.0 + 0.1 * stamp, 0.0), float(stamp))
+    for stamp in range(20, 26):
+        target.observe(report(float(stamp), 500.0 + 30.0 * stamp, 400.0), float(stamp))
+    assert target.counters["restarted"] == 1
+    assert target.tracks(25.0)[0].speed_max_m_s > 10.0
+
+
+def test_a_vehicle_cannot_have_come_from_anywhere_after_a_gap():
+    target = tracker()
+    drive(target, range(10))
+    target.observe(report(39.0, 4000.0, 0.0), 39.0)  # 3.9 km in 30 s
+    assert target.counters["teleporting"] == 1
+    target.observe(report(40.0, 400.0, 0.0), 40.0)
+    assert target.counters["teleporting"] == 1
+
+
+def test_acceleration_noise_follows_the_kind():
+    noise = TrackSettings().acceleration_std
+    assert [noise(speed) for speed in (0.0, 20.0, 100.0)] == [3.0, 10.0, 12.0]
+
+
 def test_vehicles_become_the_nearest_free_kind_of_the_mission_file():
     target = tracker(PURSUER, PARKED)
     target.observe(report(0.0, 990.0, 5.0, identity="a"), 0.0)
@@ -251,6 +275,8 @@ def test_settings_that_make_no_sense_are_refused():
         TrackSettings(gate_probability=1.0)
     with pytest.raises(ValueError, match="least"):
         TrackSettings(moving_sightings=0)
+    with pytest.raises(ValueError, match="below the largest"):
+        TrackSettings(acceleration_std_min_m_s2=20.0)
     with pytest.raises(ValueError, match="no number"):
         KindSettings(ground=Kind(1, 1.0, 1.0, 1.0))
 
