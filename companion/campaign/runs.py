@@ -111,7 +111,7 @@ def results_table(name: str, plans: Sequence[Plan]) -> Table:
     for column in ("measure", "median", "min", "max"):
         table.add_column(column, justify="left" if column == "measure" else "right")
     rows = {
-        "PST, path search [ms]": [1e3 * plan.measures.path_search_time_s for plan in reached],
+        "PST, path search, ms": [1e3 * plan.measures.path_search_time_s for plan in reached],
         "NCDC, collision checks": [float(plan.measures.num_collision_checks) for plan in reached],
         "NTN, tree nodes": [float(plan.measures.num_tree_nodes) for plan in reached],
         "ESR": [plan.measures.extension_success_rate for plan in reached],
@@ -119,8 +119,8 @@ def results_table(name: str, plans: Sequence[Plan]) -> Table:
         "Q, path quality": [plan.measures.quality for plan in reached],
         "TTA, radar threat": [plan.measures.total_threat_amount for plan in reached],
         "NHTW, waypoints above 0.5": [float(plan.measures.num_high_threat_waypoints) for plan in reached],
-        "length [m]": [plan.path.length_m for plan in reached if plan.path is not None],
-        "duration [s]": [plan.path.duration_s for plan in reached if plan.path is not None],
+        "length, m": [plan.path.length_m for plan in reached if plan.path is not None],
+        "duration, s": [plan.path.duration_s for plan in reached if plan.path is not None],
     }
     for measure, values in rows.items():
         if values:

@@ -33,6 +33,7 @@ LAST_LEG_S = 10.0
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 SHORTEST_ROWS = 12
+REPLAN_SHARE = 0.3
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 
@@ -79,6 +80,10 @@ class Cycle:
         self._seed = seed
         self.vehicle = vehicle_of(mission)
         self.settings = planner_settings_of(mission)
+        # With a flown path to improve on, a search that finds nothing is not worth the whole budget.
+        self._replan_settings = replace(
+            self.settings, max_iterations=int(REPLAN_SHARE * self.settings.max_iterations)
+        )
         self.goals = goals_of(mission)
         self.checker = Checker(mission.obstacle_list, check_limits_of(mission))
         self.flown: Flown | None = None
@@ -171,7 +176,7 @@ class Cycle:
             goals=self.goals_left,
             snapshot=snapshot,
             vehicle=self.vehicle,
-            settings=self.settings,
+            settings=self.settings if start.rest is None else self._replan_settings,
             seed=self._seed * 100_003 + self.num_plans,
         )
         return solve(problem, should_stop, flown=start.rest)

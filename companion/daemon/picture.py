@@ -55,6 +55,7 @@ class Picture:
         snapshot = self._snapshot
         if state is not None:
             east, north, _ = state.position_enu_m
+            self.tracker.note_ownship(east, north)
             snapshot = snapshot.with_known(snapshot.sensed(east, north, self._horizon_m))
         self._snapshot = snapshot.with_tracks(now_s, self.tracker.tracks(now_s))
         return self._snapshot
