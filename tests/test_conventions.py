@@ -11,7 +11,10 @@ MODULE_LINES_MAX = 500
 FUNCTION_LINES_MAX = 80
 
 # Where every exception is caught, and why that is right there.
-BROAD_EXCEPTS: dict[str, str] = {}
+BROAD_EXCEPTS: dict[str, str] = {
+    "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
+    "companion/daemon/app.py": "the top of each task: logs the fault with its trace, and raises it again",
+}
 
 # The only modules that know a library, so that the rest can be read without it.
 KEEPERS = {"pymavlink": "companion/link/codec.py", "mavsdk": "companion/link/autopilot.py"}
@@ -30,6 +33,10 @@ def name_of(path):
 @pytest.fixture(params=SOURCES, ids=name_of)
 def source(request):
     return request.param
+
+
+def names_in(node):
+    return {child.id for child in ast.walk(node) if isinstance(child, ast.Name)}
 
 
 def public_definitions(node, prefix=""):
@@ -63,7 +70,7 @@ def test_broad_excepts_are_listed_with_a_reason(source):
         handler.lineno
         for handler in ast.walk(tree_of(source))
         if isinstance(handler, ast.ExceptHandler)
-        and (handler.type is None or {"Exception", "BaseException"} & set(ast.unparse(handler.type).split()))
+        and (handler.type is None or {"Exception", "BaseException"} & names_in(handler.type))
     }
     assert len(broad) <= (name_of(source) in BROAD_EXCEPTS), f"lines {sorted(broad)}"
 
@@ -71,6 +78,12 @@ def test_broad_excepts_are_listed_with_a_reason(source):
 def test_the_list_of_broad_excepts_is_up_to_date():
     assert BROAD_EXCEPTS.keys() <= {name_of(path) for path in SOURCES}
     assert all(BROAD_EXCEPTS.values())
+
+
+@pytest.mark.parametrize("listed", BROAD_EXCEPTS)
+def test_listed_modules_still_catch_everything_somewhere(listed):
+    handlers = [node for node in ast.walk(tree_of(ROOT / listed)) if isinstance(node, ast.ExceptHandler)]
+    assert any("Exception" in names_in(node.type) for node in handlers if node.type is not None)
 
 
 def test_modules_are_short(source):
