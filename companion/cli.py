@@ -7,9 +7,11 @@ Exit codes: 0 done, 1 no safe plan or failed flight, 2 bad usage or configuratio
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
 import sys
+from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
@@ -41,6 +43,17 @@ def _version(
         raise typer.Exit
 
 
+@contextlib.contextmanager
+def _writing(target: Path, option: str) -> Iterator[None]:
+    """Tell a file that cannot be written as a wrong option."""
+    try:
+        yield
+    except OSError as error:
+        raise ConfigError(
+            str(target), None, option, error.strerror or str(error), "a file to write"
+        ) from None
+
+
 def write_json(target: Path, document: object) -> None:
     """Write a JSON document to a file, whole or not at all, or to standard output.
 
@@ -54,14 +67,14 @@ def write_json(target: Path, document: object) -> None:
         sys.stdout.write(text)
         return
     part = target.with_name(target.name + ".part")
-    try:
+    with _writing(target, "--json"):
         target.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text)
-        part.replace(target)
-    except OSError as error:
-        raise ConfigError(
-            str(target), None, "--json", error.strerror or str(error), "a file to write"
-        ) from None
+        try:
+            part.write_text(text)
+            part.replace(target)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
 
 
 @app.command()
@@ -83,7 +96,8 @@ def check(
         from companion.config.compose import world_of
         from companion.ui.plots import plot_mission
 
-        plot_mission(plot, config, world_of(config, none_known=False))
+        with _writing(plot, "--plot"):
+            plot_mission(plot, config, world_of(config, none_known=False))
 
 
 @app.command()
@@ -114,7 +128,8 @@ def plan(
     if plot is not None:
         from companion.ui.plots import plot_plan
 
-        plot_plan(plot, config, snapshot, plans[0])
+        with _writing(plot, "--plot"):
+            plot_plan(plot, config, snapshot, plans[0])
     if not all(entry.reaches_goal for entry in plans):
         raise typer.Exit(EXIT_FAILED)
 

@@ -43,7 +43,10 @@ class Recorder:
     def __post_init__(self) -> None:
         self._tlog: TlogWriter | None = None
         if self.folder is not None:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise RecordError(f"{self.folder}: {error.strerror}") from error
             self._tlog = TlogWriter(self.folder / "flight.tlog")
 
     def frame(self, now_s: float, raw: bytes) -> None:
@@ -90,7 +93,11 @@ class Recorder:
         )
 
     def close(self) -> None:
-        """End the tlog."""
-        if self._tlog is not None:
-            self._tlog.close()
-            self._tlog = None
+        """End the tlog; what cannot be written any more is lost, and said."""
+        tlog, self._tlog = self._tlog, None
+        if tlog is None:
+            return
+        try:
+            tlog.close()
+        except RecordError as error:
+            _log.error("recording stopped: %s", error)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Protocol
 
-from companion.errors import TransferError
+from companion.errors import LinkError
 from companion.types.mission import Frame, Mission, MissionItem
 
 ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
@@ -73,19 +73,19 @@ async def store(link: MissionLink, mission: Mission) -> tuple[SwapOutcome | None
     """Upload a list and read it back; None and '' when it is stored as sent."""
     try:
         await link.upload(mission.items)
-    except TransferError as error:
+    except LinkError as error:
         reason = str(error)
         # A lost last acknowledgement ends in an error although all is stored: reading back decides.
         try:
             read = await link.download()
-        except TransferError as again:
+        except LinkError as again:
             return SwapOutcome.REFUSED, f"{reason}; {again}"
         if difference(mission.items, read):
             return SwapOutcome.REFUSED, reason
         return None, ""
     try:
         read = await link.download()
-    except TransferError as error:
+    except LinkError as error:
         return SwapOutcome.REFUSED, str(error)
     differs = difference(mission.items, read)
     return (SwapOutcome.DIFFERS, differs) if differs else (None, "")
@@ -114,6 +114,6 @@ async def enter(
         return SwapOutcome.STALE, "the entry lies behind the aircraft"
     try:
         await link.set_current(sequence)
-    except TransferError as error:
+    except LinkError as error:
         return SwapOutcome.REFUSED, str(error)
     return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}"
