@@ -165,6 +165,7 @@ class Flight:
     def document(self) -> dict[str, object]:
         """The JSON of ``companion sitl``: measures by name, and the true paths."""
         flat: dict[str, object] = dict(self.summary())
+        del flat["mission"], flat["seed"]
         for name, keys in (("plan_ms", ("median", "p95", "max")), ("track_to_mission_ms", ("median", "p95"))):
             flat[name] = {key: flat.pop(f"{name}_{key}") for key in keys}
         truth = self.simulator.truth
