@@ -22,11 +22,17 @@ from companion.link.frame import Frame
 from companion.link.identity import answer
 from companion.link.streams import Streams
 from companion.link.transport import Transport
-from companion.mission.builder import BANK_EXTRAS, BANK_ITEMS_MAX, Banks, Waypoints, new_banks
-from companion.mission.progress import progress_on
+from companion.mission.builder import (
+    BANK_EXTRAS,
+    BANK_ITEMS_MAX,
+    Banks,
+    Waypoints,
+    new_banks,
+    sequence_of_waypoint,
+)
 from companion.mission.swap import SwapOutcome, enter, store
 from companion.types.events import Event, Heartbeat, StatusText
-from companion.types.mission import Command, Mission
+from companion.types.mission import Mission
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.record import UploadedMission
@@ -37,7 +43,6 @@ HOUSEKEEPING_S = 1.0
 STATE_S = 0.2
 RETRY_S = 3.0  # between plans while nothing safe is flown
 ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
-ENTRY_AHEAD_M = 30.0
 EARLY_REPLAN_S = 5.0  # soonest after a plan that news of threats makes another
 SEVERITY = {"swap": 5, "suspended": 4, "arrived": 5, "no plan": 4, "rejected": 4, "emergency": 2}
 
@@ -301,28 +306,10 @@ class App:
         return self.mode is Mode.ACTIVE
 
     def _entry(self, mission: Mission, path: Path, waypoints: Waypoints) -> int | None:
-        """Sequence of the first waypoint that lies ahead and can be flown to directly."""
+        """Sequence at which the stored mission is entered from where the aircraft is."""
         state = self.picture.ownship.state(self._clock.now_s())
-        if state is None:
-            return None
-        here = progress_on(path, state.position_enu_m)
-        sequence = mission.entry
-        for item in mission.items[mission.entry :]:
-            if item.command == Command.DO_CHANGE_SPEED:
-                sequence += 1
-                continue
-            east, north, up = self._mission.frame.local_from_global(
-                item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, item.altitude_m
-            )
-            there = progress_on(path, (east, north, up))
-            ahead = (there.row + there.share) - (here.row + here.share)
-            if (
-                ahead * float(path.speeds_m_s[here.row]) >= ENTRY_AHEAD_M
-                or item.command != Command.NAV_WAYPOINT
-            ):
-                return sequence
-            sequence += 1
-        return None
+        first = None if state is None else self.cycle.entry(state, path, waypoints)
+        return None if first is None else sequence_of_waypoint(mission, first)
 
     async def _banks_for(self, num_waypoints: int) -> Banks | None:
         """The banks; before the first swap, laid behind what the autopilot holds."""

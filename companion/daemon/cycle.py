@@ -17,7 +17,7 @@ from companion.config.compose import check_limits_of, goals_of, planner_settings
 from companion.frames import FloatArray, direction_from_course
 from companion.mission.builder import Banks, Waypoints, bank_items, waypoints_from_path
 from companion.mission.loiter import loiter_beside
-from companion.mission.progress import progress_on, rest_of_path, time_at
+from companion.mission.progress import distance_along, progress_on, rest_of_path, time_at
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 from companion.tracking.ownship import predicted
@@ -33,6 +33,10 @@ LAST_LEG_S = 10.0
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 SHORTEST_ROWS = 12
+WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
+ENTRY_ROWS = 8  # of a new path in which the aircraft is looked for when it is entered
+ENTRY_AHEAD_M = 30.0
+ENTRY_RULES = frozenset({"clearance", "bounds"})
 REPLAN_SHARE = 0.3
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -104,7 +108,7 @@ class Cycle:
                 break
             self.next_goal += 1
         if self.flown is not None:
-            row = progress_on(self.flown.path, state.position_enu_m, self.flown.row).row
+            row = progress_on(self.flown.path, state.position_enu_m, self.flown.row, WINDOW_ROWS).row
             self.flown = replace(self.flown, row=row)
         return self.next_goal == len(self.goals)
 
@@ -117,7 +121,7 @@ class Cycle:
         """Whether the flown path ends before a new one could be of use."""
         if self.flown is None or self.flown.carried_until_s < self.flown.path.times_s[-1]:
             return False
-        progress = progress_on(self.flown.path, state.position_enu_m, self.flown.row)
+        progress = progress_on(self.flown.path, state.position_enu_m, self.flown.row, WINDOW_ROWS)
         left = float(self.flown.path.times_s[-1]) - time_at(self.flown.path, progress)
         return progress.off_track_m <= OFF_TRACK_MAX_M and left < lead_s + LAST_LEG_S
 
@@ -143,7 +147,7 @@ class Cycle:
         if self.flown is None:
             return None
         path = self.flown.path
-        progress = progress_on(path, state.position_enu_m, self.flown.row)
+        progress = progress_on(path, state.position_enu_m, self.flown.row, WINDOW_ROWS)
         if progress.off_track_m > OFF_TRACK_MAX_M:
             return None
         share = state.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
@@ -271,6 +275,20 @@ class Cycle:
             legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
         )
         return replace(flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius), violations
+
+    def entry(self, state: Ownship, path: Path, waypoints: Waypoints) -> int | None:
+        """First waypoint that lies ahead and is flown to directly without harm; None where none is."""
+        here = distance_along(path, progress_on(path, state.position_enu_m, 0, ENTRY_ROWS))
+        for k, distance in enumerate(waypoints.distances_m):
+            if distance < here + ENTRY_AHEAD_M and k < len(waypoints.distances_m) - 1:
+                continue
+            legs = np.vstack([state.position_enu_m, waypoints.positions_enu_m[k : k + 1]])
+            wrong = self.checker.check_legs(
+                legs, ends_in_loiter=True, loiter_radius_m=waypoints.loiter_radius_m,
+                loiter_centre_enu_m=waypoints.loiter_centre_enu_m,
+            )  # fmt: skip
+            return None if any(entry.rule in ENTRY_RULES for entry in wrong) else k
+        return None
 
     def mission_for(self, waypoints: Waypoints, banks: Banks) -> tuple[Mission, Banks]:
         """The mission list with the waypoints in the idle bank."""

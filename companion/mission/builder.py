@@ -8,6 +8,7 @@ gets shorter. An upload broken off at any item leaves the flown bank whole.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,6 +38,8 @@ class Waypoints:
     ----------
     positions_enu_m : ndarray, shape (K, 3)
         Waypoints in order, the last the path's end [m].
+    distances_m : ndarray, shape (K,)
+        Length of the path flown where each is passed [m].
     airspeed_m_s : float
         True airspeed commanded after the first.
     loiter_centre_enu_m : ndarray, shape (3,), or None
@@ -46,6 +49,7 @@ class Waypoints:
     """
 
     positions_enu_m: FloatArray
+    distances_m: FloatArray
     airspeed_m_s: float
     loiter_centre_enu_m: FloatArray | None = None
     loiter_radius_m: float = 0.0
@@ -63,23 +67,24 @@ def waypoints_from_path(path: Path, airspeed_m_s: float) -> Waypoints:
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
     marks = [(0.0, points[0]), *_corners(points, courses, travelled), (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
-    chosen = [position for at, position in marks[1:-1] if at >= ENTRY_AHEAD_M]
+    chosen = [mark for mark in marks[1:-1] if mark[0] >= ENTRY_AHEAD_M]
     if marks[1][0] > ENTRY_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
-        chosen.insert(0, points[int(np.searchsorted(travelled[:-1], ENTRY_AHEAD_M))])
-    return Waypoints(_without_slight_corners(np.array([*chosen, points[-1]])), airspeed_m_s)
+        row = int(np.searchsorted(travelled[:-1], ENTRY_AHEAD_M))
+        chosen.insert(0, (float(travelled[row]), points[row]))
+    chosen = _without_slight_corners([*chosen, marks[-1]])
+    positions, distances = np.array([at[1] for at in chosen]), np.array([at[0] for at in chosen])
+    return Waypoints(positions, distances, airspeed_m_s)
 
 
-def _without_slight_corners(points: FloatArray) -> FloatArray:
-    """Drop inner points that lie within :data:`SLIGHT_M` of the line between their neighbours."""
-    kept = [points[0]]
-    for k in range(1, len(points) - 1):
-        along = points[k + 1] - kept[-1]
-        share = np.clip((points[k] - kept[-1]) @ along / max(float(along @ along), 1e-9), 0.0, 1.0)
-        if np.linalg.norm(points[k] - kept[-1] - share * along) > SLIGHT_M:
-            kept.append(points[k])
-    if len(points) > 1:
-        kept.append(points[-1])
-    return np.array(kept)
+def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
+    """Drop inner marks that lie within :data:`SLIGHT_M` of the line between their neighbours."""
+    kept = marks[:1]
+    for mark, after in itertools.pairwise(marks[1:]):
+        along, offset = after[1] - kept[-1][1], mark[1] - kept[-1][1]
+        share = np.clip(offset @ along / max(float(along @ along), 1e-9), 0.0, 1.0)
+        if np.linalg.norm(offset - share * along) > SLIGHT_M:
+            kept.append(mark)
+    return [*kept, marks[-1]] if len(marks) > 1 else kept
 
 
 def _corners(
@@ -191,6 +196,11 @@ def bank_items(waypoints: Waypoints, size: int, frame: LocalFrame) -> tuple[Miss
     last = _item(Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame)
     loiter = replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
     return tuple(items) + (loiter,) * (size - len(items))
+
+
+def sequence_of_waypoint(mission: Mission, number: int) -> int:
+    """Sequence of the n-th waypoint of the bank a mission is entered in; the airspeed item is none."""
+    return mission.entry + number + (1 if number > 0 else 0)
 
 
 def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:

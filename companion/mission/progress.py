@@ -30,17 +30,30 @@ class Progress:
     off_track_m: float
 
 
-def progress_on(path: Path, position_enu_m: tuple[float, float, float], from_row: int = 0) -> Progress:
-    """Nearest point of a path at or after a row."""
-    points = path.positions_enu_m
-    from_row = min(from_row, len(points) - 2)
-    start, along = points[from_row:-1], np.diff(points[from_row:], axis=0)
+def progress_on(
+    path: Path, position_enu_m: tuple[float, float, float], from_row: int = 0, num_rows: int | None = None
+) -> Progress:
+    """Nearest point of a path at or after a row.
+
+    ``num_rows`` bounds the search: a path may come by the same place again, and the nearest point of
+    all of it may be minutes ahead.
+    """
+    from_row = min(from_row, len(path) - 2)
+    last = len(path) - 1 if num_rows is None else min(len(path) - 1, from_row + num_rows)
+    points = path.positions_enu_m[from_row : last + 1]
+    start, along = points[:-1], np.diff(points, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-9)
     offset = np.asarray(position_enu_m) - start
     share = np.clip((offset * along).sum(axis=1) / square, 0.0, 1.0)
     away = np.linalg.norm(offset - share[:, None] * along, axis=1)
     best = int(np.argmin(away))
     return Progress(from_row + best, float(share[best]), float(away[best]))
+
+
+def distance_along(path: Path, progress: Progress) -> float:
+    """Length of the path flown at a point of it, over the ground [m]."""
+    steps = np.hypot(*np.diff(path.positions_enu_m[: progress.row + 2, :2], axis=0).T)
+    return float(steps[:-1].sum() + progress.share * steps[-1])
 
 
 def time_at(path: Path, progress: Progress) -> float:

@@ -40,9 +40,9 @@ def horizon_points(centre: FloatArray, radius_m: float, count: int, limits: Limi
     high = min(limits.bounds[5], centre[2] + radius_m * math.sin(limits.climb_max))
     up = low + (index + 0.5) / count * max(high - low, 0.0) - centre[2]
     flat_radius = np.sqrt(np.maximum(radius_m**2 - up**2, 0.0))
-    angle = index * GOLDEN_ANGLE
+    bearing = index * GOLDEN_ANGLE
     return np.ascontiguousarray(
-        centre + np.column_stack([flat_radius * np.cos(angle), flat_radius * np.sin(angle), up]),
+        centre + np.column_stack([flat_radius * np.cos(bearing), flat_radius * np.sin(bearing), up]),
         dtype=np.float64,
     )
 
