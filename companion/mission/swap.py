@@ -13,11 +13,20 @@ from enum import Enum
 from typing import Protocol
 
 from companion.errors import LinkError
-from companion.types.mission import Frame, Mission, MissionItem
+from companion.types.mission import Command, Frame, Mission, MissionItem
 
 ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
 FIRST_COMMAND_WITHOUT_PLACE = 100
-SAME_FRAME = {Frame.GLOBAL_INT: Frame.GLOBAL, Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT}
+# The parameter that says how an item of ours is flown, and its rounding: the airspeed, and the radius
+# with its sign, of which whole metres are kept.
+PARAMETERS: dict[int, tuple[int, float]] = {
+    Command.DO_CHANGE_SPEED: (1, 0.06),
+    Command.NAV_LOITER_UNLIM: (2, 1.0),
+}
+SAME_FRAME: dict[int, int] = {
+    Frame.GLOBAL_INT: Frame.GLOBAL,
+    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
+}
 
 
 class MissionLink(Protocol):
@@ -50,7 +59,8 @@ def difference(sent: Sequence[MissionItem], read: Sequence[MissionItem]) -> str:
     """What is stored differently from what was sent, '' if nothing that matters.
 
     Known roundings do not count: frames come back in their float form, altitudes truncated to
-    centimetres, a waypoint's hold time and yaw as 0; item 0 is the home slot and is not ours.
+    centimetres, a loiter's radius to metres, a waypoint's hold time and yaw as 0; item 0 is the home
+    slot and is not ours.
     """
     if len(sent) != len(read):
         return f"{len(read)} items instead of {len(sent)}"
@@ -58,9 +68,13 @@ def difference(sent: Sequence[MissionItem], read: Sequence[MissionItem]) -> str:
         where = f"item {ours.sequence}"
         if ours.command != theirs.command:
             return f"{where}: command {theirs.command} instead of {ours.command}"
+        index, rounding = PARAMETERS.get(ours.command, (0, math.inf))
+        parameter, stored = ours.parameters[index] or 0.0, theirs.parameters[index] or 0.0
+        if not abs(parameter - stored) <= rounding:
+            return f"{where}: parameter {index + 1} {stored:g} instead of {parameter:g}"
         if ours.command >= FIRST_COMMAND_WITHOUT_PLACE:
             continue  # DO_ items have no place, and their frame is not kept
-        if SAME_FRAME.get(Frame(ours.frame), ours.frame) != theirs.frame and ours.frame != theirs.frame:
+        if SAME_FRAME.get(ours.frame, ours.frame) != theirs.frame and ours.frame != theirs.frame:
             return f"{where}: frame {theirs.frame} instead of {ours.frame}"
         if (ours.latitude_e7, ours.longitude_e7) != (theirs.latitude_e7, theirs.longitude_e7):
             return f"{where}: stands elsewhere"

@@ -1,0 +1,173 @@
+"""From paths to fly-by waypoints, and from those to mission items."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.mission.builder import (
+    BANK_ITEMS_MAX,
+    BANK_ITEMS_MIN,
+    bank_items,
+    equivalent_airspeed,
+    new_banks,
+    waypoints_from_path,
+)
+from companion.types.mission import Command, Frame
+from tests.mission.made import FRAME, path_along, waypoints
+
+RADIUS = 125.0
+QUARTER = 0.5 * math.pi
+TANGENT_45 = RADIUS * math.tan(math.radians(22.5))  # 51.777 m
+
+
+def test_a_right_angle_becomes_two_corners_of_45_degrees():
+    """North to (0, 500), right about (125, 500) to (125, 625), east to (625, 625)."""
+    path = path_along((500.0, 20), (RADIUS, QUARTER, 8), (500.0, 20))
+    made = waypoints_from_path(path, 25.0)
+    np.testing.assert_allclose(
+        made.positions_enu_m,
+        [
+            [0.0, 50.0, 100.0],  # the entry: first row at least 45 m along
+            [0.0, 500.0 + TANGENT_45, 100.0],
+            [125.0 - TANGENT_45, 625.0, 100.0],
+            [625.0, 625.0, 100.0],
+        ],
+        atol=1e-6,
+    )
+    assert made.airspeed_m_s == 25.0
+
+
+def test_left_turns_are_mirrored():
+    right = waypoints_from_path(path_along((500.0, 20), (RADIUS, QUARTER, 8), (500.0, 20)), 25.0)
+    left = waypoints_from_path(path_along((500.0, 20), (RADIUS, -QUARTER, 8), (500.0, 20)), 25.0)
+    np.testing.assert_allclose(left.positions_enu_m, right.positions_enu_m * [-1.0, 1.0, 1.0], atol=1e-6)
+
+
+def test_turns_to_either_side_have_corners_of_their_own():
+    """An S of two quarter turns without a straight between them: four corners, none shared."""
+    path = path_along((500.0, 20), (RADIUS, QUARTER, 8), (RADIUS, -QUARTER, 8), (500.0, 20))
+    corners = waypoints_from_path(path, 25.0).positions_enu_m[1:-1, :2]
+    t = TANGENT_45
+    expected = [[0.0, 500.0 + t], [125.0 - t, 625.0], [125.0 + t, 625.0], [250.0, 750.0 - t]]
+    np.testing.assert_allclose(corners, expected, atol=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    radius=st.floats(100.0, 300.0),
+    degrees=st.floats(60.0, 300.0),
+    side=st.sampled_from([-1.0, 1.0]),
+    course=st.floats(0.0, 6.2),
+)
+def test_rounding_the_corners_at_the_radius_gives_the_arc_back(radius, degrees, side, course):
+    """Every leg of the polygon touches the circle: its distance from the centre is the radius."""
+    turn = side * math.radians(degrees)
+    rows = math.ceil(radius * abs(turn) / 25.0)
+    path = path_along((400.0, 16), (radius, turn, rows), (400.0, 16), course=course)
+    legs = waypoints_from_path(path, 25.0).positions_enu_m[:, :2]
+    start = 400.0 * np.array([math.sin(course), math.cos(course)])
+    centre = start + side * radius * np.array([math.cos(course), -math.sin(course)])
+    for a, b in itertools.pairwise(legs):
+        along = (b - a) / np.linalg.norm(b - a)
+        away = abs(along[0] * (centre - a)[1] - along[1] * (centre - a)[0])
+        assert away == pytest.approx(radius, abs=1e-6)
+    turned = np.unwrap(np.arctan2(*np.diff(legs, axis=0).T))
+    assert np.abs(np.diff(turned)).max() <= math.radians(50.0) + 1e-9
+    assert turned[-1] - turned[0] == pytest.approx(turn, abs=1e-9)
+
+
+def test_straight_flight_is_an_entry_and_its_end():
+    made = waypoints_from_path(path_along((1000.0, 40)), 25.0)
+    np.testing.assert_allclose(made.positions_enu_m, [[0.0, 50.0, 100.0], [0.0, 1000.0, 100.0]])
+
+
+def test_a_short_straight_has_no_entry_of_its_own():
+    made = waypoints_from_path(path_along((150.0, 6)), 25.0)
+    np.testing.assert_allclose(made.positions_enu_m, [[0.0, 150.0, 100.0]])
+
+
+def test_no_entry_where_it_would_take_the_room_of_the_first_turn():
+    """First corner's middle at 100 + 49 m: less than 45 + 110 m."""
+    made = waypoints_from_path(path_along((100.0, 4), (RADIUS, QUARTER, 8), (500.0, 20)), 25.0)
+    np.testing.assert_allclose(made.positions_enu_m[0], [0.0, 100.0 + TANGENT_45, 100.0], atol=1e-6)
+
+
+def test_a_corner_right_at_the_start_counts_as_flown():
+    """Turning from the first row on, 20 degrees: its middle lies 21.8 m along, nearer than 45 m."""
+    path = path_along((RADIUS, math.radians(20.0), 2), (500.0, 20))
+    made = waypoints_from_path(path, 25.0)
+    np.testing.assert_allclose(made.positions_enu_m, path.positions_enu_m[-1:], atol=1e-6)
+
+
+def test_height_has_a_waypoint_where_it_leaves_the_line():
+    """Level for 500 m, then up 50 m in 500: 25 m off the line at 500 m."""
+    path = path_along((1000.0, 40), up=lambda at: 100.0 + max(0.0, at - 500.0) * 0.1)
+    made = waypoints_from_path(path, 25.0)
+    expected = [[0.0, 50.0, 100.0], [0.0, 500.0, 100.0], [0.0, 1000.0, 150.0]]
+    np.testing.assert_allclose(made.positions_enu_m, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("climb", "num"), [(14.0, 2), (18.0, 3)])  # 7 m and 9 m off: 8 m are left alone
+def test_height_is_left_alone_within_its_tolerance(climb, num):
+    path = path_along((1000.0, 40), up=lambda at: 100.0 + max(0.0, at - 500.0) * climb / 500.0)
+    assert len(waypoints_from_path(path, 25.0).positions_enu_m) == num
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-0.15, 0.15), min_size=4, max_size=8))
+def test_no_height_of_the_path_is_far_from_the_waypoints_line(slopes):
+    """Piecewise climbs of 250 m each; beyond 60 m from a waypoint the line holds to 8 m."""
+    edges = np.cumsum([0.0, *(250.0 * slope for slope in slopes)]) + 200.0
+    length = 250.0 * len(slopes)
+    path = path_along(
+        (length, 10 * len(slopes)), up=lambda at: float(np.interp(at, np.arange(len(edges)) * 250.0, edges))
+    )
+    made = waypoints_from_path(path, 25.0).positions_enu_m
+    line = np.interp(path.positions_enu_m[:, 1], [0.0, *made[1:, 1]], [edges[0], *made[1:, 2]])
+    marks = np.array([0.0, *made[1:, 1]])
+    spare = np.abs(path.positions_enu_m[:, 1, None] - marks).min(axis=1) > 60.0
+    assert np.abs(line - path.positions_enu_m[:, 2])[spare].max(initial=0.0) <= 8.0 + 2.0 + 1e-9
+
+
+# ISO 2533, by geopotential altitude: density in kg/m³.
+@pytest.mark.parametrize(
+    ("altitude_m", "density"), [(0.0, 1.225), (1000.0, 1.11164), (3000.0, 0.909122), (5000.0, 0.736116)]
+)
+def test_equivalent_airspeed_of_the_standard_atmosphere(altitude_m, density):
+    expected = 25.0 * math.sqrt(density / 1.225)
+    assert equivalent_airspeed(25.0, altitude_m) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_bank_is_waypoints_the_airspeed_and_loiters():
+    made = waypoints((0.0, 0.0, 100.0), (0.0, 500.0, 120.0), loiter_radius_m=-125.0)
+    bank = bank_items(made, 6, FRAME)
+    way, speed, loiter = Command.NAV_WAYPOINT, Command.DO_CHANGE_SPEED, Command.NAV_LOITER_UNLIM
+    assert [entry.command for entry in bank] == [way, speed, way, loiter, loiter, loiter]
+    assert bank[0].latitude_e7 == -353_632_610
+    assert bank[0].longitude_e7 == 1_491_652_300
+    assert [entry.altitude_m for entry in bank] == [684.0, 0.0, 704.0, 704.0, 704.0, 704.0]
+    assert {entry.frame for entry in bank if entry.command != speed} == {Frame.GLOBAL_INT}
+    # 25 m/s true at 684 m, where the density is 0.9358 of that at sea level: 24.2 m/s.
+    assert bank[1].parameters == (0.0, 24.2, -1.0, 0.0)
+    assert bank[3].parameters[2] == -125.0
+    assert (bank[3].latitude_e7, bank[3].longitude_e7) == (bank[2].latitude_e7, bank[2].longitude_e7)
+
+
+def test_the_loiter_stands_at_its_centre():
+    made = waypoints(
+        (0.0, 0.0, 100.0), (0.0, 500.0, 100.0), loiter_centre_enu_m=np.array([125.0, 500.0, 90.0])
+    )
+    last = bank_items(made, 5, FRAME)[-1]
+    east, north, up = FRAME.local_from_global(
+        last.latitude_e7 * 1e-7, last.longitude_e7 * 1e-7, last.altitude_m
+    )
+    assert (east, north, up) == pytest.approx((125.0, 500.0, 90.0), abs=0.02)
+
+
+@pytest.mark.parametrize(("num", "size"), [(1, BANK_ITEMS_MIN), (20, 32), (200, BANK_ITEMS_MAX)])
+def test_banks_have_room_for_half_as_much_again(num, size):
+    assert new_banks((), num).size == size
