@@ -83,6 +83,7 @@ class App:
         self.mode = Mode.WAITING
         self.autopilot_mode = ""
         self.num_swaps = 0
+        self.may_plan = True
         self.picture = Picture(mission, seed)
         self.cycle = Cycle(mission, seed)
         self.recorder = recorder
@@ -193,7 +194,11 @@ class App:
     async def _planning(self) -> None:
         """Plan every time horizon, and sooner on news; sooner still while nothing safe is flown."""
         while True:
-            if self.mode is Mode.ACTIVE and self.picture.ownship.state(self._clock.now_s()) is not None:
+            if (
+                self.may_plan
+                and self.mode is Mode.ACTIVE
+                and self.picture.ownship.state(self._clock.now_s()) is not None
+            ):
                 await self._plan_once()
             await self._next_occasion()
 

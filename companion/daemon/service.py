@@ -17,17 +17,15 @@ from companion.link.transport import transport_from_url
 from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 
-REPORT_SILENCE_S = 10.0
+REPORT_SILENCE_S = 5.0
 
 _log = logging.getLogger(__name__)
 
 
 async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
-    """Run until cancelled; says within 10 s when no autopilot is heard, and keeps trying."""
+    """Run until cancelled; says within seconds when no autopilot is heard, and keeps trying."""
     clock = WallClock()
     transport = transport_from_url(url, clock)
-    _log.info("compiling the planner's kernels")
-    await asyncio.to_thread(warm_up, mission)
     name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
     recorder = Recorder(flights / name, time.time() - clock.now_s())
     app = App(mission, transport, clock, recorder, seed=int(mission.planning.seed), plans_inline=False)
@@ -36,12 +34,22 @@ async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(app.run())
             tasks.create_task(_report_silence(app, clock, url))
+            tasks.create_task(_warm(app, mission))
     finally:
         recorder.close()
 
 
+async def _warm(app: App, mission: MissionConfig) -> None:
+    """Compile beside everything else; the first plan waits for it."""
+    app.may_plan = False
+    _log.info("compiling the planner's kernels")
+    await asyncio.to_thread(warm_up, mission)
+    app.may_plan = True
+    _log.info("ready to plan")
+
+
 async def _report_silence(app: App, clock: WallClock, url: str) -> None:
-    """Say every 10 s that no autopilot is heard, while that is so."""
+    """Say every few seconds that no autopilot is heard, while that is so."""
     while True:
         await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
         if not app.hears_autopilot:

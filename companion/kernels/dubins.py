@@ -135,8 +135,8 @@ def sample(
 def distance_to_point(x0: float, y0: float, theta0: float, x1: float, y1: float, rho: float) -> float:
     """Shortest length to a point with any final direction [m]: one turn and a straight line.
 
-    Points inside the turning circles are reached by turning the other way first; for them the
-    length is bounded below by the arc round to the circle's far side, which is returned.
+    Points inside the turning circles are reached by turning the other way first; for them the straight
+    distance is returned, a lower bound.
     """
     dx, dy = x1 - x0, y1 - y0
     forward = dx * math.cos(theta0) + dy * math.sin(theta0)

@@ -287,6 +287,18 @@ def reach(
 
 
 @nb.njit(cache=True, nogil=True)
+def reach_from_root(
+    tree: Tree, pursuers: Pursuers, d: int, i: int, obstacles: Obstacles, changed: IntArray, num: int
+) -> tuple[bool, int]:
+    """Reach node ``i`` straight from where the DT is now, which is the earliest it can be anywhere."""
+    boundary, estimate = np.empty(2), np.empty(3)
+    x, y, z = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2]
+    if not is_reachable(pursuers, d, 0, x, y, z, tree.time[i], obstacles, boundary, estimate):
+        return False, num
+    return goal_bias_connect(tree, pursuers, d, i, 0, obstacles, changed, num)
+
+
+@nb.njit(cache=True, nogil=True)
 def multi_connect(
     tree: Tree, pursuers: Pursuers, d: int, x: float, y: float, k: int, obstacles: Obstacles,
     changed: IntArray, num: int,
@@ -334,6 +346,9 @@ def estimate_reachability(
 ) -> int:  # fmt: skip
     """Algorithm 1 for the new PathTree node ``i`` and every DT.
 
+    The paper's ``reach`` tries the nearest TTree nodes only. These may have been reached by detours and
+    stand too late where the DT, driving straight, would be early: here its root is tried before.
+
     ``draws`` (3,) uniform numbers; ``changed`` receives nodes whose DT position is news. Returns
     how many.
     """
@@ -343,6 +358,9 @@ def estimate_reachability(
     for d in range(pursuers.count.shape[0]):
         pursue = draws[0] <= p_tid
         if kind == EX_RRT:
+            found, num = reach_from_root(tree, pursuers, d, i, obstacles, changed, num)
+            if found:
+                continue
             if pursue:
                 num = reach(tree, pursuers, d, i, k, obstacles, changed, num)
             else:

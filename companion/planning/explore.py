@@ -104,13 +104,22 @@ class Exploration:
         near = known_within(snapshot.threats, centre[0], centre[1], self.problem.settings.sensing_horizon_m)
         self.threats = self.threats._replace(known=np.maximum(snapshot.threats.known, near))
 
-    def activate(self, centre: FloatArray, end: int, whole: bool) -> None:
-        """Which nodes the sub task searches: those of the horizon, and after a success the end alone."""
+    def activate(self, centre: FloatArray, end: int, whole: bool, root: int = 0) -> None:
+        """Which nodes the sub task searches: those of the horizon, and after a success the end alone.
+
+        Only what hangs below ``root`` counts: other branches have not passed the goals before it.
+        """
         tree, n = self.tree, int(self.tree.count[0])
         tree.active[:n] = 0
         if whole:
             away = np.linalg.norm(tree.state[:n, :3] - centre, axis=1)
             tree.active[:n] = away <= self.problem.settings.sensing_horizon_m
+        if root > 0:
+            below = np.zeros(n, dtype=np.int64)
+            below[root] = 1
+            for i in range(root + 1, n):
+                below[i] = below[tree.parent[i]]
+            tree.active[:n] *= below
         tree.active[end] = 1
 
     def run_sub_task(
@@ -194,7 +203,7 @@ class Exploration:
                 if is_goal
                 else settings.sub_goal_tolerance_steps * self.limits.v_cruise * self.limits.tau
             )
-            self.activate(centre, end, whole=True)
+            self.activate(centre, end, whole=True, root=root)
             node = self.run_sub_task(chosen.position_enu_m, tolerance, centre, should_stop)
             if node >= 0:
                 if is_goal:

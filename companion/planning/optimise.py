@@ -13,7 +13,7 @@ import numpy as np
 
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.planning.explore import Exploration
-from companion.planning.route import Route, cost_between
+from companion.planning.route import Route, visits_goals, cost_between
 
 SPARE_ROWS = 64
 
@@ -53,6 +53,8 @@ def optimised_route(
         if not is_flyable(states, times, rates, m, i + 1, limits):
             continue
         if not is_clear(states, rates, times, i + 1, at + 1, obstacles, limits.margin):
+            continue
+        if not visits_goals(states[:m], problem.goals):
             continue
         # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
         old = cost_between(exploration, route, i + 1, j + 1)

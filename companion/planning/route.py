@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from companion.kernels.splice import dt_positions, path_cost
 from companion.kernels.threat import MAX_THREATS, node_threat
 from companion.kernels.uncertainty import collision_free, position_deviation, position_factor, propagate
 from companion.planning.explore import Exploration
+from companion.planning.problem import GoalRegion
 from companion.types.path import Path
 
 
@@ -133,6 +135,18 @@ def path_from_route(route: Route, assessment: Assessment) -> Path:
         collision_free=assessment.clear,
         threat_levels=assessment.levels,
     )
+
+
+def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
+    """Whether rows (N, 6) pass all goals but the last, in order, each within its radius."""
+    first = 0
+    for goal in goals[:-1]:
+        away = np.linalg.norm(states[first:, :3] - np.asarray(goal.position_enu_m), axis=1)
+        near = np.flatnonzero(away <= goal.acceptance_radius_m)
+        if not len(near):
+            return False
+        first += int(near[0])
+    return True
 
 
 def is_finite(route: Route) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.kernels.uncertainty import position_factor
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route, cost_between
+from companion.planning.route import Assessment, Route, assess_route, visits_goals, cost_between
 
 REACH_STEPS = 8  # rows before and after a moved waypoint over which its edges are laid anew
 SHIFT_MIN_M = 0.5  # smaller moves are below what is flown
@@ -77,5 +77,7 @@ def _moved(exploration: Exploration, route: Route, k: int, shift: np.ndarray) ->
         return None
     obstacles, margin = exploration.problem.snapshot.obstacles, exploration.limits.margin
     if not is_clear(states, rates, times, first + 1, at + 1, obstacles, margin):
+        return None
+    if not visits_goals(states[:n], exploration.problem.goals):
         return None
     return Route(states[:n].copy(), times[:n].copy(), rates[:n].copy()), at
