@@ -13,7 +13,7 @@ import numpy as np
 
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.planning.explore import Exploration
-from companion.planning.route import Route, visits_goals, cost_between
+from companion.planning.route import Route, cost_between, visits_goals
 
 SPARE_ROWS = 64
 

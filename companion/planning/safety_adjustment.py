@@ -7,7 +7,7 @@ import numpy as np
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.kernels.uncertainty import position_factor
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route, visits_goals, cost_between
+from companion.planning.route import Assessment, Route, assess_route, cost_between, visits_goals
 
 REACH_STEPS = 8  # rows before and after a moved waypoint over which its edges are laid anew
 SHIFT_MIN_M = 0.5  # smaller moves are below what is flown

@@ -70,14 +70,8 @@ def solve(
             notes=("the start breaks a constraint or stands in an obstacle",),
         )  # fmt: skip
     began = timer()
-    node, reached = 0, True
-    for goal in problem.goals:
-        position = np.array(goal.position_enu_m, dtype=np.float64)
-        reached, node = exploration.reach_goal(position, goal.acceptance_radius_m, node, should_stop)
-        if not reached:
-            break
+    reached, route = _through_goals(exploration, should_stop)
     searched = timer() - began
-    route = route_from_tree(exploration, node)
     notes = list(exploration.notes)
     if reached:
         route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
@@ -109,6 +103,29 @@ def solve(
         flown_cost=flown_cost,
         flown_threat=flown_threat,
     )
+
+
+def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route]:
+    """Whether all goals were passed in order, and the route there or the one that passed the most.
+
+    A goal can be reached in a pose from which the next one cannot be; then the search starts afresh.
+    """
+    most, best = -1, None
+    while best is None or not exploration.is_spent(should_stop):
+        node, reached, passed = 0, True, 0
+        for goal in exploration.problem.goals:
+            position = np.array(goal.position_enu_m, dtype=np.float64)
+            reached, node = exploration.reach_goal(position, goal.acceptance_radius_m, node, should_stop)
+            if not reached:
+                break
+            passed += 1
+        if reached:
+            return True, route_from_tree(exploration, node)
+        if passed > most:
+            most, best = passed, route_from_tree(exploration, node)
+        if not exploration.is_spent(should_stop):
+            exploration.plant()
+    return False, best
 
 
 def measures_of(
