@@ -1,0 +1,114 @@
+"""Small worlds, planner problems and plain oracles for tests."""
+
+import functools
+import math
+
+import numpy as np
+import shapely
+
+from companion.kernels.layout import ThreatModel
+from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
+from companion.planning.settings import PlannerSettings
+from companion.types.threat import TrackState
+from companion.vehicle.lqg import uncertainty_tables
+from companion.vehicle.motion import VehicleModel
+from companion.world.obstacles import packed_obstacles
+from companion.world.snapshot import first_snapshot
+
+BOUNDS = (0.0, 1500.0, 0.0, 1500.0, 50.0, 250.0)
+VEHICLE = VehicleModel()
+SHIFTED, LITERAL, PROBABILISTIC = 0, 1, 2
+
+
+@functools.cache
+def tables(dimension):
+    """LQG-MP tables of the vehicle, made once for all tests."""
+    return uncertainty_tables(VEHICLE, 1.0, dimension)
+
+
+def packed(obstacles, bounds=(-600.0, 600.0, -600.0, 600.0, 0.0, 300.0)):
+    return packed_obstacles(obstacles, bounds)
+
+
+def threat_model(form=SHIFTED, **changes):
+    values = {
+        "weight_count": 0.7,
+        "weight_delta": 0.3,
+        "exponent": 1.0,
+        "form": form,
+        "v_min": 12.5,
+        "v_max": 37.5,
+        "v_penetration": 25.0,
+        "unit": 25.0,
+    }
+    return ThreatModel(**{**values, **changes})
+
+
+def track(east, north, *, speed=20.0, radius=200.0, velocity=(0.0, 0.0), airborne=False, up=0.0, stamp=0.0):
+    return TrackState(
+        stamp,
+        "system:42",
+        (east, north, up),
+        (*velocity, 0.0),
+        np.eye(4),
+        speed,
+        radius,
+        15.0,
+        airborne,
+        stamp,
+    )
+
+
+def small_settings(**changes):
+    values = {
+        "sensing_horizon_m": 600.0,
+        "max_iterations": 12_000,
+        "sub_task_iterations": 1000,
+        "optimise_iterations": 60,
+        "tree_capacity": 2500,
+    }
+    return PlannerSettings(**{**values, **changes})
+
+
+def problem(
+    obstacles=(),
+    radars=(),
+    tracks=(),
+    *,
+    dimension=2,
+    start=(100.0, 100.0, 150.0),
+    direction=math.pi / 4,
+    goal=(1350.0, 1350.0, 150.0),
+    seed=1,
+    bounds=BOUNDS,
+    **changes,
+):
+    snapshot = first_snapshot(
+        dimension=dimension, unit_m=25.0, bounds=bounds, obstacles=obstacles, radars=radars
+    )
+    if tracks:
+        snapshot = snapshot.with_tracks(0.0, tracks)
+    covariance = initial_covariances(VEHICLE, 2.0, 2.0)
+    begin = StartState(0.0, start, direction, 0.0, 25.0, covariance, np.zeros((6, 6)))
+    return Problem(begin, (GoalRegion(goal, 60.0),), snapshot, VEHICLE, small_settings(**changes), seed)
+
+
+def is_blocked(p, q, obstacles):
+    """Whether a segment meets a prism: its piece between base and top against the polygon, by shapely."""
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    for obstacle in obstacles:
+        low, high = 0.0, 1.0
+        rise = q[2] - p[2]
+        if abs(rise) < 1e-12:
+            if not obstacle.base_m <= p[2] <= obstacle.top_m:
+                continue
+        else:
+            fractions = sorted(((obstacle.base_m - p[2]) / rise, (obstacle.top_m - p[2]) / rise))
+            low, high = max(low, fractions[0]), min(high, fractions[1])
+            if low > high:
+                continue
+        ends = np.array([p + low * (q - p), p + high * (q - p)])[:, :2]
+        shape = shapely.Point(ends[0]) if np.array_equal(*ends) else shapely.LineString(ends)
+        if shapely.Polygon(obstacle.polygon_enu_m).intersects(shape):
+            return True
+    return False

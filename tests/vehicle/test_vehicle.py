@@ -1,0 +1,42 @@
+"""The vehicle in kernel form, and the LQG tables."""
+
+import numpy as np
+import pytest
+
+from companion.vehicle.lqg import NUM_PARTICLES, regulator_gain, uncertainty_tables
+from tests.support.worlds import VEHICLE, tables
+
+
+def test_limits_carry_every_value_over():
+    bounds = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    limits = VEHICLE.limits(3, bounds, 12.0, 0.5)
+    assert (limits.v_min, limits.v_max, limits.v_cruise, limits.a_max) == (12.5, 37.5, 25.0, 0.5)
+    assert (limits.r_min, limits.straight_min, limits.pitch_rate_max) == (125.0, 125.0, 0.1)
+    assert (limits.climb_max, limits.descent_max) == pytest.approx((np.radians(10.0), np.radians(10.0)))
+    assert (limits.margin, limits.tau, limits.dimension) == (12.0, 0.5, 3)
+    assert tuple(limits.bounds) == bounds
+
+
+def test_tables_hold_the_gain_of_each_entry():
+    tables = uncertainty_tables(VEHICLE, 1.0, 3, num_speeds=3, num_rates=3, num_climbs=3)
+    speeds, rates, climbs = (axis[0] + axis[1] * np.arange(3) for axis in tables.axes)
+    assert speeds == pytest.approx([12.5, 25.0, 37.5])
+    assert rates == pytest.approx([-0.3, 0.0, 0.3])
+    assert climbs == pytest.approx(np.radians([-10.0, 0.0, 10.0]))
+    assert tables.gains[2, 0, 1] == pytest.approx(regulator_gain(37.5, -0.3, 0.0, VEHICLE, 1.0), abs=1e-9)
+    assert tables.gains.flags.c_contiguous
+
+
+def test_noise_is_given_as_variances_and_the_plane_has_no_climb_noise():
+    flat, space = tables(2), tables(3)
+    assert space.process == pytest.approx([0.09, 0.0004, 0.0001])
+    assert flat.process == pytest.approx([0.09, 0.0004, 0.0])
+    assert space.measurement == pytest.approx([4.0, 4.0, 4.0, np.radians(2.0) ** 2, np.radians(1.0) ** 2])
+
+
+def test_particles_are_the_same_for_every_planner_and_centred():
+    first, second = tables(2), tables(3)
+    assert np.array_equal(first.normals, second.normals)
+    assert first.normals.shape == (NUM_PARTICLES, 3)
+    assert first.normals.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert first.normals.std(axis=0) == pytest.approx(np.ones(3), abs=0.3)
