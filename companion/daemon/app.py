@@ -7,7 +7,7 @@ import contextlib
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 
 from companion.clock import Clock
 from companion.config import MissionConfig
@@ -95,6 +95,7 @@ class App:
         self._plans_inline = plans_inline
         self._streams = Streams(float(mission.link.stream_rate_hz))
         self._banks: Banks | None = None
+        self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
         self._heartbeat_s = -math.inf
         self._last_plan_s = -math.inf
         self._planned_for: tuple[int, tuple[str, ...]] = (0, ())
@@ -150,6 +151,8 @@ class App:
         self.mode = next_mode(before, event, may_resume=self._mission.authority.resume == "auto")
         if self.mode is before:
             return
+        if self.mode is not Mode.ACTIVE and self._exchanging is not None:
+            self._exchanging.cancel()
         kind = (
             "arrived" if self.mode is Mode.ARRIVED else "suspended" if self.mode is Mode.SUSPENDED else "mode"
         )
@@ -285,13 +288,10 @@ class App:
         if banks is None:
             return
         mission, after = self.cycle.mission_for(waypoints, banks)
-        outcome, reason = await store(self.autopilot, mission)
-        if outcome is None:
-            enter_s = start.state.stamp_s - ENTER_EARLY_S if self.cycle.flown is not None else 0.0
-            await self._clock.sleep_until(enter_s)
-            outcome, reason = await enter(
-                self.autopilot, mission, lambda: self._entry(mission, path, waypoints), self._may_act
-            )
+        enter_s = start.state.stamp_s - ENTER_EARLY_S if self.cycle.flown is not None else 0.0
+        outcome, reason = await self._unless_withdrawn(
+            self._exchange(mission, enter_s, lambda: self._entry(mission, path, waypoints))
+        )
         self._banks = after if outcome is SwapOutcome.FLOWN else banks
         if outcome is not SwapOutcome.FLOWN:
             self.recorder.num_rejected += 1
@@ -306,6 +306,35 @@ class App:
             self.recorder.track_to_mission_ms.append(latency)
         self.recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, judgement.kind))
         self.decide("swap", f"{judgement.kind}, {judgement.text}; {reason}", plan_ms, latency)
+
+    async def _exchange(
+        self, mission: Mission, enter_s: float, entry: Callable[[], int | None]
+    ) -> tuple[SwapOutcome, str]:
+        """Store a mission, and enter it at an instant."""
+        outcome, reason = await store(self.autopilot, mission)
+        if outcome is not None:
+            return outcome, reason
+        await self._clock.sleep_until(enter_s)
+        return await enter(self.autopilot, mission, entry, self._may_act)
+
+    async def _unless_withdrawn(
+        self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
+    ) -> tuple[SwapOutcome, str]:
+        """Carry out an exchange; :meth:`_change` breaks it off where it stands when the pilot takes over."""
+        withdrawn = SwapOutcome.WITHDRAWN, "the mode was changed"
+        if not self._may_act():  # since the plan was made
+            exchange.close()
+            return withdrawn
+        self._exchanging = asyncio.create_task(exchange)
+        try:
+            return await self._exchanging
+        except asyncio.CancelledError:
+            own = asyncio.current_task()
+            if own is None or own.cancelling():  # the service itself ends
+                raise
+            return withdrawn
+        finally:
+            self._exchanging = None
 
     def _may_act(self) -> bool:
         return self.mode is Mode.ACTIVE
