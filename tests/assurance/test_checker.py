@@ -360,3 +360,36 @@ def test_the_distance_of_a_long_climbing_edge_is_exact():
     found = Checker([roof], check_limits(margin_m=40.0)).check_path(path)
     assert [v.rule for v in found] == ["clearance"]
     assert found[0].value == pytest.approx(30.0 * math.cos(math.atan(0.1)), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "segments",
+    [[(200.0, 125.0, 1)], [(60.0, 0.0, 0), (80.0, 125.0, 1), (60.0, 0.0, 0)]],
+    ids=["arc", "corner"],
+)
+def test_what_stands_between_an_arc_and_its_chord_is_found(segments):
+    # One edge of 200 m turning right; a post where the curve is farthest from the chord.
+    path, curve = flown(segments, step_s=10.0)
+    start, end = curve[0, :2], curve[-1, :2]
+    along = (end - start) / np.linalg.norm(end - start)
+    aside = np.abs((curve[:, :2] - start) @ np.array([-along[1], along[0]]))
+    east, north = curve[np.argmax(aside), :2]
+    assert len(path) == 2
+    assert aside.max() > 15.0
+    post = box("post", east - 0.5, north - 0.5, east + 0.5, north + 0.5)
+    assert rules(Checker([post], check_limits(margin_m=0.0)).check_path(path)) == {"clearance"}
+
+
+def test_courses_that_lag_behind_a_turn_are_found():
+    # Edges of 25 m turn by 0.2 rad: a chord lies 0.1 rad from both courses; 0.02 rad are tolerated.
+    path, _ = flown([(250.0, 125.0, 1)])
+    checker = free_checker()
+    assert checker.check_path(replace(path, courses_rad=path.courses_rad + 0.015)) == ()
+    assert rules(checker.check_path(replace(path, courses_rad=path.courses_rad + 0.15))) == {"course"}
+
+
+def test_a_thin_floor_between_the_heights_of_two_rows_is_found():
+    # The edge climbs from 100 m to 104 m; the floor is 0.2 m thick and 1.9 m from both.
+    path = straight_path(2, climb=math.atan(4.0 / 25.0))
+    floor = box("floor", -50.0, -50.0, 50.0, 50.0, 101.9, 102.1)
+    assert rules(Checker([floor], check_limits(margin_m=0.0)).check_path(path)) == {"clearance"}
