@@ -45,10 +45,11 @@ def distance_to_edge_squared(x: float, y: float, x0: float, y0: float, x1: float
 def clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) -> float:
     """Distance of a point to the nearest prism [m], 0 inside; ``limit`` if nothing is nearer."""
     best = limit * limit
-    for o in range(obstacles.heights.shape[0]):
-        bx = max(obstacles.boxes[o, 0] - x, 0.0, x - obstacles.boxes[o, 2])
-        by = max(obstacles.boxes[o, 1] - y, 0.0, y - obstacles.boxes[o, 3])
-        bz = max(obstacles.heights[o, 0] - z, 0.0, z - obstacles.heights[o, 1])
+    boxes, heights = obstacles.boxes, obstacles.heights
+    for o in range(heights.shape[0]):
+        bx = max(boxes[o, 0] - x, 0.0, x - boxes[o, 2])
+        by = max(boxes[o, 1] - y, 0.0, y - boxes[o, 3])
+        bz = max(heights[o, 0] - z, 0.0, z - heights[o, 1])
         if bx * bx + by * by + bz * bz >= best:
             continue
         first, last = obstacles.offsets[o], obstacles.offsets[o + 1]
@@ -154,8 +155,20 @@ def prism_hit(
 def segment_blocked(
     px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles
 ) -> bool:
-    """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z."""
-    for o in range(obstacles.heights.shape[0]):
+    """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z.
+
+    Boxes are compared here, on arrays held locally: most prisms are far from most segments, and a
+    call for each costs more than the comparison.
+    """
+    boxes, heights = obstacles.boxes, obstacles.heights
+    x_low, x_high = min(px, qx), max(px, qx)
+    y_low, y_high = min(py, qy), max(py, qy)
+    z_low, z_high = min(pz, qz), max(pz, qz)
+    for o in range(heights.shape[0]):
+        if x_high < boxes[o, 0] or x_low > boxes[o, 2] or y_high < boxes[o, 1] or y_low > boxes[o, 3]:
+            continue
+        if z_high < heights[o, 0] or z_low > heights[o, 1]:
+            continue
         if prism_hit(px, py, pz, qx, qy, qz, obstacles, o):
             return True
     return False

@@ -20,6 +20,7 @@ from companion.kernels.geometry import segment_blocked
 from companion.kernels.layout import FloatArray, IntArray, Obstacles, Pursuers, Tree
 
 NUM_BEARINGS = 16
+TRIED_BEARINGS = 9  # those of the half circle towards the TTree node; the far half is reached later
 MAX_NEAR = 16
 NEWS_M = 15.0  # a DT position nearer by this much is news
 EYE_M = 2.0  # sight lines start this far above the ground
@@ -107,7 +108,7 @@ def is_reachable(
     if inside and not segment_blocked(px, py, pz + EYE_M, x, y, z, obstacles):
         nearest_position(pursuers, d, j, px, py, x, y, z, v * slack, obstacles, estimate)
         return True
-    for k in range(NUM_BEARINGS):
+    for k in range(TRIED_BEARINGS):
         turn = ((k + 1) // 2) * (1.0 if k % 2 == 1 else -1.0)
         angle = base + turn * 2.0 * math.pi / NUM_BEARINGS
         bx, by = x + rd * math.cos(angle), y + rd * math.sin(angle)
