@@ -18,7 +18,8 @@ STRAIGHT_RATE = 1e-4  # below this turn rate [rad/s] an edge counts as straight
 @nb.njit(cache=True, nogil=True)
 def wrapped(angle: float) -> float:
     """The angle in [-π, π]."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+    turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+    return min(math.pi, max(-math.pi, turned))  # the subtraction may round past the ends
 
 
 @nb.njit(cache=True, nogil=True)

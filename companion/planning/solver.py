@@ -12,7 +12,7 @@ from companion.kernels.visibility import is_hidden
 from companion.planning.explore import Exploration
 from companion.planning.finish import finished_route
 from companion.planning.optimise import optimised_route
-from companion.planning.problem import Problem
+from companion.planning.problem import GoalRegion, Problem
 from companion.planning.route import (
     Assessment,
     Route,
@@ -87,7 +87,10 @@ def solve(
         flown_cost = cost_between(exploration, flown_route)
         flown_threat = float(assess_route(exploration, flown_route).levels.max())
         improved, kept = optimised_route(exploration, flown_route, should_stop)
-        if not reached or cost_between(exploration, improved) < cost_between(exploration, route):
+        is_whole = _ends_at(improved, problem.goals[-1])
+        if is_whole and (
+            not reached or cost_between(exploration, improved) < cost_between(exploration, route)
+        ):
             route, reached = improved, True
             notes = [f"the flown path, {kept} rewirings"]
     assessment = assess_route(exploration, route)
@@ -126,6 +129,12 @@ def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) ->
         if not exploration.is_spent(should_stop):
             exploration.plant()
     return False, best
+
+
+def _ends_at(route: Route, goal: GoalRegion) -> bool:
+    """Whether a route ends in a goal region."""
+    away = np.linalg.norm(route.states[-1, :3] - goal.position_enu_m)
+    return bool(away <= goal.acceptance_radius_m)
 
 
 def measures_of(
