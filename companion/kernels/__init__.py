@@ -22,7 +22,7 @@ def _cache_folder() -> Path:
         digest.update(source.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for base in (numba.config.CACHE_DIR, os.path.join(home, "safe-rrt-companion")):
+    for base in (os.environ.get("NUMBA_CACHE_DIR"), os.path.join(home, "safe-rrt-companion")):
         folder = Path(base) / name if base else None
         if folder is not None and _is_writable(folder):
             return folder
@@ -38,4 +38,4 @@ def _is_writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
 
-numba.config.CACHE_DIR = str(_cache_folder())
+numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
