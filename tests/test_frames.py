@@ -61,8 +61,9 @@ def test_lengths_between_points_within_ten_kilometres_hold_to_a_millionth(frame,
 
 @given(frames, lengths, lengths, st.floats(-500.0, 5000.0))
 def test_there_and_back(frame, east, north, up):
+    """PROJ takes what lies within 1e-10 rad of the origin, 0.64 mm, for the origin."""
     back = frame.local_from_global(*frame.global_from_local(east, north, up))
-    assert back == pytest.approx((east, north, up), abs=1e-5)
+    assert back == pytest.approx((east, north, up), abs=1e-3)
 
 
 @pytest.mark.parametrize(
