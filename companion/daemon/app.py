@@ -31,7 +31,7 @@ from companion.mission.builder import (
     sequence_of_waypoint,
 )
 from companion.mission.swap import SwapOutcome, enter, store
-from companion.types.events import Event, Heartbeat, StatusText
+from companion.types.events import Event, Heartbeat, MissionCurrent, StatusText
 from companion.types.mission import Mission
 from companion.types.path import Path
 from companion.types.plan import Plan
@@ -95,6 +95,10 @@ class App:
         self._plans_inline = plans_inline
         self._streams = Streams(float(mission.link.stream_rate_hz))
         self._banks: Banks | None = None
+        self._current = (-math.inf, -1)  # when the autopilot last told the item it flies, and which
+        self._doubtful: tuple[float, Banks, Flown, Waypoints] | None = (
+            None  # entered, but for all we know only asked
+        )
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
         self._heartbeat_s = -math.inf
         self._last_plan_s = -math.inf
@@ -140,6 +144,8 @@ class App:
             self.autopilot_mode = event.mode
             flown = event.is_mission_mode and event.is_armed
             self._change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
+        elif isinstance(event, MissionCurrent):
+            self._current = (now, event.sequence)
         elif isinstance(event, StatusText):
             _log.info("autopilot: %s", event.text)
         else:
@@ -229,6 +235,8 @@ class App:
         """One cycle: plan, judge, and swap if it is worth it."""
         now = self._clock.now_s()
         self._last_plan_s = now
+        if not self._is_settled():
+            return
         state = self.picture.ownship.state(now)
         if state is None:
             return
@@ -290,7 +298,7 @@ class App:
         mission, after = self.cycle.mission_for(waypoints, banks)
         enter_s = start.state.stamp_s - ENTER_EARLY_S if self.cycle.flown is not None else 0.0
         outcome, reason = await self._unless_withdrawn(
-            self._exchange(mission, enter_s, lambda: self._entry(mission, path, waypoints))
+            self._exchange(enter_s, waypoints, after, Flown(path, mission, carried_s))
         )
         self._banks = after if outcome is SwapOutcome.FLOWN else banks
         if outcome is not SwapOutcome.FLOWN:
@@ -299,6 +307,7 @@ class App:
             self._last_plan_s = self._clock.now_s() - float(self._mission.planning.time_horizon_s) + RETRY_S
             return
         now = self._clock.now_s()
+        self._doubtful = None
         self.num_swaps += 1
         self.cycle.flown = Flown(path, mission, carried_s)
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
@@ -308,14 +317,18 @@ class App:
         self.decide("swap", f"{judgement.kind}, {judgement.text}; {reason}", plan_ms, latency)
 
     async def _exchange(
-        self, mission: Mission, enter_s: float, entry: Callable[[], int | None]
+        self, enter_s: float, waypoints: Waypoints, after: Banks, flown: Flown
     ) -> tuple[SwapOutcome, str]:
         """Store a mission, and enter it at an instant."""
+        mission = flown.mission
         outcome, reason = await store(self.autopilot, mission)
         if outcome is not None:
             return outcome, reason
         await self._clock.sleep_until(enter_s)
-        return await enter(self.autopilot, mission, entry, self._may_act)
+        self._doubtful = self._clock.now_s(), after, flown, waypoints
+        return await enter(
+            self.autopilot, mission, lambda: self._entry(mission, flown.path, waypoints), self._may_act
+        )
 
     async def _unless_withdrawn(
         self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
@@ -335,6 +348,27 @@ class App:
             return withdrawn
         finally:
             self._exchanging = None
+
+    def _is_settled(self) -> bool:
+        """Whether it is known which bank is flown; takes it from the autopilot where an answer was lost.
+
+        An entry that was asked for and not acknowledged may well be flown: to write there would change
+        the mission under the aircraft.
+        """
+        if self._doubtful is None:
+            return True
+        asked_s, banks, flown, waypoints = self._doubtful
+        told_s, sequence = self._current
+        if told_s <= asked_s:
+            return False
+        self._doubtful = None
+        first = banks.first_of(banks.flown_index)
+        if first <= sequence < first + banks.size:
+            self._banks, self.cycle.flown = banks, flown
+            self.num_swaps += 1
+            self.recorder.missions.append(UploadedMission(told_s, waypoints.positions_enu_m, "unanswered"))
+            self.decide("swap", f"entered at item {sequence}, though unanswered")
+        return True
 
     def _may_act(self) -> bool:
         return self.mode is Mode.ACTIVE

@@ -199,6 +199,31 @@ def test_it_never_resumes_where_the_mission_file_says_so():
     assert deck.changes(after_s=10.05) == []
 
 
+def test_an_entry_whose_answer_is_lost_is_not_overwritten():
+    """Every acknowledgement of DO_SET_MISSION_CURRENT is lost; what is flown stays as it is."""
+    last, changed = [None], []
+
+    def lose_answers(deck):
+        link = deck.app.autopilot
+        tell = type(link)._tell
+        link._tell = lambda what: None if getattr(what, "command", 0) == 224 else tell(link, what)
+
+    def watch(deck):
+        autopilot = deck.simulator.autopilot
+        now = autopilot.current_sequence, autopilot.mission_items[autopilot.current_sequence]
+        if last[0] is not None and last[0][0] == now[0] and last[0][1] != now[1]:
+            changed.append(deck.now_s)
+        last[0] = now
+
+    deck = flown(40.0, both(at(0.0, lose_answers), watch))
+    assert changed == []
+    assert deck.app.num_swaps == len(deck.recorder.missions) >= 1
+    assert "no answer" in next(entry.text for entry in deck.recorder.decisions if entry.kind == "rejected")
+    banks, current = deck.app._banks, deck.simulator.autopilot.current_sequence
+    first = banks.first_of(banks.flown_index)
+    assert first <= current < first + banks.size
+
+
 def cut(begin_s, end_s):
     def on_step(deck):
         deck.is_cut = begin_s <= deck.now_s < end_s
