@@ -61,7 +61,8 @@ class LocalFrame:
 
 def course_from_direction(direction_rad: float) -> float:
     """Course (clockwise from north) of a mathematical direction (counter-clockwise from east) [rad]."""
-    return (0.5 * math.pi - direction_rad) % (2.0 * math.pi)
+    course = (0.5 * math.pi - direction_rad) % (2.0 * math.pi)
+    return 0.0 if course >= 2.0 * math.pi else course  # the remainder of a tiny negative rounds up to 2π
 
 
 def direction_from_course(course_rad: float) -> float:

@@ -9,6 +9,7 @@ import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
 from companion.config.source import KeyPath
+from companion.planning.comparators import METHODS
 
 Finding = tuple[KeyPath, str]
 
@@ -67,6 +68,8 @@ def _vehicle(config: MissionConfig) -> Iterator[Finding]:
 
 def _planning(config: MissionConfig) -> Iterator[Finding]:
     planning = config.planning
+    if planning.method not in METHODS:
+        yield ("planning", "method"), "one of " + ", ".join(sorted(METHODS))
     diameter = 2.0 * config.vehicle.turn_radius_min_m
     if planning.sensing_horizon_m <= diameter:
         yield (

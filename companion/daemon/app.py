@@ -157,6 +157,8 @@ class App:
         self.mode = next_mode(before, event, may_resume=self._mission.authority.resume == "auto")
         if self.mode is before:
             return
+        if self.mode is Mode.ACTIVE:
+            self._last_plan_s = -math.inf  # whatever was flown meanwhile, plan from here at once
         if self.mode is not Mode.ACTIVE and self._exchanging is not None:
             self._exchanging.cancel()
         kind = (

@@ -71,7 +71,7 @@ class PlannerSettings:
     clearance_min_m: float = 15.0
     sensing_horizon_m: float = 825.0
     num_sub_goal_points: int = 60
-    sub_goal_tolerance_steps: float = 4.0
+    sub_goal_tolerance_steps: float = 6.0
     sub_goal_level_max: float = 0.5
     weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
     weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
@@ -91,7 +91,7 @@ class PlannerSettings:
     adjust_collision_max: float = 0.5
     threat_level_max: float = 1.0
     sub_task_iterations: int = 1500
-    stall_iterations: int = 500
+    stall_iterations: int = 800
     max_iterations: int = 60_000
     optimise_iterations: int = 400
     burst: int = 100

@@ -150,6 +150,7 @@ def test_wrong_values(old, new, key, expected):
             "within bounds",
         ),
         ("{east_m: 1750", "{east_m: -1", "goals.0.east_m", "within bounds.east_m, 0 to 2000"),
+        ("planning:\n", "planning:\n  method: a-star\n", "planning.method", "one of edbm, nfz-ddrrt"),
         ("up_m: 100, acc", "up_m: 101, acc", "goals.0.up_m", "the start's up_m, 100"),
         (
             "{east_m: 1750, north_m: 750",

@@ -185,9 +185,11 @@ def test_the_pilot_wins_between_the_upload_and_the_entry():
 
 
 def test_it_resumes_when_the_pilot_gives_back():
-    deck = flown(30.0, both(switch(10.0, "LOITER"), switch(15.0, "AUTO")))
+    deck = flown(45.0, both(switch(10.0, "LOITER"), switch(15.0, "AUTO")))
     assert deck.app.mode is Mode.ACTIVE
     assert deck.changes(10.05, 15.0) == []
+    planned = [entry.stamp_s for entry in deck.recorder.decisions if entry.plan_ms is not None]
+    assert any(15.0 < stamp < 20.0 for stamp in planned), "it plans at once from where the pilot left it"
     assert deck.changes(after_s=15.0) != []
     swaps = [entry.stamp_s for entry in deck.recorder.decisions if entry.kind == "swap"]
     assert any(stamp > 15.0 for stamp in swaps)
