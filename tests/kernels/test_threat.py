@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from companion.kernels import threat as t
@@ -201,6 +201,7 @@ def test_the_level_of_a_node_is_the_mean_over_its_particles():
 
 @settings(max_examples=100, deadline=None)
 @given(COORDINATE, COORDINATE, COORDINATE, COORDINATE, st.floats(12.5, 37.5), st.floats(0.0, 2.0))
+@example(-287.0, 0.0, -399.0, 0.0, 29.0, 0.0)  # ν above μ all along: the level is 0, not negative
 def test_the_level_of_an_edge_is_ifwa_over_eleven_points_and_between_its_extremes(px, py, qx, qy, v, delta):
     p, q = np.array([px, py, 100.0]), np.array([qx, qy, 130.0])
     if np.linalg.norm(q - p) < 1.0:
@@ -213,7 +214,8 @@ def test_the_level_of_an_edge_is_ifwa_over_eleven_points_and_between_its_extreme
     level = t.line_threat(*p, *q, v, delta, THREATS, NO_DTS, NO_REACH, threat_model(), 10, scratch)
     assert level == pytest.approx(max(mu - nu, 0.0), abs=1e-7)
     least, most = min(m for m, _ in pairs), max(m for m, _ in pairs)
-    assert least - max(n for _, n in pairs) - 1e-9 <= level <= most - min(n for _, n in pairs) + 1e-9
+    highest = max(0.0, most - min(n for _, n in pairs))  # a level is never below 0
+    assert least - max(n for _, n in pairs) - 1e-9 <= level <= highest + 1e-9
 
 
 def test_success_over_exposures_by_hand():
