@@ -325,5 +325,5 @@ def _draw_closest(sheet: MapSheet, mission: MissionConfig, record: FlightRecord,
     sheet.axes.plot(line[:, 0], line[:, 1], color=style.INK, lw=1.2, ls=(0, (2, 2)), zorder=9.6)
     sheet.axes.plot(line[:, 0], line[:, 1], "o", ms=4, color=style.INK, ls="none", zorder=9.7)
     distance = float(np.linalg.norm(own - other))
-    text = f"closest approach: {distance:.0f} m over ground at {style.clock_text(stamp - start_s)}"
+    text = f"closest approach: {distance:.0f} m at {style.clock_text(stamp - start_s)}"
     sheet.entry(text, color=style.INK, lw=1.2, ls=(0, (2, 2)), marker="o", ms=3)
