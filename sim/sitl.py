@@ -29,8 +29,8 @@ from companion.types.record import FlightRecord
 from sim.simulator import Simulator
 
 STEP_S = 0.02
-SETTLE_TURNS = 4  # event-loop turns in which the service's tasks take what a step brought
-TURN_TIMEOUT_S = 0.5  # wall clock: MAVSDK repeats itself after this, so nothing is waited for longer
+SETTLE_TURNS = 10  # event-loop turns in which the service's tasks take what a step brought
+TURN_TIMEOUT_S = 5.0  # wall clock, for MAVSDK's next word; far beyond what a busy computer needs
 SILENT_S = 10.0
 LINGER_S = 2.0  # flown on after the goal
 EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the simulated flights' day
@@ -125,16 +125,27 @@ class Flight:
         if data:
             theirs.send(data)
         clock.advance_to(self.simulator.now_s)
+        while await self._is_waited_for():
+            pass
+        if running.done():
+            await running
+
+    async def _is_waited_for(self) -> bool:
+        """Let the service take what it has; then, if it is MAVSDK's turn, wait for its word.
+
+        Returns whether it was: what it said may have begun its next call, which must not begin a step
+        later on a slower computer.
+        """
         for _ in range(SETTLE_TURNS):
             await asyncio.sleep(0)
         waited_from = time.perf_counter()
+        was_waited_for = self.app.autopilot.is_our_turn
         # Its threads cannot tell when they are about to speak, so their turn is polled.
-        while (  # noqa: ASYNC110
-            self.app.autopilot.is_our_turn and time.perf_counter() - waited_from < TURN_TIMEOUT_S
-        ):
+        while self.app.autopilot.is_our_turn:
+            if time.perf_counter() - waited_from > TURN_TIMEOUT_S:
+                return False
             await asyncio.sleep(0.0002)
-        if running.done():
-            await running
+        return was_waited_for
 
     def summary(self) -> dict[str, float | int | bool | str]:
         """The measures of ``sitl --json``, but for the paths."""

@@ -322,7 +322,8 @@ class AutopilotLink:
         """Pass on what MAVSDK wants sent, in the loop."""
         message_id = raw_frame(data).message_id
         if message_id in _MISSION_MESSAGES:
-            self._is_our_turn = False
+            # An acknowledgement ends a download: nothing answers it, and the call is about to return.
+            self._is_our_turn = message_id == _MISSION_ACK
             self._send(self._codec.renumbered(data))
             if message_id == _MISSION_ACK:
                 self._has_acknowledged.set()

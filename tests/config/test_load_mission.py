@@ -171,7 +171,7 @@ def test_wrong_values(old, new, key, expected):
             "at most airspeed_max",
         ),
         ("cruise_m_s: 25", "cruise_m_s: 40", "vehicle.airspeed_cruise_m_s", "between airspeed_min_m_s and"),
-        ("tion_speed_m_s: 25", "tion_speed_m_s: 9", "vehicle.penetration_speed_m_s", "between airspeed_min"),
+        ("tion_speed_m_s: 30", "tion_speed_m_s: 9", "vehicle.penetration_speed_m_s", "between airspeed_min"),
         ("turn_radius_min_m: 125", "turn_radius_min_m: 20", "vehicle.turn_radius_min_m", "at least 36.8"),
         ("horizon_m: 825", "horizon_m: 250", "planning.sensing_horizon_m", "more than twice vehicle.turn_"),
         ("time_s: 80", "time_s: 8", "planning.total_planning_time_s", "at least time_horizon_s, 15"),
