@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -147,8 +146,3 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
             return False
         first += int(near[0])
     return True
-
-
-def is_finite(route: Route) -> bool:
-    """Whether no number of the route is NaN or infinite."""
-    return bool(np.isfinite(route.states).all()) and math.isfinite(float(route.times.sum()))
