@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: help venv fly test test-long bench lint format clean
+.PHONY: help venv fly test explore test-long torture campaigns bench reachability garbage lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -8,6 +8,7 @@ BIN := .venv/bin
 STAMP := .venv/stamp
 MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
+N ?= 1000
 PINS ?= -c constraints.txt
 
 help: ## show this list
@@ -27,11 +28,28 @@ fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
 test: $(STAMP) ## run the test suite
 	$(BIN)/pytest -q -m 'not slow and not bench'
 
+explore: $(STAMP) ## run the property tests with examples that were never tried before
+	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow'
+
 test-long: $(STAMP) ## run the tests that take long
 	$(BIN)/pytest -q -m slow
 
+torture: $(STAMP) ## break uploads off everywhere, and fly N random fault schedules; prints counts
+	$(BIN)/python -m tests.torture -n $(N)
+
+campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pilot who takes over; prints counts
+	$(BIN)/python -m tests.torture losses -n 100
+	$(BIN)/python -m tests.torture kills -n 50
+	$(BIN)/python -m tests.torture pilots -n 50
+
 bench: $(STAMP) ## measure the speed of what must be fast
 	$(BIN)/pytest -q -m bench tests/bench
+
+reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
+	$(BIN)/python -m tests.proofs.pursuits
+
+garbage: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
+	$(BIN)/python -m tests.garbage.siege
 
 lint: $(STAMP) ## check style, types and the layers
 	$(BIN)/ruff check .

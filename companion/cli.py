@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -22,6 +22,9 @@ from rich.logging import RichHandler
 
 from companion import __version__
 from companion.errors import CompanionError, ConfigError
+
+if TYPE_CHECKING:
+    from companion.config import MissionConfig
 
 EXIT_FAILED = 1
 EXTRA_COMMANDS = "companion.commands"
@@ -77,6 +80,20 @@ def write_json(target: Path, document: object) -> None:
             raise
 
 
+def require_goals(config: MissionConfig, file: Path) -> None:
+    """See that a mission names its goals, where there is no autopilot to ask.
+
+    Raises
+    ------
+    ConfigError
+        If it leaves them to the autopilot.
+    """
+    if config.goals_from_autopilot:
+        raise ConfigError(
+            str(file), None, "goals", "from_autopilot", "a list of goals: no autopilot is asked"
+        )
+
+
 @app.command()
 def check(
     mission: MissionFile,
@@ -91,10 +108,15 @@ def check(
     if json_file is not None:
         write_json(json_file, described(config))
     if json_file is None or str(json_file) != "-":
-        console.print(summary_table(config))
+        if config.goals_from_autopilot:
+            console.print(f"{config.name}: valid; its goals are the operator's waypoints in the autopilot")
+        else:
+            console.print(summary_table(config))
     if plot is not None:
         from companion.config.compose import world_of
         from companion.ui.plots import plot_mission
+
+        require_goals(config, mission)
 
         with _writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False))
@@ -117,6 +139,7 @@ def plan(
     from companion.config import load_mission
 
     config = load_mission(mission)
+    require_goals(config, mission)
     snapshot, plans = plan_runs(
         config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
         time_limit_s=time_limit,
@@ -124,7 +147,7 @@ def plan(
     if json_file is not None:
         write_json(json_file, [result_of(entry) for entry in plans])
     if json_file is None or str(json_file) != "-":
-        console.print(results_table(config.name, plans))
+        console.print(results_table(config.name, config.dimension, plans))
     if plot is not None:
         from companion.ui.plots import plot_plan
 

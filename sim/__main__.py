@@ -12,6 +12,7 @@ import typer
 
 from companion.config import load_mission
 from companion.errors import CompanionError
+from companion.types.events import Dialect
 from sim.link import serve
 from sim.simulator import Simulator
 
@@ -25,12 +26,15 @@ def main(
     ] = "tcp://127.0.0.1:5760",
     speed: Annotated[float, typer.Option(min=0.01, help="Simulated seconds a second.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Of turbulence, sensors and tracks.")] = 1,
+    autopilot: Annotated[
+        Dialect, typer.Option(help="Whose mission semantics the simulator has.")
+    ] = Dialect.ARDUPILOT,
 ) -> None:
     """Fly the aircraft of a mission file, for any MAVLink client; Ctrl-C ends it."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
-        simulator = Simulator(load_mission(mission), seed=seed)
-        logger.info("flying %s; ArduPlane on %s", mission, listen)
+        simulator = Simulator(load_mission(mission), seed=seed, dialect=autopilot)
+        logger.info("flying %s; %s on %s", mission, autopilot.value, listen)
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(serve(simulator, listen, speed))
     except CompanionError as error:

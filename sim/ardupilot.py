@@ -10,15 +10,15 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import wrapped_angle
 from companion.types.mission import Command, Frame, MissionItem
-from sim.autopilot import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Autopilot, CommandRequest
+from sim.autopilot import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
 from sim.channel import Channel, Message
-from sim.flight import Circle, Flight, Leg, Level, progress_on
+from sim.flight import Flight, Leg, Level
 from sim.mission_runner import MissionRunner, MissionState
 from sim.mission_store import MissionKind, MissionStore, Verdict
 from sim.mission_transfer import MissionTransfer, item_from_message
 from sim.parameters import Parameters
+from sim.pilot import MissionPilot
 from sim.projection import FastProjection
 from sim.telemetry import Home, Target
 
@@ -37,7 +37,6 @@ MODES = {
 _NAMES = {number: name for name, number in MODES.items()}
 _LABELS = {16: "WP", 17: "LoitUnlim", 18: "LoitTurns", 19: "LoitTime", 20: "RTL", 21: "Land", 22: "Takeoff"}
 _LABELS |= {31: "LoitAltitude", 178: "SetSpeed", 189: "DoLandStart"}
-_RELATIVE = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, 10, 11)
 _CIRCLE_BANK = math.radians(20.0)
 _GUIDED_CURRENT = 2
 _CAPABILITIES = (
@@ -65,7 +64,7 @@ def home_item(home: Home) -> MissionItem:
     )
 
 
-class ArduPlane(Autopilot):
+class ArduPlane(MissionPilot):
     """The fixed-wing autopilot of ArduPilot.
 
     Parameters
@@ -84,16 +83,10 @@ class ArduPlane(Autopilot):
         self.runner = MissionRunner(self.store, self)
         self._transfer = self._fresh_transfer()
         self._mode = "LOITER"
-        self._previous: Target | None = None
-        self._begun_us = 0
-        self._arrived_us: int | None = None
-        self._turned_rad = 0.0
-        self._bearing_rad = 0.0
         self._has_told_guided = False
         self._shows_item_zero = False
         self._told_total = 0
         self._pending_reached: int | None = None
-        self._speed_m_s: float | None = None
         transfers = [
             *("MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM", "MISSION_ITEM_INT"),
             *("MISSION_REQUEST_LIST", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_CLEAR_ALL"),
@@ -187,6 +180,7 @@ class ArduPlane(Autopilot):
         elif self._mode == "GUIDED" and not self._has_told_guided and self._is_on_circle():
             self._has_told_guided = True
             self.reached(0)
+        self.flight.slope_min_m = self.parameters["GLIDE_SLOPE_MIN"]
         speed = self._speed_m_s
         self.flight.airspeed_m_s = self.parameters["AIRSPEED_CRUISE"] if speed is None else speed
         if self._pending_reached is not None:
@@ -196,11 +190,19 @@ class ArduPlane(Autopilot):
     def reboot(self) -> None:
         """Restart in flight as after a watchdog reset: mode, missions and index survive."""
         super().reboot()
+        self.say(mavlink.MAV_SEVERITY_INFO, "ArduPilot Ready")
         self._transfer = self._fresh_transfer()
         self._previous, self._speed_m_s = None, None
         if self._mode == "AUTO":
             self.runner.stop()
             self.runner.resume(restart=False)
+
+    def relay_traffic(self, report: Message, source: tuple[int, int]) -> None:
+        """With ADSB_TYPE 1 it swallows reports, and sends them as its own."""
+        if self.parameters["ADSB_TYPE"] != 1.0:
+            super().relay_traffic(report, source)
+            return
+        self.broadcast(report)
 
     def _fresh_transfer(self) -> MissionTransfer:
         return MissionTransfer(self.store, self.say, lambda: not self._flies_mission())
@@ -234,12 +236,6 @@ class ArduPlane(Autopilot):
             flight.steering = Level(_CIRCLE_BANK if name == "CIRCLE" else 0.0, height)
             self.telemetry.target = None
 
-    def _steer_circle(self, centre: tuple[float, float], radius_m: float, height_m: float) -> None:
-        """Circle, clockwise unless the radius is negative."""
-        direction = -1 if radius_m < 0 else 1
-        self.flight.steering = Circle(centre, max(abs(radius_m), 1.0), direction, height_m)
-        self.telemetry.target = (*centre, height_m)
-
     def _flies_mission(self) -> bool:
         return self._mode == "AUTO" and self.runner.state is MissionState.ACTIVE
 
@@ -249,47 +245,13 @@ class ArduPlane(Autopilot):
     # --- flying the mission (the runner's Pilot)
 
     def begin(self, item: MissionItem) -> None:
-        """Start a navigation item: from the last target if there is one, else from here."""
+        """Start a navigation item."""
         label = _LABELS.get(item.command, f"Cmd{item.command}")
         self.say(mavlink.MAV_SEVERITY_INFO, f"Mission: {item.sequence} {label}")
-        self._begun_us, self._arrived_us, self._turned_rad = self.now_us, None, 0.0
-        estimate = self.flight.estimate
         if item.command == Command.NAV_RETURN_TO_LAUNCH:
             self.set_mode("RTL")
-            return
-        target = self._position(item)
-        if item.command == Command.NAV_TAKEOFF:
-            # Straight ahead, up to the height.
-            reach = 5000.0
-            course = estimate.course_rad
-            end = (estimate.east_m + reach * math.sin(course), estimate.north_m + reach * math.cos(course))
-            self.flight.steering = Leg(self.flight.position, end, target[2], target[2])
-            self.telemetry.target = target
-        elif item.command in (17, 18, 19, 31):
-            radius = item.parameters[1 if item.command == Command.NAV_LOITER_TO_ALT else 2] or 0.0
-            self._steer_circle(target[:2], radius or self.parameters["WP_LOITER_RAD"], target[2])
         else:
-            start = self._previous or (estimate.east_m, estimate.north_m, estimate.up_m)
-            self.flight.steering = Leg(start[:2], target[:2], start[2], target[2])
-            self.telemetry.target = target
-        self._previous = None if item.command == Command.NAV_TAKEOFF else target
-
-    def has_arrived(self, item: MissionItem) -> bool:
-        """Whether a navigation item is done."""
-        steering = self.flight.steering
-        if item.command == Command.NAV_TAKEOFF:
-            is_waiting = self.now_us - self._begun_us < 100_000
-            return not is_waiting and self.flight.estimate.up_m >= self._position(item)[2] - 2.0
-        if isinstance(steering, Leg):
-            return self._has_passed(steering, item)
-        if isinstance(steering, Circle) and item.command != Command.NAV_LOITER_UNLIM:
-            return self._has_circled(steering, item)
-        return not isinstance(steering, Circle)
-
-    def do(self, item: MissionItem) -> None:
-        """Change speed; all else is skipped."""
-        if item.command == Command.DO_CHANGE_SPEED:
-            self._change_speed(item.parameters[0] or 0.0, item.parameters[1] or 0.0)
+            self._steer_item(item)
 
     def reached(self, sequence: int) -> None:
         """MISSION_ITEM_REACHED: one slot a link, so that a later item's number replaces an earlier's."""
@@ -301,62 +263,15 @@ class ArduPlane(Autopilot):
         self.set_mode("RTL")
 
     def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
-        estimate = self.flight.estimate
-        distance = math.hypot(leg.end[0] - estimate.east_m, leg.end[1] - estimate.north_m)
+        distance = self._distance_to_end(leg)
         radius = (item.parameters[1] or 0.0) or self.parameters["WP_RADIUS"]
         is_near = distance <= radius
-        if is_near or progress_on(leg, self.flight.position) >= 1.0:
+        if is_near or self._is_abeam(leg):
             verb = "Reached" if is_near else "Passed"
             text = f"{verb} waypoint #{item.sequence} dist {round(distance)}m"
             self.say(mavlink.MAV_SEVERITY_INFO, text)
             return True
         return False
-
-    def _is_on_circle(self) -> bool:
-        steering = self.flight.steering
-        if not isinstance(steering, Circle):
-            return False
-        east, north = self.flight.position
-        return math.hypot(east - steering.centre[0], north - steering.centre[1]) < 1.25 * steering.radius_m
-
-    def _has_circled(self, circle: Circle, item: MissionItem) -> bool:
-        """Whether a loiter's turns, time or height are done; counted from when the circle is met."""
-        east, north = self.flight.position
-        bearing = math.atan2(east - circle.centre[0], north - circle.centre[1])
-        if self._arrived_us is None:
-            if self._is_on_circle():
-                self._arrived_us, self._bearing_rad = self.now_us, bearing
-            return False
-        self._turned_rad += circle.direction * wrapped_angle(bearing - self._bearing_rad)
-        self._bearing_rad = bearing
-        if item.command == Command.NAV_LOITER_TURNS:
-            return self._turned_rad >= 2.0 * math.pi * (item.parameters[0] or 1.0)
-        if item.command == Command.NAV_LOITER_TIME:
-            return self.now_us - self._arrived_us >= 1_000_000 * (item.parameters[0] or 0.0)
-        return abs(self.flight.estimate.up_m - circle.height_m) < 5.0
-
-    def _position(self, item: MissionItem) -> Target:
-        """East, north, up of an item [m]; 0/0 stands for the present position."""
-        if item.latitude_e7 == 0 and item.longitude_e7 == 0:
-            east, north = self.flight.position
-        else:
-            east, north = self.projection.local(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7)
-        return east, north, self._height(item.frame, item.altitude_m)
-
-    def _height(self, frame: int, altitude_m: float) -> float:
-        if frame in _RELATIVE:
-            return self.home.up_m + altitude_m
-        return altitude_m - self.projection.frame.altitude_amsl_m
-
-    def _change_speed(self, kind: float, speed_m_s: float) -> bool:
-        """Set the airspeed until the next mode change; ground speed (kind 1) is taken and not followed."""
-        if kind == 0.0 and speed_m_s == -2.0:
-            self._speed_m_s = None
-            return True
-        if kind == 0.0 and self.parameters["AIRSPEED_MIN"] <= speed_m_s <= self.parameters["AIRSPEED_MAX"]:
-            self._speed_m_s = speed_m_s
-            return True
-        return kind == 1.0
 
     # --- messages and commands
 

@@ -43,6 +43,7 @@ class CommandRequest:
     latitude_e7: int
     longitude_e7: int
     z: float
+    sender: tuple[int, int] = (0, 0)
 
 
 CommandHandler = Callable[[CommandRequest], int]
@@ -52,13 +53,16 @@ def _request(channel: Channel, message: Message) -> CommandRequest:
     values = (message.param1, message.param2, message.param3, message.param4)
     p1, p2, p3, p4 = (value if math.isfinite(value) else 0.0 for value in values)
     parameters = (p1, p2, p3, p4)
+    sender = message.get_srcSystem(), message.get_srcComponent()
     if message.get_type() == "COMMAND_INT":
         return CommandRequest(
-            channel, message.command, message.frame, parameters, message.x, message.y, message.z
+            channel, message.command, message.frame, parameters, message.x, message.y, message.z, sender
         )
     x, y = (value * 1e7 if math.isfinite(value) else 0.0 for value in (message.param5, message.param6))
     frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-    return CommandRequest(channel, message.command, frame, parameters, round(x), round(y), message.param7)
+    return CommandRequest(
+        channel, message.command, frame, parameters, round(x), round(y), message.param7, sender
+    )
 
 
 class Autopilot(ABC):
@@ -170,7 +174,11 @@ class Autopilot(ABC):
         self._wanted_parameters.clear()
         for channel in self.channels:
             self._reset_streams(channel)
-        self.say(mavlink.MAV_SEVERITY_INFO, "ArduPilot Ready")
+
+    def relay_traffic(self, report: Message, source: tuple[int, int]) -> None:
+        """Pass on ADSB_VEHICLE of a source (system and component id) that all links hear."""
+        for channel in self.channels:
+            channel.send_as(report, *source)
 
     def receive(self, channel: Channel, data: bytes) -> None:
         """Act on what a client sent."""

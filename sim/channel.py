@@ -66,6 +66,22 @@ class Channel:
             self.systems_seen.add(message.get_srcSystem())
             messages.append(message)
 
+    def use_signing(self, key: bytes, link_id: int = 0, time: int = 0) -> None:
+        """Sign what is sent and believe signed frames only, from now on.
+
+        Parameters
+        ----------
+        key : bytes
+            32 bytes.
+        link_id : int
+            Of this end.
+        time : int
+            To begin with, in 10 µs since 2015.
+        """
+        signing = self._mav.signing
+        signing.secret_key, signing.link_id, signing.timestamp = key, link_id, time
+        signing.sign_outgoing = True
+
     def send(self, message: Message) -> None:
         """Queue a message of the autopilot's."""
         self._pack(self._mav, message)
@@ -92,3 +108,26 @@ class Channel:
     def _pack(self, mav: Message, message: Message) -> None:
         self._outgoing += message.pack(mav)
         mav.seq = (mav.seq + 1) % 256
+
+
+class Extended:
+    """A message with extension fields that the dialect does not know yet, behind those it does.
+
+    Parameters
+    ----------
+    message : Message
+        Without them.
+    extension : bytes
+        The rest of the payload.
+    """
+
+    def __init__(self, message: Message, extension: bytes) -> None:
+        self._message = message
+        self._extension = extension
+
+    def pack(self, mav: Message) -> bytes:
+        """Frame of the message; extension fields do not count in its checksum's extra byte."""
+        message = self._message
+        fields = (getattr(message, name) for name in message.ordered_fieldnames)
+        payload = message.unpacker.pack(*fields) + self._extension
+        return bytes(message._pack(mav, message.crc_extra, payload))

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from companion.cli import EXIT_FAILED, MissionFile, write_json
+from companion.cli import EXIT_FAILED, MissionFile, require_goals, write_json
 from companion.config import load_mission
 from companion.config.compose import world_of
 from companion.daemon.service import warm_up
@@ -48,9 +48,8 @@ def sitl(
     ),
 ) -> None:
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
-    if autopilot is Dialect.PX4:
-        raise typer.BadParameter("the simulator has ArduPlane's mission semantics only, so far")
     config = load_mission(mission)
+    require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     folder = None if headless else flights / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{config.name}"
     logging.getLogger("companion.daemon.app").setLevel(logging.WARNING)

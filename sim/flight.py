@@ -81,6 +81,8 @@ class Flight:
         Demanded equivalent airspeed.
     goes_beyond : bool
         Whether a leg is flown on past its end.
+    slope_min_m : float
+        Change of height from which a leg is flown as a slope; a lesser one is made at once.
     """
 
     def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
@@ -96,6 +98,7 @@ class Flight:
         self.steering: Steering = Level(0.0, dynamics.state.up_m)
         self.airspeed_m_s = dynamics.state.equivalent_airspeed_m_s
         self.goes_beyond = False
+        self.slope_min_m = 0.0
         self._ticks = 0
 
     @property
@@ -120,7 +123,7 @@ class Flight:
         if not isinstance(steering, Leg):
             return steering.height_m
         change = steering.height_m - steering.start_height_m
-        if abs(change) < self._parameters["GLIDE_SLOPE_MIN"]:
+        if abs(change) < self.slope_min_m:
             return steering.height_m
         return steering.start_height_m + change * max(0.0, min(1.0, progress_on(steering, self.position)))
 

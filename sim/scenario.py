@@ -14,11 +14,13 @@ from companion.types.events import Dialect
 from companion.types.mission import Command, Frame, MissionItem
 from companion.types.threat import Obstacle
 from sim.ardupilot import ArduPlane, home_item
+from sim.autopilot import Autopilot
 from sim.fdm import FlightDynamics, Start, Weather
 from sim.flight import TICK_S, Flight
 from sim.parameters import Parameters
 from sim.projection import FastProjection
 from sim.pursuer import CLEARANCE_M, Pursuer
+from sim.px4 import Px4
 from sim.roads import Roads
 from sim.sensors import Sensors
 from sim.telemetry import Home
@@ -30,6 +32,7 @@ _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.
 _MARGIN_M = 40.0
 _OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
 _HEIGHT_MARGIN_M = 20.0
+_LANDING_M, _PATTERN_HEIGHT_M = 1000.0, 60.0  # from the landing pattern's circle to the runway, and above it
 
 
 @dataclass(slots=True)
@@ -38,7 +41,7 @@ class Scenario:
 
     dynamics: FlightDynamics
     flight: Flight
-    autopilot: ArduPlane
+    autopilot: Autopilot
     pursuers: list[tuple[str, Pursuer]]
     tracks: TrackSource
     truth: Truth
@@ -88,6 +91,29 @@ def operator_mission(
     ]
 
 
+def px4_operator_mission(
+    home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
+) -> list[MissionItem]:
+    """Make what the operator left in a PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
+    relative, nothing = Frame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
+
+    def place(east: float, north: float, height: float) -> tuple[int, int, float]:
+        latitude, longitude = projection.degrees(east, north)
+        return round(latitude * 1e7), round(longitude * 1e7), height
+
+    circle = place(*centre, height_m)
+    pattern = place(home.east_m, home.north_m + _LANDING_M, _PATTERN_HEIGHT_M)
+    touchdown = place(home.east_m, home.north_m, 0.0)
+    return [
+        MissionItem(0, Command.NAV_TAKEOFF, relative, nothing, *touchdown[:2], height_m),
+        MissionItem(1, Command.NAV_WAYPOINT, relative, nothing, *circle),
+        MissionItem(2, Command.NAV_LOITER_UNLIM, relative, (0.0, 0.0, round(radius_m), None), *circle),
+        MissionItem(3, Command.DO_LAND_START, Frame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0),
+        MissionItem(4, Command.NAV_LOITER_TO_ALT, relative, (1.0, round(radius_m), 0.0, 1.0), *pattern),
+        MissionItem(5, Command.NAV_LAND, relative, nothing, *touchdown),
+    ]
+
+
 def _weather(mission: MissionConfig) -> Weather:
     simulation = mission.simulation
     wind_from = math.radians(simulation.wind_from_deg)
@@ -98,9 +124,9 @@ def _weather(mission: MissionConfig) -> Weather:
     )
 
 
-def _parameters(mission: MissionConfig) -> Parameters:
+def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     vehicle = mission.vehicle
-    parameters = Parameters()
+    parameters = Parameters() if dialect is Dialect.ARDUPILOT else Parameters.of_px4()
     parameters["AIRSPEED_CRUISE"] = vehicle.airspeed_cruise_m_s
     parameters["AIRSPEED_MIN"] = math.floor(vehicle.airspeed_min_m_s)
     parameters["AIRSPEED_MAX"] = math.ceil(vehicle.airspeed_max_m_s)
@@ -130,15 +156,7 @@ def _pursuers(mission: MissionConfig) -> list[tuple[str, Pursuer]]:
 
 
 def build(mission: MissionConfig, seed: int, dialect: Dialect) -> Scenario:
-    """Set everything up at the mission's start: airborne, trimmed, in AUTO with the operator's mission.
-
-    Raises
-    ------
-    NotImplementedError
-        For a dialect that is not simulated.
-    """
-    if dialect is not Dialect.ARDUPILOT:
-        raise NotImplementedError(f"no simulated autopilot speaks {dialect.value}")
+    """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission."""
     frame = mission.frame
     projection = FastProjection(frame)
     sensing, tracking = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
@@ -150,17 +168,22 @@ def build(mission: MissionConfig, seed: int, dialect: Dialect) -> Scenario:
         float(mission.vehicle.airspeed_cruise_m_s),
     )
     dynamics = FlightDynamics(frame, start, _weather(mission), seed=seed, projection=projection)
-    parameters = _parameters(mission)
+    parameters = _parameters(mission, dialect)
     flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters)
     latitude, longitude = projection.degrees(start.east_m, start.north_m)
     home = Home(
         start.east_m, start.north_m, 0.0, round(latitude * 1e7), round(longitude * 1e7), frame.altitude_amsl_m
     )
-    autopilot = ArduPlane(flight, projection, parameters, home)
     radius = parameters["WP_LOITER_RAD"]
     place = (start.east_m, start.north_m, start.up_m)
     centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius)
-    autopilot.start(operator_mission(home, projection, centre, start.up_m, radius), "AUTO")
+    autopilot: Autopilot
+    if dialect is Dialect.ARDUPILOT:
+        autopilot = plane = ArduPlane(flight, projection, parameters, home)
+        plane.start(operator_mission(home, projection, centre, start.up_m, radius), "AUTO")
+    else:
+        autopilot = px4 = Px4(flight, projection, parameters, home)
+        px4.start(px4_operator_mission(home, projection, centre, start.up_m, radius), "MISSION", 1)
     pursuers = _pursuers(mission)
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
     return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list))

@@ -26,6 +26,7 @@ from companion.errors import NoAutopilotError
 from companion.link.transport import MemoryTransport
 from companion.types.events import Dialect
 from companion.types.record import FlightRecord
+from sim.faults import FaultyLink
 from sim.simulator import Simulator
 
 STEP_S = 0.02
@@ -48,6 +49,17 @@ class Flight:
         Of everything random.
     folder : Path or None
         For the recording.
+    dialect : Dialect
+        Whose autopilot flies.
+    speed : float
+        Simulated seconds a second.
+    turn_timeout_s : float
+        How long MAVSDK is waited for, by the computer's clock.
+
+    Attributes
+    ----------
+    wire : Simulator or FaultyLink
+        What the service's bytes go to; a bad link may be put in the simulator's place.
     """
 
     mission: MissionConfig
@@ -56,6 +68,8 @@ class Flight:
     dialect: Dialect = Dialect.ARDUPILOT
     speed: float = math.inf
     wall_s: float = 0.0
+    turn_timeout_s: float = TURN_TIMEOUT_S
+    wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
     app: App = field(init=False)
@@ -63,6 +77,7 @@ class Flight:
     def __post_init__(self) -> None:
         self.recorder = Recorder(self.folder, EPOCH_S)
         self.simulator = Simulator(self.mission, seed=self.seed, dialect=self.dialect)
+        self.wire = self.simulator
 
     @property
     def now_s(self) -> float:
@@ -96,7 +111,7 @@ class Flight:
         clock = ManualClock()
         ours, theirs = MemoryTransport.pair()
         self.app = App(self.mission, ours, clock, self.recorder, seed=self.seed, plans_inline=True)
-        theirs.set_receiver(self.simulator.receive)
+        theirs.set_receiver(self.wire.receive)
         await theirs.open()
         running = asyncio.create_task(self.app.run(), name="service")
         began, arrived_s = time.perf_counter(), math.inf
@@ -120,8 +135,8 @@ class Flight:
 
     async def _step(self, clock: ManualClock, theirs: MemoryTransport, running: asyncio.Task[None]) -> None:
         """Advance simulated time once, and let the service act on it."""
-        self.simulator.step(STEP_S)
-        data = self.simulator.take_outgoing()
+        self.wire.step(STEP_S)
+        data = self.wire.take_outgoing()
         if data:
             theirs.send(data)
         clock.advance_to(self.simulator.now_s)
@@ -142,7 +157,9 @@ class Flight:
         was_waited_for = self.app.autopilot.is_our_turn
         # Its threads cannot tell when they are about to speak, so their turn is polled.
         while self.app.autopilot.is_our_turn:
-            if time.perf_counter() - waited_from > TURN_TIMEOUT_S:
+            if time.perf_counter() - waited_from > self.turn_timeout_s:
+                # Over a bad link what MAVSDK was passed may call for no word: a repetition, say.
+                self.app.autopilot.give_up_turn()
                 return False
             await asyncio.sleep(0.0002)
         return was_waited_for

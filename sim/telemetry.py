@@ -203,6 +203,19 @@ class Telemetry:
             direction, math.hypot(state.wind_east_m_s, state.wind_north_m_s), 0.0
         )
 
+    def wind_covariance(self) -> Message:
+        """WIND_COV, PX4's wind: north, east, down, and how well it is known."""
+        state = self._flight.estimate
+        return mavlink.MAVLink_wind_cov_message(
+            self.boot_time_us(), state.wind_north_m_s, state.wind_east_m_s, 0.0, 0.1, 0.1, 0.0, 0.3, 1.0
+        )
+
+    def estimator_status(self) -> Message:
+        """ESTIMATOR_STATUS: accuracy of the position."""
+        return mavlink.MAVLink_estimator_status_message(
+            self.boot_time_us(), _EKF_FLAGS, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 1.0, 1.0
+        )
+
     def _filter(self) -> Message:
         return mavlink.MAVLink_ekf_status_report_message(_EKF_FLAGS, 0.05, 0.05, 0.05, 0.05, 0.0)
 

@@ -51,7 +51,7 @@ class TrackSource:
         self._next_us = 0
 
     def update(self, now_us: int) -> None:
-        """Report if it is time; ADSB_TYPE 1 lets the autopilot swallow reports and send them as its own."""
+        """Report if it is time."""
         if now_us < self._next_us or not self._pursuers:
             return
         self._next_us += _PERIOD_US
@@ -62,14 +62,10 @@ class TrackSource:
             self._report(FIRST_ICAO_ADDRESS + index, name, vehicle)
             for index, (name, vehicle) in enumerate(self._pursuers)
         ]
-        is_swallowed = self._autopilot.parameters["ADSB_TYPE"] == 1.0
         for channel in self._autopilot.channels:
             channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
-            for report in reports:
-                if is_swallowed:
-                    channel.send(report)
-                else:
-                    channel.send_as(report, SOURCE_SYSTEM, SOURCE_COMPONENT)
+        for report in reports:
+            self._autopilot.relay_traffic(report, (SOURCE_SYSTEM, SOURCE_COMPONENT))
 
     def _report(self, address: int, name: str, vehicle: Pursuer) -> Message:
         noise = self._generator.standard_normal(5)

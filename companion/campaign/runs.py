@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
+from companion.campaign.paper import paper_row
 from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.errors import ConfigError
@@ -73,7 +74,7 @@ def plan_runs(
     snapshot = offline_world(mission)
     problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
     if time_limit_s is not None:  # compile outside the clock
-        solve(problems[0], lambda: True)
+        solve(problems[0])
     plans = []
     for problem in problems:
         deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s
@@ -104,25 +105,50 @@ def result_of(plan: Plan) -> dict[str, object]:
     }
 
 
-def results_table(name: str, plans: Sequence[Plan]) -> Table:
-    """Medians of the runs for the terminal."""
+def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
+    """Medians of the runs for the terminal, and the paper's values where it measured the like."""
     reached = [plan for plan in plans if plan.reaches_goal]
+    paper = paper_row(name, dimension, plans[0].method)
     table = Table(title=f"{name}: {plans[0].method}, {len(reached)} of {len(plans)} reach the goal")
-    for column in ("measure", "median", "min", "max"):
+    columns = ("measure", "median", "min", "max") + (("paper",) if paper else ())
+    for column in columns:
         table.add_column(column, justify="left" if column == "measure" else "right")
-    rows = {
-        "PST, path search, ms": [1e3 * plan.measures.path_search_time_s for plan in reached],
-        "NCDC, collision checks": [float(plan.measures.num_collision_checks) for plan in reached],
-        "NTN, tree nodes": [float(plan.measures.num_tree_nodes) for plan in reached],
-        "ESR": [plan.measures.extension_success_rate for plan in reached],
-        "PC, path cost": [plan.measures.path_cost for plan in reached],
-        "Q, path quality": [plan.measures.quality for plan in reached],
-        "TTA, radar threat": [plan.measures.total_threat_amount for plan in reached],
-        "NHTW, waypoints above 0.5": [float(plan.measures.num_high_threat_waypoints) for plan in reached],
-        "length, m": [plan.path.length_m for plan in reached if plan.path is not None],
-        "duration, s": [plan.path.duration_s for plan in reached if plan.path is not None],
+    rows: dict[str, tuple[list[float], float | None]] = {
+        "PST, path search, ms": (
+            [1e3 * plan.measures.path_search_time_s for plan in reached],
+            paper and 1e3 * paper.path_search_time_s,
+        ),
+        "NCDC, collision checks": (
+            [float(plan.measures.num_collision_checks) for plan in reached],
+            paper and float(paper.num_collision_checks),
+        ),
+        "NTN, tree nodes": (
+            [float(plan.measures.num_tree_nodes) for plan in reached],
+            paper and paper.extension_success_rate * paper.num_collision_checks,
+        ),
+        "ESR": (
+            [plan.measures.extension_success_rate for plan in reached],
+            paper and paper.extension_success_rate,
+        ),
+        "TSI, time a check, ms": (
+            [1e3 * plan.measures.search_iteration_time_s for plan in reached],
+            paper and 1e3 * paper.search_iteration_time_s,
+        ),
+        "PC, path cost": ([plan.measures.path_cost for plan in reached], paper and paper.path_cost),
+        "Q, path quality": ([plan.measures.quality for plan in reached], paper and paper.quality),
+        "TTA, radar threat": ([plan.measures.total_threat_amount for plan in reached], None),
+        "NHTW, waypoints above 0.5": (
+            [float(plan.measures.num_high_threat_waypoints) for plan in reached],
+            None,
+        ),
+        "length, m": ([plan.path.length_m for plan in reached if plan.path is not None], None),
+        "duration, s": ([plan.path.duration_s for plan in reached if plan.path is not None], None),
     }
-    for measure, values in rows.items():
+    rate = f"{1.0 - len(reached) / len(plans):.3g}"
+    table.add_row("FR, failure rate", rate, "", "", *((f"{paper.failure_rate:.3g}",) if paper else ()))
+    for measure, (values, printed) in rows.items():
         if values:
-            table.add_row(measure, *(f"{v:.4g}" for v in (np.median(values), min(values), max(values))))
+            figures = (f"{v:.4g}" for v in (np.median(values), min(values), max(values)))
+            beside = ("" if printed is None else f"{printed:.4g}",) if paper else ()
+            table.add_row(measure, *figures, *beside)
     return table

@@ -11,7 +11,8 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticKnownError
 
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
@@ -149,11 +150,30 @@ class Simulation(Section):
     turbulence: Literal["none", "light", "moderate"] = "none"
 
 
+class SigningConfig(Section):
+    """MAVLink 2 signing: files of mode 0600, and the systems that are believed unsigned.
+
+    ``timestamp_file`` left out: the key file's name with ``.times`` behind it.
+    """
+
+    key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
+    timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
+    link_id: Annotated[int, Field(ge=0, le=255)] = 0
+    allow_unsigned: tuple[SystemId, ...] = ()
+
+
 class LinkConfig(Section):
-    """What is listened to. ``track_sources`` left out: tracks of every system but the own."""
+    """What is listened to.
+
+    ``track_sources`` left out: tracks of every system but the own; ``systems`` left out: every system.
+    ``source_rate_max_hz`` bounds the messages of each source but the own autopilot.
+    """
 
     track_sources: tuple[SystemId, ...] | None = None
+    systems: tuple[SystemId, ...] | None = None
     stream_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
+    source_rate_max_hz: Annotated[float, Field(gt=0.0, le=100_000.0)] = 200.0
+    signing: SigningConfig | None = None
 
 
 class Authority(Section):
@@ -167,8 +187,20 @@ class Authority(Section):
     allow_rtl: bool = False
 
 
+FROM_AUTOPILOT = "from_autopilot"
+
+
+def _goals(value: object) -> object:
+    """Goals as written; ``from_autopilot`` in their place leaves them to the operator's mission."""
+    if value == FROM_AUTOPILOT:
+        return ()
+    if value == ():
+        raise PydanticKnownError("too_short", {"field_type": "Tuple", "min_length": 1, "actual_length": 0})
+    return value
+
+
 class MissionConfig(Section):
-    """A whole mission file."""
+    """A whole mission file; ``goals`` is a list, or ``from_autopilot``."""
 
     name: Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
     description: Annotated[str, Field(max_length=500)] = ""
@@ -177,7 +209,7 @@ class MissionConfig(Section):
     origin: Origin
     bounds: Bounds
     start: Start
-    goals: Annotated[tuple[Goal, ...], Field(min_length=1, max_length=1_000)]
+    goals: Annotated[tuple[Goal, ...], Field(max_length=1_000), BeforeValidator(_goals)]
     vehicle: Vehicle
     planning: PlanningConfig
     radars: tuple[RadarConfig, ...] = ()
@@ -186,6 +218,11 @@ class MissionConfig(Section):
     simulation: Simulation = Simulation()
     link: LinkConfig = LinkConfig()
     authority: Authority = Authority()
+
+    @property
+    def goals_from_autopilot(self) -> bool:
+        """Whether the operator's waypoints in the autopilot are the goals."""
+        return not self.goals
 
     @cached_property
     def frame(self) -> LocalFrame:

@@ -6,7 +6,7 @@ Synchronous and without a clock, so that a replay decides the same.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,16 +15,20 @@ from companion.assurance.checker import Checker, Violation
 from companion.config import MissionConfig
 from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
 from companion.frames import FloatArray, direction_from_course
-from companion.mission.builder import Banks, Waypoints, bank_items, waypoints_from_path
+from companion.mission.builder import Waypoints, waypoints_from_path
+from companion.mission.layout import Layout
 from companion.mission.loiter import loiter_beside
-from companion.mission.progress import distance_along, progress_on, rest_of_path, time_at
+from companion.mission.operator import OperatorGoal
+from companion.mission.progress import distance_along, progress_on, rest_of_path, time_at, way_to
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
+from companion.planning.settings import PlannerSettings
 from companion.planning.solver import solve
 from companion.tracking.ownship import predicted
-from companion.types.mission import Mission
+from companion.types.mission import Mission, MissionItem
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
+from companion.types.threat import Obstacle, ThreatTree
 from companion.world.snapshot import Snapshot
 
 ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms, up and down
@@ -36,8 +40,13 @@ SHORTEST_ROWS = 12
 WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
 ENTRY_ROWS = 8  # of a new path in which the aircraft is looked for when it is entered
 ENTRY_AHEAD_M = 30.0
+FLY_BY_M = 50.0  # WP_RADIUS, at which ArduPlane turns to the next waypoint
 ENTRY_RULES = frozenset({"clearance", "bounds"})
+WIDENED = 1.6  # of the smallest radius, in which an autopilot turns to a new point for certain
 REPLAN_SHARE = 0.3
+NARROWED = 0.6
+LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
+GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 
@@ -89,15 +98,47 @@ class Cycle:
             self.settings, max_iterations=int(REPLAN_SHARE * self.settings.max_iterations)
         )
         self.goals = goals_of(mission)
-        self.checker = Checker(mission.obstacle_list, check_limits_of(mission))
+        self._obstacles = mission.obstacle_list
+        self.checker = Checker(self._obstacles, check_limits_of(mission))
         self.flown: Flown | None = None
         self.next_goal = 0
         self.num_plans = 0
+        self.flies_by = True  # as ArduPlane does at its waypoints
+        self.tail_enu_m: tuple[float, float, float] | None = None  # where the operator goes on after the goal
+        self._actions: tuple[tuple[MissionItem, ...], ...] = ()
+        self._threat_trees: tuple[ThreatTree, ...] = ()
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
-        """Goals not reached yet."""
-        return self.goals[self.next_goal :]
+        """Goals not reached yet.
+
+        Those to fly on from are planned for more narrowly than they count as reached: a path that just
+        touches one is flown a few metres beside it, and the aircraft would turn back.
+        """
+        left = self.goals[self.next_goal :]
+        num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
+        narrowed = [
+            replace(goal, acceptance_radius_m=NARROWED * goal.acceptance_radius_m)
+            for goal in left[: max(num_passed, 0)]
+        ]
+        return (*narrowed, *left[len(narrowed) :])
+
+    def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
+        """Hold plans and missions to the autopilot's fences, besides the mission file's obstacles."""
+        self._obstacles = (*self._mission.obstacle_list, *fences)
+        self.checker = Checker(self._obstacles, self.checker.limits)
+        self._threat_trees = ()  # they grew round other obstacles
+
+    def set_goals(self, goals: Sequence[OperatorGoal]) -> None:
+        """Take the operator's goals in place of the mission file's; in the plane at the mission's level."""
+        level = float(self._mission.start.up_m)
+        places = [
+            (*goal.position_enu_m[:2], level) if self._mission.dimension == 2 else goal.position_enu_m
+            for goal in goals
+        ]
+        self.goals = tuple(GoalRegion(place, GOAL_RADIUS_M) for place in places)
+        self._actions = tuple(goal.actions for goal in goals)
+        self.next_goal = 0
 
     def note_position(self, state: Ownship) -> bool:
         """Count goals passed, and the way along the flown path. Returns whether the last was reached."""
@@ -110,16 +151,26 @@ class Cycle:
         if self.flown is not None:
             row = progress_on(self.flown.path, state.position_enu_m, self.flown.row, WINDOW_ROWS).row
             self.flown = replace(self.flown, row=row)
-        return self.next_goal == len(self.goals)
+        return bool(self.goals) and self.next_goal == len(self.goals)
 
     def lead_s(self, num_items: int) -> float:
-        """How long until a plan begun now is flown: planning, upload, reading back, margin."""
+        """How long until a plan begun now is flown: planning, reading, upload, reading back, margin."""
         planning = self._mission.planning
-        return float(planning.planning_budget_s + planning.swap_margin_s) + 2.0 * ITEM_S * num_items + 0.5
+        return float(planning.planning_budget_s + planning.swap_margin_s) + 3.0 * ITEM_S * num_items + 0.5
+
+    @property
+    def flies_to_goal(self) -> bool:
+        """Whether what is flown leads to the last goal, and not to a place to circle at meanwhile."""
+        if self.flown is None or not self.goals:
+            return False
+        away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
+        return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
 
     def is_on_last_leg(self, state: Ownship, lead_s: float) -> bool:
         """Whether the flown path ends before a new one could be of use."""
-        if self.flown is None or self.flown.carried_until_s < self.flown.path.times_s[-1]:
+        if self.flown is None or not self.flies_to_goal:
+            return False
+        if self.flown.carried_until_s < self.flown.path.times_s[-1]:
             return False
         progress = progress_on(self.flown.path, state.position_enu_m, self.flown.row, WINDOW_ROWS)
         left = float(self.flown.path.times_s[-1]) - time_at(self.flown.path, progress)
@@ -173,17 +224,33 @@ class Cycle:
         )
 
     def plan(self, start: Start, snapshot: Snapshot, should_stop: Callable[[], bool]) -> Plan:
-        """Plan from a start; the same snapshot, start and count give the same plan."""
+        """Plan from a start; the same snapshots and starts, in the same order, give the same plans."""
+        # A flown path that fails the check, since the world has changed, is nothing to improve on.
+        rest = start.rest if start.rest is not None and not self.check(start.rest) else None
+        settings = self.settings if rest is None else self._replan_settings
+        return self._solved(start, snapshot, should_stop, settings, rest)
+
+    def plan_least_threat(self, start: Start, snapshot: Snapshot, should_stop: Callable[[], bool]) -> Plan:
+        """A plan that weighs threats most and has no limit to them: the emergency strategy's first."""
+        settings = replace(self.settings, threat_level_max=1.0, weights_cost=LEAST_THREAT_WEIGHTS)
+        return self._solved(start, snapshot, should_stop, settings, None)
+
+    def _solved(
+        self, start: Start, snapshot: Snapshot, should_stop: Callable[[], bool], settings: PlannerSettings,
+        rest: Path | None,
+    ) -> Plan:  # fmt: skip
         self.num_plans += 1
         problem = Problem(
             start=start.state,
             goals=self.goals_left,
-            snapshot=snapshot,
+            snapshot=snapshot.with_threat_trees(self._threat_trees),
             vehicle=self.vehicle,
-            settings=self.settings if start.rest is None else self._replan_settings,
+            settings=settings,
             seed=self._seed * 100_003 + self.num_plans,
         )
-        return solve(problem, should_stop, flown=start.rest)
+        plan = solve(problem, should_stop, flown=rest)
+        self._threat_trees = plan.threat_trees
+        return plan
 
     def check(self, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path that should reach the last goal."""
@@ -207,11 +274,11 @@ class Cycle:
         if violations:
             return Judgement(False, "rejected", f"{violations[0]} ({len(violations)} violations)")
         cost = plan.measures.path_cost
-        if start.rest is None or plan.flown_cost is None:
-            return Judgement(True, "first plan", f"cost {cost:.1f}")
-        flown = self.check(start.rest)
+        flown = () if start.rest is None else self.check(start.rest)
         if flown:
             return Judgement(True, "unsafe", f"flown plan: {flown[0]}")
+        if start.rest is None or plan.flown_cost is None:
+            return Judgement(True, "first plan", f"cost {cost:.1f}")
         level, limit = plan.flown_threat or 0.0, float(self._mission.planning.threat_level_max)
         if level > limit and float(plan.path.threat_levels.max()) < level:
             return Judgement(True, "threat", f"level {level:.2f} on the flown plan")
@@ -255,42 +322,120 @@ class Cycle:
         tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
         first_wrong: tuple[Violation, ...] = ()
         for end in tries:
-            waypoints, violations = self._carried(path, end)
-            if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
+            waypoints, violations = self.carried(path, end)
+            num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
+            if not violations and num_items <= max_waypoints:
                 return waypoints, float(path.times_s[end]), ()
             first_wrong = first_wrong or violations
         return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
 
-    def _carried(self, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
+    def carried(self, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
         """Waypoints up to a row with the loiter beside it, and what is wrong with them."""
         part = path.until(end)
-        flown = waypoints_from_path(part, float(self.vehicle.airspeed_cruise_m_s))
+        actions = self._actions_along(part)
+        flown = waypoints_from_path(
+            part, float(self.vehicle.airspeed_cruise_m_s), flies_by=self.flies_by,
+            marked_m=[length for length, _ in actions],
+        )  # fmt: skip
         radius = self.vehicle.turn_radius_min_m
         centre, direction = loiter_beside(
-            flown.positions_enu_m, float(part.courses_rad[-1]), radius, self._mission.obstacle_list,
+            flown.positions_enu_m, float(part.courses_rad[-1]), radius, self._obstacles,
             self.checker.limits.bounds,
         )  # fmt: skip
         legs: FloatArray = np.vstack([part.positions_enu_m[:1], flown.positions_enu_m])
         violations = self.checker.check_legs(
             legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
         )
-        return replace(flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius), violations
+        carried = replace(
+            flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius,
+            goes_on=end == len(path) - 1 and self._may_go_on(flown.positions_enu_m[-1]),
+            actions=_actions_at(actions, flown),
+        )  # fmt: skip
+        return carried, violations
 
-    def entry(self, state: Ownship, path: Path, waypoints: Waypoints) -> int | None:
-        """First waypoint that lies ahead and is flown to directly without harm; None where none is."""
+    def _may_go_on(self, last_enu_m: FloatArray) -> bool:
+        """Whether the operator's items that follow the goal can be flown to from there."""
+        if self.tail_enu_m is None:
+            return False
+        legs: FloatArray = np.vstack([last_enu_m, self.tail_enu_m])
+        wrong = self.checker.check_legs(
+            legs, ends_in_loiter=True, loiter_radius_m=self.vehicle.turn_radius_min_m
+        )
+        return not any(entry.rule == "clearance" for entry in wrong)
+
+    def _actions_along(self, part: Path) -> list[tuple[float, tuple[MissionItem, ...]]]:
+        """The operator's DO_ items of goals that a part of a path reaches, and how far along they are [m]."""
+        found: list[tuple[float, tuple[MissionItem, ...]]] = []
+        row = 0
+        for goal, items in zip(self.goals[self.next_goal :], self._actions[self.next_goal :], strict=False):
+            away = np.linalg.norm(part.positions_enu_m[row:] - np.asarray(goal.position_enu_m), axis=1)
+            if not away.min() <= goal.acceptance_radius_m:
+                break
+            row += int(np.argmin(away))
+            steps = np.linalg.norm(np.diff(part.positions_enu_m[: row + 1, :2], axis=0), axis=1)
+            if items:
+                found.append((float(steps.sum()), items))
+        return found
+
+    def entry(self, state: Ownship, path: Path, waypoints: Waypoints, in_s: float = 0.0) -> int | None:
+        """First waypoint that lies ahead and is flown to without harm, the turn towards it included.
+
+        None where none is. An upload may have lasted, and the aircraft have turned away meanwhile.
+
+        ``in_s`` is how long the aircraft still flies on before it is sent there [s].
+        """
         here = distance_along(path, progress_on(path, state.position_enu_m, 0, ENTRY_ROWS))
+        here += in_s * state.ground_speed_m_s
         for k, distance in enumerate(waypoints.distances_m):
             if distance < here + ENTRY_AHEAD_M and k < len(waypoints.distances_m) - 1:
                 continue
-            legs = np.vstack([state.position_enu_m, waypoints.positions_enu_m[k : k + 1]])
-            wrong = self.checker.check_legs(
-                legs, ends_in_loiter=True, loiter_radius_m=waypoints.loiter_radius_m,
-                loiter_centre_enu_m=waypoints.loiter_centre_enu_m,
+            legs = way_to(
+                state.position_enu_m, state.course_rad, waypoints.positions_enu_m[k],
+                WIDENED * self.vehicle.turn_radius_min_m,
             )  # fmt: skip
+            if legs is None:
+                return None
+            ways = [legs, legs[[0, -1]]]  # the wide turn, and what a tight one comes to
+            if k + 1 < len(waypoints.positions_enu_m):
+                onwards = self._turn_at(legs, waypoints.positions_enu_m[k + 1])
+                if onwards is None:
+                    return None
+                ways.append(onwards)
+            wrong = [
+                entry
+                for way in ways
+                for entry in self.checker.check_legs(
+                    way, ends_in_loiter=True, loiter_radius_m=waypoints.loiter_radius_m,
+                    loiter_centre_enu_m=waypoints.loiter_centre_enu_m,
+                )
+            ]  # fmt: skip
             return None if any(entry.rule in ENTRY_RULES for entry in wrong) else k
         return None
 
-    def mission_for(self, waypoints: Waypoints, banks: Banks) -> tuple[Mission, Banks]:
-        """The mission list with the waypoints in the idle bank."""
-        bank = bank_items(waypoints, banks.size, self._mission.frame)
-        return banks.with_new(bank, self.num_plans)
+    def _turn_at(self, legs: FloatArray, after: FloatArray) -> FloatArray | None:
+        """The turn at an entry reached over ``legs`` to the waypoint after it; None if that is behind.
+
+        The path comes to its waypoints from the one before; who enters it comes from elsewhere.
+        """
+        way = legs[-1] - legs[-2]
+        length = max(float(np.linalg.norm(way)), 1e-9)
+        reached = legs[-1] - way * min(1.0, (FLY_BY_M if self.flies_by else 0.0) / length)
+        place = (float(reached[0]), float(reached[1]), float(reached[2]))
+        return way_to(place, math.atan2(way[0], way[1]), after, WIDENED * self.vehicle.turn_radius_min_m)
+
+    def mission_for(self, waypoints: Waypoints, layout: Layout) -> tuple[Mission, Layout]:
+        """The mission list with the waypoints in it, and the layout once they are flown."""
+        ours = layout.items_for(waypoints, self._mission.frame)
+        return layout.with_new(ours, self.num_plans)
+
+
+def _actions_at(
+    actions: Sequence[tuple[float, tuple[MissionItem, ...]]], waypoints: Waypoints
+) -> tuple[tuple[int, tuple[MissionItem, ...]], ...]:
+    """What is to be done by the number of the waypoint that it is done at."""
+    found: dict[int, tuple[MissionItem, ...]] = {}
+    for length, items in actions:
+        behind = np.flatnonzero(waypoints.distances_m >= length - 1.0)
+        number = int(behind[0]) if len(behind) else len(waypoints.distances_m) - 1
+        found[number] = found.get(number, ()) + items
+    return tuple(sorted(found.items()))

@@ -6,6 +6,11 @@ pilot always wins, and nothing the service does changes a mode. After such a cha
 ``SUSPENDED``; whether the return of the mission mode makes it active again is the mission file's
 ``authority.resume``. ``ARRIVED`` is final for a flight: the last goal was reached.
 
+An autopilot that fell silent while the service was active is waited for in ``LOST``: if it comes back
+in another mode, the pilot has taken over meanwhile. A mission that somebody else uploads is flown, not
+replaced, and so is an item that somebody else makes current: ``YIELDED`` until the pilot leaves the
+mission mode, which is where handing back begins.
+
 =============  ==================  =============
 state          event               next state
 =============  ==================  =============
@@ -14,8 +19,13 @@ WAITING        mission not flown   STANDBY
 STANDBY        mission flown       ACTIVE
 ACTIVE         mission not flown   SUSPENDED
 ACTIVE         goal reached        ARRIVED
+ACTIVE         foreign mission     YIELDED
+ACTIVE         autopilot silent    LOST
+LOST           mission flown       ACTIVE
+LOST           mission not flown   SUSPENDED
+YIELDED        mission not flown   SUSPENDED
 SUSPENDED      mission flown       ACTIVE (resume: auto), else SUSPENDED
-any            autopilot silent    WAITING; ARRIVED and SUSPENDED stay
+STANDBY        autopilot silent    WAITING
 =============  ==================  =============
 """
 
@@ -30,7 +40,9 @@ class Mode(Enum):
     WAITING = "waiting for the autopilot"
     STANDBY = "standing by: no mission is flown"
     ACTIVE = "planning"
+    LOST = "waiting for the autopilot to come back"
     SUSPENDED = "suspended by the pilot"
+    YIELDED = "suspended: another mission or item was chosen"
     ARRIVED = "arrived"
 
 
@@ -41,6 +53,7 @@ class ModeEvent(Enum):
     MISSION_NOT_FLOWN = "mission not flown"
     GOAL_REACHED = "goal reached"
     AUTOPILOT_SILENT = "autopilot silent"
+    OTHER_MISSION = "foreign mission"
 
 
 _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
@@ -50,7 +63,11 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.STANDBY, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
-    (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
+    (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
+    (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
+    (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from companion.tracking.ownship import OwnshipEstimator
 from companion.tracking.tracks import Tracker
 from companion.types.events import Event, TrackReport
 from companion.types.state import Ownship
-from companion.types.threat import TrackState
+from companion.types.threat import Obstacle, TrackState
+from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
 EYE_M = 2.0
@@ -48,6 +50,12 @@ class Picture:
             self.newest_track_s = now_s
         else:
             self.ownship.observe(event)
+
+    def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
+        """Take the autopilot's fences for obstacles; they hide no radar."""
+        every = (*self._mission.obstacle_list, *fences)
+        packed = packed_obstacles(every, self._snapshot.bounds)
+        self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=every)
 
     def snapshot(self, now_s: float) -> Snapshot:
         """The world now: sensed static threats stay known, tracks are taken to this instant."""

@@ -14,6 +14,8 @@ from companion.types.record import Decision, FlightRecord, UploadedMission
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
+TRACK_ROWS_MAX = 30_000  # of all vehicles: a few megabytes, and 100 minutes of one at 5 Hz
+
 _log = logging.getLogger(__name__)
 
 
@@ -42,6 +44,7 @@ class Recorder:
 
     def __post_init__(self) -> None:
         self._tlog: TlogWriter | None = None
+        self._num_track_rows = 0
         if self.folder is not None:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
@@ -50,7 +53,7 @@ class Recorder:
             self._tlog = TlogWriter(self.folder / "flight.tlog")
 
     def frame(self, now_s: float, raw: bytes) -> None:
-        """Write one frame, received or sent; a full disk ends the recording, not the flight."""
+        """Write what was received or sent; a full disk ends the recording, not the flight."""
         if self._tlog is None:
             return
         try:
@@ -70,6 +73,14 @@ class Recorder:
         self.threat.append([now_s, level])
         for track in tracks:
             self.tracks.setdefault(track.identity, []).append([now_s, *track.position_enu_m[:2]])
+        self._num_track_rows += len(tracks)
+        if self._num_track_rows > TRACK_ROWS_MAX:
+            self._thin_tracks()
+
+    def _thin_tracks(self) -> None:
+        """Keep every second row; vehicles of a single one, with which a flood fills the memory, go."""
+        self.tracks = {identity: rows[1::2] for identity, rows in self.tracks.items() if len(rows) > 1}
+        self._num_track_rows = sum(map(len, self.tracks.values()))
 
     def decide(
         self, now_s: float, kind: str, text: str, plan_ms: float | None = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,9 +13,12 @@ from companion.clock import WallClock
 from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.daemon.app import App
+from companion.daemon.memory import Memory
 from companion.daemon.record import Recorder
+from companion.link.codec import signer_of
+from companion.link.signing import Signer, Timestamps, read_key
 from companion.link.transport import transport_from_url
-from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 
 REPORT_SILENCE_S = 5.0
@@ -26,9 +30,19 @@ async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
     """Run until cancelled; says within seconds when no autopilot is heard, and keeps trying."""
     clock = WallClock()
     transport = transport_from_url(url, clock)
+    timestamps, signer = _signing(mission)
     name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
     recorder = Recorder(flights / name, time.time() - clock.now_s())
-    app = App(mission, transport, clock, recorder, seed=int(mission.planning.seed), plans_inline=False)
+    app = App(
+        mission,
+        transport,
+        clock,
+        recorder,
+        seed=int(mission.planning.seed),
+        plans_inline=False,
+        memory=Memory(flights / mission.name),
+        signer=signer,
+    )
     _log.info("listening on %s; recording to %s", url, flights / name)
     try:
         async with asyncio.TaskGroup() as tasks:
@@ -37,6 +51,20 @@ async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
             tasks.create_task(_warm(app, mission))
     finally:
         recorder.close()
+        if timestamps is not None:
+            timestamps.close()
+
+
+def _signing(mission: MissionConfig) -> tuple[Timestamps | None, Signer | None]:
+    """What signs and verifies, as the mission file says; nothing without a key."""
+    signing = mission.link.signing
+    if signing is None:
+        return None, None
+    key_file = Path(signing.key_file)
+    times = signing.timestamp_file or f"{signing.key_file}.times"
+    timestamps = Timestamps(Path(times), time.time)
+    signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
+    return timestamps, signer
 
 
 async def _warm(app: App, mission: MissionConfig) -> None:
@@ -56,6 +84,14 @@ async def _report_silence(app: App, clock: WallClock, url: str) -> None:
             _log.warning("no autopilot heard on %s for %.0f s; still trying", url, REPORT_SILENCE_S)
 
 
+def _some_goal(mission: MissionConfig) -> GoalRegion:
+    """A place ahead of the start, for a mission whose goals the autopilot holds."""
+    start, ahead = mission.start, 4.0 * float(mission.vehicle.turn_radius_min_m)
+    course = math.radians(start.course_deg)
+    east, north = start.east_m + ahead * math.sin(course), start.north_m + ahead * math.cos(course)
+    return GoalRegion((float(east), float(north), float(start.up_m)), 60.0)
+
+
 def warm_up(mission: MissionConfig) -> None:
     """Compile every kernel, so that the first plan in flight is as fast as the others."""
     vehicle = vehicle_of(mission)
@@ -66,7 +102,7 @@ def warm_up(mission: MissionConfig) -> None:
             vehicle.airspeed_cruise_m_s, initial_covariances(vehicle, 2.0, 2.0),
             initial_covariances(vehicle, 0.0, 0.0),
         ),
-        goals=goals_of(mission),
+        goals=goals_of(mission) or (_some_goal(mission),),
         snapshot=world_of(mission),
         vehicle=vehicle,
         settings=planner_settings_of(mission),

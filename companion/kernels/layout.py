@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+NUM_CELLS = 48  # along each side of the grid that finds near nodes
+
 
 class Obstacles(NamedTuple):
     """Upright prisms, their edges one after another.
@@ -102,7 +104,7 @@ class Tree(NamedTuple):
     ``clear`` (N,) p_c; ``level`` (N,) TI; ``domain`` (N,) TUDD; ``cost`` (N,) sum of (9) from the
     root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
     DT when the node is reached and 1 where that is known; ``children`` (N,) live children;
-    ``blocked`` (N,) 1 after a failed extension.
+    ``blocked`` (N,) 1 after a failed extension; ``way`` (N,) way round obstacles to the sub goal.
     """
 
     state: FloatArray
@@ -122,7 +124,36 @@ class Tree(NamedTuple):
     threat_point: FloatArray
     children: IntArray
     blocked: IntArray
+    way: FloatArray
     count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
+
+
+class Guide(NamedTuple):
+    """The way round obstacles to a point.
+
+    ``wave`` (N, M) its length [m] from every cell of a grid, infinite where there is none;
+    ``origin`` (2,) the first cell's centre; ``cell`` the spacing [m]; ``share`` of the samples that
+    follow it; ``ahead`` how far along it they lie at most [m].
+    """
+
+    wave: FloatArray
+    origin: FloatArray
+    cell: float
+    share: float
+    ahead: float
+
+
+class Branches(NamedTuple):
+    """How the PathTree hangs together while RRT* rearranges it.
+
+    ``first``, ``following`` (N,) first child and next sibling, -1 where there is none; ``upper`` (N,)
+    UB of paper 4.4.3; ``stage`` (N,) goals passed on the way to the node.
+    """
+
+    first: IntArray
+    following: IntArray
+    upper: FloatArray
+    stage: IntArray
 
 
 class Pursuers(NamedTuple):
@@ -130,7 +161,14 @@ class Pursuers(NamedTuple):
 
     ``position`` (D, N, 3); ``heading`` (D, N); ``parent`` (D, N); ``time`` (D, N) TS; ``count`` (D,)
     nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
-    ``bounds`` (4,) x_min x_max y_min y_max of where they drive.
+    ``bounds`` (4,) x_min x_max y_min y_max of where they drive; ``corners`` (D, 2) first row and number of
+    the nodes at corners of obstacles (:func:`companion.kernels.drivers.add_corners`), and ``by_corner``
+    (D, C) through which of them a cell's centre is reached earliest: -1 none, -2 not looked at yet.
+
+    The other fields are indices of places by square cells (see :mod:`companion.kernels.buckets`):
+    ``cells`` (D, C), ``chain`` (D, N), ``places`` (D, N, 2), ``extent`` (D, 4), ``filled`` (D,) of the
+    TTrees' nodes, and ``path_cells`` (C,), ``path_chain`` (M,), ``path_places`` (M, 2),
+    ``path_extent`` (4,), ``path_filled`` (1,) of the PathTree's.
     """
 
     position: FloatArray
@@ -140,6 +178,18 @@ class Pursuers(NamedTuple):
     count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
     model: FloatArray
     bounds: FloatArray
+    corners: IntArray
+    by_corner: IntArray
+    cells: IntArray
+    chain: IntArray
+    places: FloatArray
+    extent: IntArray
+    filled: IntArray
+    path_cells: IntArray
+    path_chain: IntArray
+    path_places: FloatArray
+    path_extent: IntArray
+    path_filled: IntArray
 
 
 class Search(NamedTuple):
@@ -151,7 +201,8 @@ class Search(NamedTuple):
     (1 on); ``secondary`` n_q; ``tolerance`` distance at which a sub goal is reached [m];
     ``certain`` p_c from which a node never blocked has no limit for uncertainty; ``estimator`` of
     RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators;
-    ``level_max`` threat level above which a node is not kept.
+    ``level_max`` threat level above which a node is not kept; ``straight_in`` (1 on) connects greedily
+    to a sub goal that lies in a new node's domain.
     """
 
     k_clear: float
@@ -173,6 +224,20 @@ class Search(NamedTuple):
     p_tid: float
     k_pursuer: int
     level_max: float
+    straight_in: int
+
+
+class Scene(NamedTuple):
+    """What one sub task's search reads, in one piece."""
+
+    pursuers: Pursuers
+    obstacles: Obstacles
+    threats: Threats
+    model: ThreatModel
+    limits: Limits
+    tables: Uncertainty
+    search: Search
+    guide: Guide
 
 
 def empty_tree(capacity: int, num_threats: int) -> Tree:
@@ -196,12 +261,17 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
         threat_point=zeros((capacity, max(num_threats, 1), 4)),
         children=zeros(capacity, dtype=np.int64),
         blocked=zeros(capacity, dtype=np.int64),
+        way=np.full(capacity, np.inf),
         count=zeros(1, dtype=np.int64),
     )
 
 
-def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds``."""
+def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds``.
+
+    ``path_capacity`` is that of the PathTree they are to be used with; with a smaller one its nearest
+    nodes are found by looking at all.
+    """
     num = len(models)
     return Pursuers(
         position=np.zeros((num, capacity, 3)),
@@ -211,4 +281,16 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray) -> Pur
         count=np.zeros(num, dtype=np.int64),
         model=np.ascontiguousarray(models, dtype=np.float64).reshape(num, 5),
         bounds=np.ascontiguousarray(bounds[:4], dtype=np.float64),
+        corners=np.zeros((num, 2), dtype=np.int64),
+        by_corner=np.full((num, NUM_CELLS**2), -2, dtype=np.int64),
+        cells=np.full((num, NUM_CELLS**2), -1, dtype=np.int64),
+        chain=np.full((num, capacity), -1, dtype=np.int64),
+        places=np.zeros((num, capacity, 2)),
+        extent=np.zeros((num, 4), dtype=np.int64),
+        filled=np.zeros(num, dtype=np.int64),
+        path_cells=np.full(NUM_CELLS**2, -1, dtype=np.int64),
+        path_chain=np.full(path_capacity, -1, dtype=np.int64),
+        path_places=np.zeros((path_capacity, 2)),
+        path_extent=np.zeros(4, dtype=np.int64),
+        path_filled=np.zeros(1, dtype=np.int64),
     )

@@ -12,7 +12,7 @@ import numba as nb
 from companion.kernels.layout import FloatArray, Limits
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
-STRAIGHT_RATE = 1e-4  # below this turn rate [rad/s] an edge counts as straight
+STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
 
 
 @nb.njit(cache=True, nogil=True)

@@ -1,87 +1,58 @@
 """Reachability set of a DT by its tree (paper 3.2.2, Algorithm 1).
 
-A PathTree node is *reachable* through a TTree node when some point ``q_B`` on the horizontal
-circle of radius RD_max about it is seen from it, lies on a free ground line from the TTree node and
-is reached in time. The estimator keeps, for each node, the nearest position found for the DT at the
-time the aircraft gets there.
+The estimator keeps, for each PathTree node, the nearest position found for each DT at the time the
+aircraft gets there (see :mod:`companion.kernels.pursuit` for what reachable means).
 
-Symbols: ``d`` the DT, ``j`` a TTree node, ``i`` a PathTree node, ``rd`` RD_max, ``v`` the DT's speed.
+Symbols: ``d`` the DT, ``j`` a TTree node, ``i`` a PathTree node, ``k`` of the k-near nodes.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
-from companion.kernels.dubins import distance_to_point
-from companion.kernels.geometry import segment_blocked
-from companion.kernels.layout import FloatArray, IntArray, Obstacles, Pursuers, Tree
+from companion.kernels.buckets import cell_along, cell_size, nearest
+from companion.kernels.drivers import LEAST_STEP_M, Drivers, corner_towards, drivers_of
+from companion.kernels.layout import NUM_CELLS, FloatArray, IntArray, Obstacles, Pursuers, Tree
+from companion.kernels.pursuit import AIR_CLIMB, EYE_M, NUM_BEARINGS, gets_near, way_length
+from companion.kernels.sight import Prisms, line_blocked, prisms_of
+from companion.kernels.unowned import unowned
 
-NUM_BEARINGS = 16
-TRIED_BEARINGS = 9  # those of the half circle towards the TTree node; the far half is reached later
+__all__ = [
+    "EX_RRT", "EYE_M", "MAX_NEAR", "RRT", "RRT_REACH", "connect", "dt_positions", "estimate_reachability",
+    "is_reachable", "near_path_nodes", "near_pursuer_nodes", "promising_corners",
+]  # fmt: skip
+
 MAX_NEAR = 16
+NUM_NEIGHBOURS = 4  # of a directly reachable node that are tested too
 NEWS_M = 15.0  # a DT position nearer by this much is news
-EYE_M = 2.0  # sight lines start this far above the ground
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
 
-@nb.njit(cache=True, nogil=True)
-def is_way_blocked(
-    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, airborne: bool, obstacles: Obstacles
-) -> bool:
-    """Whether a DT cannot go straight from one point to another; ground vehicles stay on the ground."""
-    if airborne:
-        return segment_blocked(x0, y0, z0, x1, y1, z1, obstacles)
-    return segment_blocked(x0, y0, z0, x1, y1, z0, obstacles)
+class Nodes(NamedTuple):
+    """The part of the PathTree that the estimator reads, and ``points``, which it writes."""
+
+    state: FloatArray
+    parent: IntArray
+    time: FloatArray
+    active: IntArray
+    points: FloatArray
 
 
-@nb.njit(cache=True, nogil=True)
-def travel_time(pursuers: Pursuers, d: int, j: int, x: float, y: float, z: float) -> float:
-    """Earliest time from a TTree node to a point, by Dubins distance over speed [s]."""
-    v = pursuers.model[d, 0]
-    if v <= 0.0:
-        return math.inf
-    px, py, pz = pursuers.position[d, j]
-    flat = distance_to_point(px, py, pursuers.heading[d, j], x, y, pursuers.model[d, 2])
-    if pursuers.model[d, 3] > 0.0:
-        flat = math.sqrt(flat * flat + (z - pz) ** 2)
-    return flat / v
-
-
-@nb.njit(cache=True, nogil=True)
-def nearest_position(
-    pursuers: Pursuers, d: int, j: int, bx: float, by: float, x: float, y: float, z: float, spare: float,
-    obstacles: Obstacles, out: FloatArray,
-) -> None:  # fmt: skip
-    """Where the DT can be when the aircraft is at (x, y, z): from q_B on towards it.
-
-    ``spare`` is the way [m] the DT has left on reaching q_B. It goes on towards the point below the
-    aircraft as far as that is free and the aircraft stays in sight; else it waits at q_B. ``out`` (3,).
-    """
-    airborne = pursuers.model[d, 3] > 0.0
-    ground = pursuers.position[d, j, 2]
-    out[0], out[1], out[2] = bx, by, ground
-    bz = ground
-    if airborne:
-        rise = z - ground
-        step = min(abs(rise), spare)
-        bz = ground + math.copysign(step, rise)
-        out[2] = bz
-    dx, dy = x - bx, y - by
-    left = math.sqrt(dx * dx + dy * dy)
-    if left == 0.0:
-        return
-    share = min(1.0, spare / left)
-    while share > 0.1:
-        nx, ny = bx + share * dx, by + share * dy
-        if not is_way_blocked(bx, by, bz, nx, ny, bz, airborne, obstacles) and not segment_blocked(
-            nx, ny, bz + EYE_M, x, y, z, obstacles
-        ):
-            out[0], out[1] = nx, ny
-            return
-        share *= 0.5
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def gets_to(
+    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
+    out: FloatArray,
+) -> bool:  # fmt: skip
+    """Whether a DT gets a place into its reach through TTree node ``j`` before ``time``; ``out`` (6,)."""
+    position, model = drivers.position, drivers.model
+    return gets_near(
+        position[d, j, 0], position[d, j, 1], position[d, j, 2], drivers.heading[d, j], model[d, 0],
+        model[d, 1], model[d, 2], model[d, 3] > 0.0, time - drivers.time[d, j], x, y, z, prisms, out,
+    )  # fmt: skip
 
 
 @nb.njit(cache=True, nogil=True)
@@ -89,121 +60,120 @@ def is_reachable(
     pursuers: Pursuers, d: int, j: int, x: float, y: float, z: float, time: float, obstacles: Obstacles,
     boundary: FloatArray, estimate: FloatArray,
 ) -> bool:  # fmt: skip
-    """Whether a DT reaches a node through TTree node ``j`` before ``time`` (paper Fig. 2).
+    """Whether a DT reaches a place through TTree node ``j`` before ``time`` (paper Fig. 2).
 
     ``boundary`` (2,) receives q_B, or the circle's nearest point where none is found; ``estimate``
-    (3,) the nearest position of the DT. A TTree node inside the circle is its own q_B.
+    (3,) the nearest position of the DT.
     """
-    rd, v = pursuers.model[d, 1], pursuers.model[d, 0]
-    airborne = pursuers.model[d, 3] > 0.0
-    px, py, pz = pursuers.position[d, j]
-    dx, dy = px - x, py - y
-    away = math.sqrt(dx * dx + dy * dy)
-    base = math.atan2(dy, dx)
-    slack = time - pursuers.time[d, j]
-    inside = away <= rd
-    boundary[0], boundary[1] = (px, py) if inside else (x + rd * math.cos(base), y + rd * math.sin(base))
-    if slack < 0.0 or away - rd > v * slack:
-        return False
-    if inside and not segment_blocked(px, py, pz + EYE_M, x, y, z, obstacles):
-        nearest_position(pursuers, d, j, px, py, x, y, z, v * slack, obstacles, estimate)
-        return True
-    for k in range(TRIED_BEARINGS):
-        turn = ((k + 1) // 2) * (1.0 if k % 2 == 1 else -1.0)
-        angle = base + turn * 2.0 * math.pi / NUM_BEARINGS
-        bx, by = x + rd * math.cos(angle), y + rd * math.sin(angle)
-        if math.hypot(bx - px, by - py) > v * slack:
-            if not inside:
-                return False  # bearings go outwards: the rest is farther still
-            continue
-        needed = travel_time(pursuers, d, j, bx, by, z)
-        if needed > slack or segment_blocked(bx, by, pz + EYE_M, x, y, z, obstacles):
-            continue
-        if is_way_blocked(px, py, pz, bx, by, pz, airborne, obstacles):
-            continue
-        boundary[0], boundary[1] = bx, by
-        nearest_position(pursuers, d, j, bx, by, x, y, z, v * (slack - needed), obstacles, estimate)
-        return True
-    return False
+    out = np.empty(6)
+    found = gets_to(drivers_of(pursuers), d, j, x, y, z, time, prisms_of(obstacles), out)
+    boundary[0], boundary[1] = out[0], out[1]
+    if found:
+        estimate[0], estimate[1], estimate[2] = out[3], out[4], out[5]
+    return found
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def connect(
-    pursuers: Pursuers, d: int, j: int, x: float, y: float, greedy: bool, obstacles: Obstacles
+    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, greedy: bool, prisms: Prisms
 ) -> int:
-    """``Connect`` one step, or ``Greedy-Connect`` steps until (x, y) or an obstacle.
+    """``Connect`` one step, or ``Greedy-Connect`` steps until the point or an obstacle.
 
-    Returns the last node: ``j`` itself where nothing could be added.
+    Ground vehicles keep their height. Returns the last node: ``j`` itself where nothing could be added.
     """
-    step = pursuers.model[d, 4]
-    airborne = pursuers.model[d, 3] > 0.0
-    last = j
-    while step > 0.0 and pursuers.count[d] < pursuers.position.shape[1]:
-        px, py, pz = pursuers.position[d, last]
+    position, heading, time, b = drivers.position, drivers.heading, drivers.time, drivers.bounds
+    v, rho, step = drivers.model[d, 0], drivers.model[d, 2], drivers.model[d, 4]
+    airborne = drivers.model[d, 3] > 0.0
+    last, n = j, drivers.count[d]
+    while step > 0.0 and n < position.shape[1]:
+        px, py, pz = position[d, last, 0], position[d, last, 1], position[d, last, 2]
         dx, dy = x - px, y - py
         left = math.sqrt(dx * dx + dy * dy)
-        if left < 1.0:
+        if left < LEAST_STEP_M:
             break
         share = min(1.0, step / left)
-        nx, ny = px + share * dx, py + share * dy
-        b = pursuers.bounds
+        nx, ny, nz = px + share * dx, py + share * dy, pz
+        if airborne:
+            rise = AIR_CLIMB * share * left
+            nz = min(pz + rise, max(pz - rise, z))
         if nx < b[0] or nx > b[1] or ny < b[2] or ny > b[3]:
             break
-        if is_way_blocked(px, py, pz, nx, ny, pz, airborne, obstacles):
+        if line_blocked(px, py, pz, nx, ny, nz, prisms):
             break
-        n = pursuers.count[d]
-        pursuers.position[d, n, 0], pursuers.position[d, n, 1], pursuers.position[d, n, 2] = nx, ny, pz
-        pursuers.heading[d, n] = math.atan2(dy, dx)
-        pursuers.parent[d, n] = last
-        pursuers.time[d, n] = pursuers.time[d, last] + travel_time(pursuers, d, last, nx, ny, pz)
-        pursuers.count[d] = n + 1
+        position[d, n, 0], position[d, n, 1], position[d, n, 2] = nx, ny, nz
+        needed = way_length(px, py, pz, heading[d, last], rho, airborne, nx, ny, nz) / v
+        heading[d, n] = math.atan2(dy, dx)
+        drivers.parent[d, n] = last
+        time[d, n] = time[d, last] + needed
         last = n
+        n += 1
         if not greedy or share >= 1.0:
             break
+    drivers.count[d] = n
     return last
 
 
 @nb.njit(cache=True, nogil=True)
 def near_pursuer_nodes(pursuers: Pursuers, d: int, x: float, y: float, k: int, out: IntArray) -> int:
     """The ``k`` TTree nodes nearest to a point, by rising time stamp, into ``out`` (MAX_NEAR,)."""
-    best = np.full(MAX_NEAR, np.inf)
-    position = pursuers.position[d]  # held locally: numba counts references at every field access
-    found = 0
-    for j in range(pursuers.count[d]):
-        d2 = (position[j, 0] - x) ** 2 + (position[j, 1] - y) ** 2
-        if found < k or d2 < best[k - 1]:
-            found = _insert(best, out, found, k, d2, j)
+    found = nearest(
+        pursuers.cells[d], pursuers.chain[d], pursuers.places[d], pursuers.extent[d], pursuers.filled, d,
+        pursuers.position[d], pursuers.count[d], pursuers.bounds, np.empty(0, dtype=np.int64), x, y, k,
+        np.empty(MAX_NEAR), out,
+    )  # fmt: skip
     _sort_by(pursuers.time[d], out, found)
     return found
 
 
-@nb.njit(cache=True, nogil=True)
-def near_path_nodes(tree: Tree, x: float, y: float, k: int, out: IntArray) -> int:
-    """The ``k`` searched PathTree nodes nearest to a ground point, by rising time stamp."""
-    best = np.full(MAX_NEAR, np.inf)
-    state, active = tree.state, tree.active
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def promising_corners(
+    drivers: Drivers, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Prisms,
+    out: IntArray,
+) -> int:  # fmt: skip
+    """The corners by which a DT comes earliest to places about (x, y), in time: into ``out`` (MAX_NEAR,).
+
+    Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first.
+    """
+    corners, table, b = pursuers.corners, pursuers.by_corner, pursuers.bounds
+    v, rd, size = drivers.model[d, 0], drivers.model[d, 1], cell_size(pursuers.bounds)
     found = 0
-    for i in range(tree.count[0]):
-        if active[i] == 1:
-            d2 = (state[i, 0] - x) ** 2 + (state[i, 1] - y) ** 2
-            if found < k or d2 < best[k - 1]:
-                found = _insert(best, out, found, k, d2, i)
-    _sort_by(tree.time, out, found)
+    if corners[d, 1] == 0:
+        return found
+    for k in range(-1, NUM_BEARINGS):
+        r = rd if k >= 0 else 0.0
+        angle = 2.0 * math.pi * k / NUM_BEARINGS
+        i = cell_along(x + r * math.cos(angle), b[0], size)
+        j = cell_along(y + r * math.sin(angle), b[2], size)
+        row = table[d, i * NUM_CELLS + j]
+        if row == -2:
+            cx, cy = b[0] + (i + 0.5) * size, b[2] + (j + 0.5) * size
+            row = corner_towards(drivers, corners, d, cx, cy, prisms)
+            table[d, i * NUM_CELLS + j] = row
+        if row < 0 or found == MAX_NEAR:
+            continue
+        left = math.sqrt((drivers.position[d, row, 0] - x) ** 2 + (drivers.position[d, row, 1] - y) ** 2) - rd
+        is_new = drivers.time[d, row] + max(0.0, left) / v <= time
+        for m in range(found):
+            if out[m] == row:
+                is_new = False
+        if is_new:
+            out[found] = row
+            found += 1
+    _sort_by(drivers.time[d], out, found)
     return found
 
 
 @nb.njit(cache=True, nogil=True)
-def _insert(best: FloatArray, out: IntArray, found: int, k: int, value: float, index: int) -> int:
-    """Keep the ``k`` smallest values, sorted, with their indices."""
-    if found == k and value >= best[k - 1]:
-        return found
-    if found < k:
-        found += 1
-    at = found - 1
-    while at > 0 and best[at - 1] > value:
-        best[at], out[at] = best[at - 1], out[at - 1]
-        at -= 1
-    best[at], out[at] = value, index
+def near_path_nodes(
+    nodes: Nodes, n: int, pursuers: Pursuers, x: float, y: float, k: int, out: IntArray
+) -> int:
+    """The ``k`` nearest to a ground point of ``n`` PathTree nodes that are searched, by rising time stamp."""
+    found = nearest(
+        pursuers.path_cells, pursuers.path_chain, pursuers.path_places, pursuers.path_extent,
+        pursuers.path_filled, 0, nodes.state, n, pursuers.bounds, nodes.active, x, y, k, np.empty(MAX_NEAR),
+        out,
+    )  # fmt: skip
+    _sort_by(nodes.time, out, found)
     return found
 
 
@@ -219,124 +189,173 @@ def _sort_by(keys: FloatArray, out: IntArray, n: int) -> None:
         out[at] = index
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def come_nearer(
+    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
+    scratch: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Put the DT's nearest position through TTree node ``j`` into ``out[d]`` if it is nearer than that."""
+    if gets_to(drivers, d, j, x, y, z, time, prisms, scratch):
+        was = (out[d, 0] - x) ** 2 + (out[d, 1] - y) ** 2 + (out[d, 2] - z) ** 2
+        now = (scratch[3] - x) ** 2 + (scratch[4] - y) ** 2 + (scratch[5] - z) ** 2
+        if out[d, 3] == 0.0 or now < was:
+            out[d, 0], out[d, 1], out[d, 2], out[d, 3] = scratch[3], scratch[4], scratch[5], 1.0
+
+
 @nb.njit(cache=True, nogil=True)
-def note_reached(tree: Tree, d: int, i: int, estimate: FloatArray, changed: IntArray, num: int) -> int:
-    """Keep the DT's nearest position for a node; list the node in ``changed`` where it is news."""
-    old = tree.threat_point[i, d]
-    if old[3] > 0.0:
-        was = (old[0] - tree.state[i, 0]) ** 2 + (old[1] - tree.state[i, 1]) ** 2
-        now = (estimate[0] - tree.state[i, 0]) ** 2 + (estimate[1] - tree.state[i, 1]) ** 2
+def dt_positions(
+    pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, obstacles: Obstacles,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Nearest estimated position of every DT to a place at a time, from the TTrees as they are.
+
+    Through its root, promising corners and the ``k`` nearest TTree nodes. ``out`` (D, 4) receives
+    positions and 1 where the DT can be there in time.
+    """
+    if pursuers.count.shape[0] == 0:
+        return
+    pursuers, obstacles = unowned(pursuers), unowned(obstacles)
+    drivers, prisms = drivers_of(pursuers), prisms_of(obstacles)
+    near, scratch = np.empty(MAX_NEAR, dtype=np.int64), np.empty(6)
+    position, model, stamps = drivers.position, drivers.model, drivers.time
+    for d in range(drivers.count.shape[0]):
+        out[d, 3] = 0.0
+        away = math.sqrt((position[d, 0, 0] - x) ** 2 + (position[d, 0, 1] - y) ** 2)
+        if away - model[d, 1] > model[d, 0] * max(0.0, time - stamps[d, 0]):
+            continue
+        come_nearer(drivers, d, 0, x, y, z, time, prisms, scratch, out)
+        for m in range(promising_corners(drivers, pursuers, d, x, y, time, prisms, near)):
+            come_nearer(drivers, d, near[m], x, y, z, time, prisms, scratch, out)
+        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
+            come_nearer(drivers, d, near[m], x, y, z, time, prisms, scratch, out)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def note_reached(nodes: Nodes, d: int, i: int, out: FloatArray, changed: IntArray, num: int) -> int:
+    """Keep the DT's nearest position ``out[3:]`` for a node; list the node where that is news."""
+    points, state = nodes.points, nodes.state
+    if points[i, d, 3] > 0.0:
+        was = now = 0.0
+        for a in range(3):
+            was += (points[i, d, a] - state[i, a]) ** 2
+            now += (out[3 + a] - state[i, a]) ** 2
         if now >= was - NEWS_M * NEWS_M:
             return num
-    old[0], old[1], old[2], old[3] = estimate[0], estimate[1], estimate[2], 1.0
+    points[i, d, 0], points[i, d, 1], points[i, d, 2], points[i, d, 3] = out[3], out[4], out[5], 1.0
     if num < changed.shape[0]:
         changed[num] = i
         num += 1
     return num
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def test_node(
+    nodes: Nodes, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms, out: FloatArray,
+    changed: IntArray, num: int,
+) -> tuple[bool, int]:  # fmt: skip
+    """Whether node ``i`` is reached through TTree node ``j``, noted where it is."""
+    state = nodes.state
+    if not gets_to(drivers, d, j, state[i, 0], state[i, 1], state[i, 2], nodes.time[i], prisms, out):
+        return False, num
+    return True, note_reached(nodes, d, i, out, changed, num)
+
+
 @nb.njit(cache=True, nogil=True)
 def spread_to_neighbours(
-    tree: Tree, pursuers: Pursuers, d: int, i: int, j: int, obstacles: Obstacles, changed: IntArray, num: int
-) -> int:
+    nodes: Nodes, n: int, pursuers: Pursuers, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms,
+    out: FloatArray, changed: IntArray, num: int,
+) -> int:  # fmt: skip
     """``RSCal``: test the parent and the nearest nodes of a directly reachable one (indirect ones)."""
     near = np.empty(MAX_NEAR, dtype=np.int64)
-    boundary, estimate = np.empty(2), np.empty(3)
-    found = near_path_nodes(tree, tree.state[i, 0], tree.state[i, 1], 4, near)
-    if tree.parent[i] >= 0 and found < MAX_NEAR:
-        near[found] = tree.parent[i]
+    found = near_path_nodes(nodes, n, pursuers, nodes.state[i, 0], nodes.state[i, 1], NUM_NEIGHBOURS, near)
+    if nodes.parent[i] >= 0:
+        near[found] = nodes.parent[i]
         found += 1
-    for n in range(found):
-        q = near[n]
-        if q != i and is_reachable(
-            pursuers, d, j, tree.state[q, 0], tree.state[q, 1], tree.state[q, 2], tree.time[q], obstacles,
-            boundary, estimate,
-        ):  # fmt: skip
-            num = note_reached(tree, d, q, estimate, changed, num)
+    for m in range(found):
+        if near[m] != i:
+            _, num = test_node(nodes, drivers, d, near[m], j, prisms, out, changed, num)
     return num
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def goal_bias_connect(
-    tree: Tree, pursuers: Pursuers, d: int, i: int, j: int, obstacles: Obstacles, changed: IntArray, num: int
-) -> tuple[bool, int]:
+    nodes: Nodes, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms, out: FloatArray,
+    changed: IntArray, num: int,
+) -> tuple[int, int]:  # fmt: skip
     """Reach node ``i`` through TTree node ``j`` and grow to q_B greedily, else grow one step.
 
-    Returns whether it was reached, and the new length of ``changed``.
+    Returns the TTree node at q_B, or -1 where the node was not reached, and the new length of
+    ``changed``. Whoever calls tests the node's neighbours from there.
     """
-    boundary, estimate = np.empty(2), np.empty(3)
-    x, y, z = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2]
-    if is_reachable(pursuers, d, j, x, y, z, tree.time[i], obstacles, boundary, estimate):
-        last = connect(pursuers, d, j, boundary[0], boundary[1], True, obstacles)
-        num = note_reached(tree, d, i, estimate, changed, num)
-        return True, spread_to_neighbours(tree, pursuers, d, i, last, obstacles, changed, num)
-    connect(pursuers, d, j, boundary[0], boundary[1], False, obstacles)
-    return False, num
+    done, num = test_node(nodes, drivers, d, i, j, prisms, out, changed, num)
+    last = connect(drivers, d, j, out[0], out[1], out[2], done, prisms)
+    return (last if done else -1), num
 
 
 @nb.njit(cache=True, nogil=True)
-def reach(
-    tree: Tree, pursuers: Pursuers, d: int, i: int, k: int, obstacles: Obstacles, changed: IntArray, num: int
-) -> int:
-    """``reach``: the k nearest TTree nodes, earliest first, until node ``i`` is reached."""
-    near = np.empty(MAX_NEAR, dtype=np.int64)
-    for n in range(near_pursuer_nodes(pursuers, d, tree.state[i, 0], tree.state[i, 1], k, near)):
-        done, num = goal_bias_connect(tree, pursuers, d, i, near[n], obstacles, changed, num)
-        if done:
-            break
-    return num
-
-
-@nb.njit(cache=True, nogil=True)
-def reach_from_root(
-    tree: Tree, pursuers: Pursuers, d: int, i: int, obstacles: Obstacles, changed: IntArray, num: int
-) -> tuple[bool, int]:
-    """Reach node ``i`` straight from where the DT is now, which is the earliest it can be anywhere."""
-    boundary, estimate = np.empty(2), np.empty(3)
-    x, y, z = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2]
-    if not is_reachable(pursuers, d, 0, x, y, z, tree.time[i], obstacles, boundary, estimate):
-        return False, num
-    return goal_bias_connect(tree, pursuers, d, i, 0, obstacles, changed, num)
-
-
-@nb.njit(cache=True, nogil=True)
-def multi_connect(
-    tree: Tree, pursuers: Pursuers, d: int, x: float, y: float, k: int, obstacles: Obstacles,
-    changed: IntArray, num: int,
+def expand(
+    nodes: Nodes, n: int, pursuers: Pursuers, d: int, i: int, pursue: bool, sample: FloatArray, k: int,
+    prisms: Prisms, changed: IntArray, num: int,
 ) -> int:  # fmt: skip
-    """``multi-connect``: explore towards a sample, then ``multi-reach`` from each new node."""
+    """Algorithm 1 of one DT: ``reach`` node ``i``, or ``multi-connect`` towards ``sample`` (3,).
+
+    ``reach``: the k nearest TTree nodes, earliest first, until node ``i`` is reached. ``multi-connect``:
+    the k nearest to the sample grow a step towards it, and each tries ``multi-reach``, the k nearest
+    PathTree nodes, earliest first, until one is reached.
+
+    The paper's ``reach`` tries the nearest TTree nodes only. These may have been reached by detours and
+    stand too late where the DT, driving straight or round a corner, would be early: here its root and the
+    corners by which it might be there earliest are tried before.
+    """
+    drivers, out = drivers_of(pursuers), np.empty(6)
     near, targets = np.empty(MAX_NEAR, dtype=np.int64), np.empty(MAX_NEAR, dtype=np.int64)
-    for n in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
-        near[n] = connect(pursuers, d, near[n], x, y, False, obstacles)
-        px, py = pursuers.position[d, near[n], 0], pursuers.position[d, near[n], 1]
-        for m in range(near_path_nodes(tree, px, py, k, targets)):
-            done, num = goal_bias_connect(tree, pursuers, d, targets[m], near[n], obstacles, changed, num)
-            if done:
-                return num
+    x, y, z = nodes.state[i, 0], nodes.state[i, 1], nodes.state[i, 2]
+    at, target = -1, i
+    time = nodes.time[i]
+    if gets_to(drivers, d, 0, x, y, z, time, prisms, out):
+        at, num = goal_bias_connect(nodes, drivers, d, i, 0, prisms, out, changed, num)
+    if at < 0:
+        for m in range(promising_corners(drivers, pursuers, d, x, y, time, prisms, near)):
+            if gets_to(drivers, d, near[m], x, y, z, time, prisms, out):
+                at, num = goal_bias_connect(nodes, drivers, d, i, near[m], prisms, out, changed, num)
+                break
+    if at < 0 and pursue:
+        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
+            at, num = goal_bias_connect(nodes, drivers, d, i, near[m], prisms, out, changed, num)
+            if at >= 0:
+                break
+    elif at < 0:
+        for m in range(near_pursuer_nodes(pursuers, d, sample[0], sample[1], k, near)):
+            j = connect(drivers, d, near[m], sample[0], sample[1], sample[2], False, prisms)
+            px, py = drivers.position[d, j, 0], drivers.position[d, j, 1]
+            for q in range(near_path_nodes(nodes, n, pursuers, px, py, k, targets)):
+                target = targets[q]
+                at, num = goal_bias_connect(nodes, drivers, d, target, j, prisms, out, changed, num)
+                if at >= 0:
+                    break
+            if at >= 0:
+                break
+    if at >= 0:
+        num = spread_to_neighbours(nodes, n, pursuers, drivers, d, target, at, prisms, out, changed, num)
     return num
 
 
 @nb.njit(cache=True, nogil=True)
 def explore_plainly(
-    tree: Tree, pursuers: Pursuers, d: int, i: int, x: float, y: float, greedy: bool, obstacles: Obstacles,
-    changed: IntArray, num: int,
+    nodes: Nodes, n: int, pursuers: Pursuers, d: int, i: int, sample: FloatArray, greedy: bool,
+    prisms: Prisms, changed: IntArray, num: int,
 ) -> int:  # fmt: skip
-    """The comparators' step: grow the nearest TTree node towards (x, y), then test nodes near it."""
+    """The comparators' step: grow the nearest TTree node towards ``sample``, then test nodes near it."""
+    drivers, out = drivers_of(pursuers), np.empty(6)
     near = np.empty(MAX_NEAR, dtype=np.int64)
-    boundary, estimate = np.empty(2), np.empty(3)
-    if near_pursuer_nodes(pursuers, d, x, y, 1, near) == 0:
+    if near_pursuer_nodes(pursuers, d, sample[0], sample[1], 1, near) == 0:
         return num
-    last = connect(pursuers, d, near[0], x, y, greedy, obstacles)
-    px, py = pursuers.position[d, last, 0], pursuers.position[d, last, 1]
-    found = near_path_nodes(tree, px, py, 3, near)
+    last = connect(drivers, d, near[0], sample[0], sample[1], sample[2], greedy, prisms)
+    px, py = drivers.position[d, last, 0], drivers.position[d, last, 1]
+    found = near_path_nodes(nodes, n, pursuers, px, py, 3, near)
     near[found] = i
-    for n in range(found + 1):
-        q = near[n]
-        if is_reachable(
-            pursuers, d, last, tree.state[q, 0], tree.state[q, 1], tree.state[q, 2], tree.time[q],
-            obstacles, boundary, estimate,
-        ):  # fmt: skip
-            num = note_reached(tree, d, q, estimate, changed, num)
+    for m in range(found + 1):
+        _, num = test_node(nodes, drivers, d, near[m], last, prisms, out, changed, num)
     return num
 
 
@@ -347,105 +366,28 @@ def estimate_reachability(
 ) -> int:  # fmt: skip
     """Algorithm 1 for the new PathTree node ``i`` and every DT.
 
-    The paper's ``reach`` tries the nearest TTree nodes only. These may have been reached by detours and
-    stand too late where the DT, driving straight, would be early: here its root is tried before.
-
-    ``draws`` (3,) uniform numbers; ``changed`` receives nodes whose DT position is news. Returns
-    how many.
+    ``bounds`` (6,) hold the samples, ``draws`` (3,) are uniform numbers; ``changed`` receives nodes
+    whose DT position is news. Returns how many.
     """
     num = 0
-    x = bounds[0] + draws[1] * (bounds[1] - bounds[0])
-    y = bounds[2] + draws[2] * (bounds[3] - bounds[2])
+    if pursuers.count.shape[0] == 0:
+        return num
+    tree, pursuers, obstacles = unowned(tree), unowned(pursuers), unowned(obstacles)
+    nodes = Nodes(tree.state, tree.parent, tree.time, tree.active, tree.threat_point)
+    n, prisms = tree.count[0], prisms_of(obstacles)
+    pursue = draws[0] <= p_tid
+    sample = np.empty(3)
+    sample[0] = bounds[0] + draws[1] * (bounds[1] - bounds[0])
+    sample[1] = bounds[2] + draws[2] * (bounds[3] - bounds[2])
+    # Beyond p_tid the first draw is uniform once more.
+    share = 0.0 if pursue else (draws[0] - p_tid) / (1.0 - p_tid)
+    sample[2] = bounds[4] + share * (bounds[5] - bounds[4])
+    if pursue and kind == RRT_REACH:
+        sample[:] = tree.state[i, :3]
     for d in range(pursuers.count.shape[0]):
-        pursue = draws[0] <= p_tid
         if kind == EX_RRT:
-            found, num = reach_from_root(tree, pursuers, d, i, obstacles, changed, num)
-            if found:
-                continue
-            if pursue:
-                num = reach(tree, pursuers, d, i, k, obstacles, changed, num)
-            else:
-                num = multi_connect(tree, pursuers, d, x, y, k, obstacles, changed, num)
-        elif kind == RRT_REACH and pursue:
-            num = explore_plainly(
-                tree, pursuers, d, i, tree.state[i, 0], tree.state[i, 1], True, obstacles, changed, num
-            )
+            num = expand(nodes, n, pursuers, d, i, pursue, sample, k, prisms, changed, num)
         else:
-            num = explore_plainly(tree, pursuers, d, i, x, y, False, obstacles, changed, num)
+            greedy = pursue and kind == RRT_REACH
+            num = explore_plainly(nodes, n, pursuers, d, i, sample, greedy, prisms, changed, num)
     return num
-
-
-@nb.njit(cache=True, nogil=True)
-def re_root(
-    pursuers: Pursuers, d: int, x: float, y: float, z: float, heading: float, time: float,
-    ahead: float, obstacles: Obstacles,
-) -> None:  # fmt: skip
-    """Update a TTree by a new observation (paper Fig. 1), in place.
-
-    The root moves to the observation, its one child lies ``ahead`` metres along the predicted
-    ``heading`` (less where an obstacle stops it). Nodes whose time stamp is not later than the
-    child's are dropped; what remains is hung below the child and stamped anew.
-    """
-    n_old = pursuers.count[d]
-    v = pursuers.model[d, 0]
-    airborne = pursuers.model[d, 3] > 0.0
-    share = 1.0
-    while share > 0.05 and is_way_blocked(
-        x, y, z, x + share * ahead * math.cos(heading), y + share * ahead * math.sin(heading), z, airborne,
-        obstacles,
-    ):  # fmt: skip
-        share *= 0.5
-    ahead = ahead * share if share > 0.05 else 0.0
-    cx, cy = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
-    has_child = v > 0.0 and ahead > 0.0
-    first_time = time + ahead / v if has_child else time
-    new_index = np.full(n_old, -1, dtype=np.int64)
-    base = 2 if has_child else 1
-    n = base
-    for j in range(n_old):  # parents come before children, so one pass renumbers
-        if j > 0 and pursuers.time[d, j] > first_time and n < pursuers.position.shape[1]:
-            new_index[j] = n
-            n += 1
-    kept = np.empty((n - base, 4))
-    parents = np.empty(n - base, dtype=np.int64)
-    for j in range(n_old):
-        if new_index[j] >= 0:
-            row = new_index[j] - base
-            kept[row, :3] = pursuers.position[d, j]
-            kept[row, 3] = pursuers.heading[d, j]
-            up = pursuers.parent[d, j]
-            parents[row] = new_index[up] if up >= 0 and new_index[up] >= 0 else base - 1
-    pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z
-    pursuers.heading[d, 0], pursuers.parent[d, 0], pursuers.time[d, 0] = heading, -1, time
-    if has_child:
-        pursuers.position[d, 1, 0], pursuers.position[d, 1, 1], pursuers.position[d, 1, 2] = cx, cy, z
-        pursuers.heading[d, 1], pursuers.parent[d, 1], pursuers.time[d, 1] = heading, 0, first_time
-    pursuers.count[d] = base
-    _hang_again(pursuers, d, base, kept, parents, airborne, obstacles)
-
-
-@nb.njit(cache=True, nogil=True)
-def _hang_again(
-    pursuers: Pursuers, d: int, base: int, kept: FloatArray, parents: IntArray, airborne: bool,
-    obstacles: Obstacles,
-) -> None:  # fmt: skip
-    """Append kept nodes whose line to their parent is free; the others fall away with their branches."""
-    where = np.full(base + kept.shape[0], -1, dtype=np.int64)
-    for b in range(base):
-        where[b] = b
-    for row in range(kept.shape[0]):
-        up = where[parents[row]]
-        if up < 0:
-            continue
-        px, py, pz = pursuers.position[d, up]
-        if is_way_blocked(px, py, pz, kept[row, 0], kept[row, 1], kept[row, 2], airborne, obstacles):
-            continue
-        n = pursuers.count[d]
-        where[base + row] = n
-        pursuers.position[d, n] = kept[row, :3]
-        pursuers.heading[d, n] = math.atan2(kept[row, 1] - py, kept[row, 0] - px)
-        pursuers.parent[d, n] = up
-        pursuers.time[d, n] = pursuers.time[d, up] + travel_time(
-            pursuers, d, up, kept[row, 0], kept[row, 1], kept[row, 2]
-        )
-        pursuers.count[d] = n + 1

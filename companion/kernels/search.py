@@ -16,7 +16,7 @@ from companion.kernels.layout import (
     IntArray,
     Limits,
     Obstacles,
-    Pursuers,
+    Scene,
     Search,
     ThreatModel,
     Threats,
@@ -25,14 +25,18 @@ from companion.kernels.layout import (
 )
 from companion.kernels.motion import OK, advance, state_status, steer, straight_after, wrapped
 from companion.kernels.reachability import EYE_M, MAX_NEAR, estimate_reachability
-from companion.kernels.threat import MAX_THREATS, line_threat, node_threat
+from companion.kernels.threat import MAX_THREATS, line_threat, node_threat, point_threat
 from companion.kernels.uncertainty import collision_free, position_deviation, position_factor, propagate
+from companion.kernels.way import FIRST_PICK, PICKS, draw_on_the_way, way_at
 
 RUNNING, REACHED, FULL = 0, 1, 2
 DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
 MAX_K = 64
+NONE, OUTSIDE = -1, -2  # no node is searched; the sample is in no near node's domain
 MAX_DESCENT = 8  # children followed where the control towards a sample was tried already
-DRAWS = 8  # uniform numbers an iteration uses
+MAX_STRAIGHT = 64  # steps of a greedy connection to the sub goal
+TURN_STEPS = 12  # of them for the turn towards it
+DRAWS = FIRST_PICK + PICKS  # uniform numbers an iteration uses
 FAR = 1.0e4  # clearance beyond which p_c is 1 anyhow [m]
 
 
@@ -74,39 +78,36 @@ def turn_cost(state: FloatArray, x: float, y: float, z: float) -> float:
 
 
 @nb.njit(cache=True, nogil=True)
+def step_cost(
+    p: FloatArray, x: float, y: float, z: float, delta: float, threats: Threats, points: FloatArray,
+    reach: FloatArray, model: ThreatModel, search: Search, scratch: FloatArray,
+) -> float:  # fmt: skip
+    """D_C of (9) from the state ``p`` (6,) to a point, lengths in planning units."""
+    d = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2) / search.unit
+    level = line_threat(
+        p[0], p[1], p[2], x, y, z, p[5], delta, threats, points, reach, model, search.secondary, scratch
+    )
+    return search.cost_distance * d + search.cost_turn * turn_cost(p, x, y, z) + search.cost_threat * level
+
+
+@nb.njit(cache=True, nogil=True)
 def cost_distance(
     tree: Tree, i: int, x: float, y: float, z: float, threats: Threats, reach: FloatArray,
     model: ThreatModel, search: Search, scratch: FloatArray,
 ) -> float:  # fmt: skip
-    """D_C of (9) from node ``i`` to a point, lengths in planning units."""
-    s = tree.state[i]
-    d = math.sqrt((x - s[0]) ** 2 + (y - s[1]) ** 2 + (z - s[2]) ** 2) / search.unit
-    level = line_threat(
-        s[0], s[1], s[2], x, y, z, s[5], tree.delta[i], threats, tree.threat_point[i], reach, model,
-        search.secondary, scratch,
-    )  # fmt: skip
-    return search.cost_distance * d + search.cost_turn * turn_cost(s, x, y, z) + search.cost_threat * level
+    """:func:`step_cost` from node ``i``."""
+    return step_cost(
+        tree.state[i], x, y, z, tree.delta[i], threats, tree.threat_point[i], reach, model, search, scratch
+    )
 
 
 @nb.njit(cache=True, nogil=True)
-def choose_node(
-    tree: Tree, q_s: FloatArray, threats: Threats, reach: FloatArray, model: ThreatModel, search: Search,
-    dimension: int, scratch: FloatArray,
-) -> int:  # fmt: skip
-    """Of the k nearest searched nodes the one with the least cost distance; -1 where there is none.
-
-    k = max(3, ceil(e·(1 + 1/d)·ln n)) (Karaman, Frazzoli 2011); 1 without the k-near strategy.
-    """
-    n = tree.count[0]
-    k = 1
-    if search.use_k_near == 1:
-        k = max(3, int(math.ceil(math.e * (1.0 + 1.0 / dimension) * math.log(max(n, 2)))))
-        k = min(k, MAX_K)
-    best_d2, near = np.empty(MAX_K), np.empty(MAX_K, dtype=np.int64)
+def near_nodes(tree: Tree, q_s: FloatArray, k: int, best_d2: FloatArray, near: IntArray) -> int:
+    """The ``k`` searched nodes nearest to a point, by rising distance, into ``best_d2`` and ``near``."""
     state, active = tree.state, tree.active
     x, y, z = q_s[0], q_s[1], q_s[2]
     found = 0
-    for i in range(n):
+    for i in range(tree.count[0]):
         if active[i] == 0:
             continue
         d2 = (state[i, 0] - x) ** 2 + (state[i, 1] - y) ** 2 + (state[i, 2] - z) ** 2
@@ -119,8 +120,36 @@ def choose_node(
             best_d2[at], near[at] = best_d2[at - 1], near[at - 1]
             at -= 1
         best_d2[at], near[at] = d2, i
+    return found
+
+
+@nb.njit(cache=True, nogil=True)
+def num_near(n: int, dimension: int) -> int:
+    """Number of neighbours, max(3, ceil(e·(1 + 1/d)·ln n)), of a tree of n nodes (Karaman, Frazzoli 2011)."""
+    return min(MAX_K, max(3, int(math.ceil(math.e * (1.0 + 1.0 / dimension) * math.log(max(n, 2))))))
+
+
+@nb.njit(cache=True, nogil=True)
+def choose_node(
+    tree: Tree, q_s: FloatArray, threats: Threats, reach: FloatArray, model: ThreatModel, search: Search,
+    dimension: int, scratch: FloatArray,
+) -> int:  # fmt: skip
+    """Of the k nearest searched nodes the one with the least cost distance.
+
+    k is :func:`num_near`, or 1 without the k-near strategy. ``NONE``
+    where no node is searched, ``OUTSIDE`` where the sample lies in the domain of none of the k: it
+    would be dropped whichever was chosen.
+    """
+    k = num_near(tree.count[0], dimension) if search.use_k_near == 1 else 1
+    best_d2, near = np.empty(MAX_K), np.empty(MAX_K, dtype=np.int64)
+    found = near_nodes(tree, q_s, k, best_d2, near)
     if found == 0:
-        return -1
+        return NONE
+    inside = False
+    for m in range(found):
+        inside = inside or best_d2[m] <= tree.domain[near[m]] ** 2
+    if not inside:
+        return OUTSIDE
     if search.use_k_near == 0:
         return int(near[0])
     best, chosen = math.inf, -1
@@ -186,13 +215,16 @@ def extend(
     if away > horizon * horizon:
         return LEFT_HORIZON
     stats[0] += 1
-    chord = math.sqrt((out[0] - state[0]) ** 2 + (out[1] - state[1]) ** 2 + (out[2] - state[2]) ** 2)
-    sagitta = 0.125 * chord * abs(w) * limits.tau
-    if not segment_clear(
+    return EXTENDED if is_edge_clear(state, out, w, obstacles, limits) else BLOCKED
+
+
+@nb.njit(cache=True, nogil=True)
+def is_edge_clear(state: FloatArray, out: FloatArray, w: float, obstacles: Obstacles, limits: Limits) -> bool:
+    """Whether one step keeps the margin: its chord does, widened by the arc's sagitta."""
+    sagitta = 0.125 * distance_to(state, out) * abs(w) * limits.tau
+    return segment_clear(
         state[0], state[1], state[2], out[0], out[1], out[2], obstacles, limits.margin + sagitta
-    ):
-        return BLOCKED
-    return EXTENDED
+    )
 
 
 @nb.njit(cache=True, nogil=True)
@@ -223,24 +255,27 @@ def assess(
 
 @nb.njit(cache=True, nogil=True)
 def add_node(
-    tree: Tree, parent: int, state: FloatArray, control: FloatArray, obstacles: Obstacles, limits: Limits,
-    tables: Uncertainty, search: Search,
+    tree: Tree, parent: int, state: FloatArray, control: FloatArray, dt: float, obstacles: Obstacles,
+    limits: Limits, tables: Uncertainty, search: Search,
 ) -> int:  # fmt: skip
-    """Append a node with its time, turn rule, covariance and clearance; returns its row."""
+    """Append a node with its time, turn rule, covariance and clearance; returns its row.
+
+    ``control`` (3,) a, w, wp act for ``dt`` seconds.
+    """
     i = tree.count[0]
     tree.count[0] = i + 1
     tree.state[i] = state
     tree.parent[i] = parent
     tree.children[parent] += 1
     tree.children[i] = 0
-    tree.time[i] = tree.time[parent] + limits.tau
+    tree.time[i] = tree.time[parent] + dt
     tree.rate[i, 0], tree.rate[i, 1] = control[1], control[2]
-    length = limits.tau * 0.5 * (state[5] + tree.state[parent, 5])
+    length = dt * 0.5 * (state[5] + tree.state[parent, 5])
     tree.turn[i], tree.straight[i] = straight_after(
         tree.turn[parent], tree.straight[parent], control[1], length
     )
     propagate(
-        tree.state[parent], control[0], control[1], control[2], limits.tau, tables, tree.cov_error[parent],
+        tree.state[parent], control[0], control[1], control[2], dt, tables, tree.cov_error[parent],
         tree.cov_estimate[parent], tree.cov_error[i], tree.cov_estimate[i],
     )  # fmt: skip
     deviation = position_deviation(tree.cov_error[i], tree.cov_estimate[i], limits.dimension)
@@ -279,71 +314,168 @@ def inherit_threats(tree: Tree, i: int, parent: int, obstacles: Obstacles) -> No
 
 
 @nb.njit(cache=True, nogil=True)
+def extend_or_descend(
+    tree: Tree, scene: Scene, q_n: int, q_s: FloatArray, centre: FloatArray, horizon: float,
+    control: FloatArray, state: FloatArray, stats: IntArray,
+) -> tuple[int, int]:  # fmt: skip
+    """:func:`extend`, following children that were made by the same control; the node and the outcome."""
+    outcome = REPEATED
+    for _ in range(MAX_DESCENT + 1):
+        outcome = extend(
+            tree, q_n, q_s, centre, horizon, scene.obstacles, scene.limits, control, state, stats
+        )
+        if outcome != REPEATED:
+            break
+        child = child_by(tree, q_n, control[1], control[2])
+        if tree.active[child] == 0 or distance_to(tree.state[child], q_s) > tree.domain[child]:
+            break
+        q_n = child
+    return q_n, outcome
+
+
+@nb.njit(cache=True, nogil=True)
+def grow(
+    tree: Tree, scene: Scene, q_n: int, state: FloatArray, control: FloatArray, dt: float,
+    reach: FloatArray, draws: FloatArray, changed: IntArray, scratch: FloatArray, levels: FloatArray,
+    stats: IntArray,
+) -> int:  # fmt: skip
+    """Add a node below ``q_n`` and all that is known of it (Algorithm 2, lines 9 to 16).
+
+    Returns its row, or -1 where its threat level passes ``level_max``; ways out of a threat already
+    entered stay open.
+    """
+    threats, model, limits, search = scene.threats, scene.model, scene.limits, scene.search
+    i = add_node(tree, q_n, state, control, dt, scene.obstacles, limits, scene.tables, search)
+    inherit_threats(tree, i, q_n, scene.obstacles)
+    num = estimate_reachability(
+        tree, scene.pursuers, i, search.estimator, search.p_tid, search.k_pursuer, limits.bounds,
+        draws[4:7], scene.obstacles, changed,
+    )  # fmt: skip
+    assess(tree, i, threats, reach, model, scene.tables.normals, search, limits.dimension, scratch, levels)
+    if tree.level[i] > search.level_max and tree.level[i] >= tree.level[q_n]:
+        drop_last(tree, q_n)
+        stats[2] += 1
+        return -1
+    for c in range(num):
+        if changed[c] != i:
+            assess(
+                tree, changed[c], threats, reach, model, scene.tables.normals, search, limits.dimension,
+                scratch, levels,
+            )  # fmt: skip
+    tree.cost[i] = tree.cost[q_n] + cost_distance(
+        tree, q_n, state[0], state[1], state[2], threats, reach, model, search, scratch
+    )
+    tree.way[i] = way_at(scene.guide, state[0], state[1])
+    return i
+
+
+@nb.njit(cache=True, nogil=True)
+def lay_straight_in(
+    tree: Tree, scene: Scene, i: int, centre: FloatArray, horizon: float, sub_goal: FloatArray,
+    reach: FloatArray, states: FloatArray, controls: FloatArray, scratch: FloatArray, stats: IntArray,
+) -> int:  # fmt: skip
+    """Steps from node ``i`` to the sub goal, each with the sub goal in its domain; 0 where there are none.
+
+    ``Greedy-Connect`` (paper 3.2.2) for the aircraft: what (7) allows one step it allows the next. The
+    domain is judged from the threat at the step itself; ``states`` (MAX_STRAIGHT, 6) and ``controls``
+    (MAX_STRAIGHT, 3) receive the steps.
+    """
+    limits, search = scene.limits, scene.search
+    left = distance_to(tree.state[i], sub_goal)
+    if left > tree.domain[i] or left <= search.tolerance:
+        return 0
+    stats[0] += 1
+    x, y, z = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2]
+    if segment_blocked(x, y, z, sub_goal[0], sub_goal[1], sub_goal[2], scene.obstacles):
+        return 0
+    most = min(MAX_STRAIGHT, int(left / (limits.v_min * limits.tau)) + TURN_STEPS)
+    turn, straight, state = tree.turn[i], tree.straight[i], tree.state[i]
+    for k in range(most):
+        out, control = states[k], controls[k]
+        a, w, wp = steer(state, turn, straight, sub_goal[0], sub_goal[1], sub_goal[2], limits)
+        control[0], control[1], control[2] = a, w, wp
+        advance(state, a, w, wp, limits.tau, out)
+        if state_status(out, limits) != OK or distance_to(out, centre) > horizon:
+            return 0
+        stats[0] += 1
+        if not is_edge_clear(state, out, w, scene.obstacles, limits):
+            return 0
+        left = distance_to(out, sub_goal)
+        if left <= search.tolerance:
+            return k + 1
+        mu, nu = point_threat(
+            out[0], out[1], out[2], out[3], out[4], out[5], tree.delta[i], scene.threats,
+            tree.threat_point[i], reach, scene.model, scratch,
+        )  # fmt: skip
+        if left > domain_radius(1.0, max(0.0, mu - nu), 0, search):
+            return 0
+        turn, straight = straight_after(turn, straight, w, limits.tau * 0.5 * (out[5] + state[5]))
+        state = out
+    return 0
+
+
+@nb.njit(cache=True, nogil=True)
 def explore(
-    tree: Tree, pursuers: Pursuers, obstacles: Obstacles, threats: Threats, model: ThreatModel,
-    limits: Limits, tables: Uncertainty, search: Search, centre: FloatArray, horizon: float,
-    sub_goal: FloatArray, draws: FloatArray, stats: IntArray,
+    tree: Tree, scene: Scene, centre: FloatArray, horizon: float, sub_goal: FloatArray, draws: FloatArray,
+    stats: IntArray,
 ) -> tuple[int, int]:  # fmt: skip
     """Grow the tree by one iteration a row of ``draws`` (M, DRAWS), until the sub goal is reached.
 
     ``stats`` counts [0] collision checks, [1] samples dropped by TUDD, [2] failed extensions,
     [3] iterations. Returns ``REACHED`` and the node, else ``RUNNING`` or ``FULL`` and -1.
     """
+    search, guide, limits = scene.search, scene.guide, scene.limits
     q_s, control, state = np.empty(3), np.empty(3), np.empty(6)
-    scratch, levels = np.empty((MAX_THREATS, 2)), np.empty(tables.normals.shape[0])
+    states, controls = np.empty((MAX_STRAIGHT, 6)), np.empty((MAX_STRAIGHT, 3))
+    scratch, levels = np.empty((MAX_THREATS, 2)), np.empty(scene.tables.normals.shape[0])
     changed = np.empty(4 * MAX_NEAR, dtype=np.int64)
-    reach = pursuers.model[:, 1].copy()
+    reach = scene.pursuers.model[:, 1].copy()
     nearest = math.inf
     for i in range(tree.count[0]):
         if tree.active[i] == 1:
             nearest = min(nearest, distance_to(tree.state[i], sub_goal))
+            tree.way[i] = way_at(guide, tree.state[i, 0], tree.state[i, 1])
     for m in range(draws.shape[0]):
-        if tree.count[0] == tree.parent.shape[0]:
+        if tree.count[0] + MAX_STRAIGHT >= tree.parent.shape[0]:
             return FULL, -1
         stats[3] += 1
-        draw_sample(draws[m], search.zoom, centre, horizon, sub_goal, nearest, limits, q_s)
-        q_n = choose_node(tree, q_s, threats, reach, model, search, limits.dimension, scratch)
-        if q_n < 0:
+        follows = draws[m, 0] > 1.0 - guide.share
+        if not (follows and draw_on_the_way(draws[m], tree, guide, sub_goal, limits, q_s)):
+            draw_sample(draws[m], search.zoom, centre, horizon, sub_goal, nearest, limits, q_s)
+        q_n = choose_node(tree, q_s, scene.threats, reach, scene.model, search, limits.dimension, scratch)
+        if q_n == NONE:
             return RUNNING, -1
-        if distance_to(tree.state[q_n], q_s) > tree.domain[q_n]:
+        if q_n == OUTSIDE or distance_to(tree.state[q_n], q_s) > tree.domain[q_n]:
             stats[1] += 1
             continue
-        outcome = extend(tree, q_n, q_s, centre, horizon, obstacles, limits, control, state, stats)
-        depth = 0
-        while outcome == REPEATED and depth < MAX_DESCENT:
-            child = child_by(tree, q_n, control[1], control[2])
-            if tree.active[child] == 0 or distance_to(tree.state[child], q_s) > tree.domain[child]:
-                break
-            q_n = child
-            depth += 1
-            outcome = extend(tree, q_n, q_s, centre, horizon, obstacles, limits, control, state, stats)
+        q_n, outcome = extend_or_descend(tree, scene, q_n, q_s, centre, horizon, control, state, stats)
         if outcome == BLOCKED:
             stats[2] += 1
             tree.blocked[q_n] = 1
             tree.domain[q_n] = min(search.domain, tree.domain[q_n]) if search.use_domain == 1 else math.inf
         if outcome != EXTENDED:
             continue
-        i = add_node(tree, q_n, state, control, obstacles, limits, tables, search)
-        inherit_threats(tree, i, q_n, obstacles)
-        num = estimate_reachability(
-            tree, pursuers, i, search.estimator, search.p_tid, search.k_pursuer, limits.bounds,
-            draws[m, 4:7], obstacles, changed,
-        )  # fmt: skip
-        assess(tree, i, threats, reach, model, tables.normals, search, limits.dimension, scratch, levels)
-        if tree.level[i] > search.level_max and tree.level[i] >= tree.level[q_n]:
-            drop_last(tree, q_n)  # but ways out of a threat already entered stay open
-            stats[2] += 1
-            continue
-        for c in range(num):
-            if changed[c] != i:
-                assess(
-                    tree, changed[c], threats, reach, model, tables.normals, search, limits.dimension,
-                    scratch, levels,
-                )  # fmt: skip
-        tree.cost[i] = tree.cost[q_n] + cost_distance(
-            tree, q_n, state[0], state[1], state[2], threats, reach, model, search, scratch
+        i = grow(
+            tree, scene, q_n, state, control, limits.tau, reach, draws[m], changed, scratch, levels, stats
         )
-        away = distance_to(state, sub_goal)
+        if i < 0:
+            continue
+        if search.straight_in == 1:
+            steps = lay_straight_in(
+                tree, scene, i, centre, horizon, sub_goal, reach, states, controls, scratch, stats
+            )
+            for k in range(steps):
+                nearest = min(nearest, distance_to(tree.state[i], sub_goal))
+                if distance_to(tree.state[i], sub_goal) > tree.domain[i]:
+                    break
+                added = grow(
+                    tree, scene, i, states[k], controls[k], limits.tau, reach, draws[m], changed, scratch,
+                    levels, stats,
+                )  # fmt: skip
+                if added < 0:
+                    break
+                i = added
+        away = distance_to(tree.state[i], sub_goal)
         nearest = min(nearest, away)
         if away <= search.tolerance:
             return REACHED, i

@@ -23,12 +23,71 @@ from companion.kernels.layout import (
     Threats,
 )
 from companion.kernels.motion import OK, STRAIGHT_RATE, state_status, straight_after, wrapped
-from companion.kernels.reachability import MAX_NEAR, is_reachable, near_pursuer_nodes
+from companion.kernels.reachability import dt_positions
 from companion.kernels.search import turn_cost
 from companion.kernels.threat import MAX_THREATS, line_threat
 
 JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
+ONE_TURN_M = 0.1  # of straight flight between two like turns is none
+HEIGHT_TOLERANCE_M = 1e-3
+UNSURE = 0.25  # of the least turn, from which an edge is neither straight nor a turn
 TURN_TOLERANCE = 1e-3  # of the turn rate limit, for edges sampled across the end of a turn
+
+
+@nb.njit(cache=True, nogil=True)
+def keeps_turns_apart(kind: int, segments: FloatArray, limits: Limits) -> bool:
+    """Whether two turns of a Dubins word have ``straight_min`` between them, or are one turn."""
+    least = STRAIGHT_RATE * limits.tau
+    if segments[0] < least or segments[2] < least:
+        return segments[1] < least or dubins.turn_of(kind, 1) == 0.0 or max(segments[0], segments[2]) < least
+    if dubins.turn_of(kind, 1) != 0.0:
+        return False
+    straight = segments[1] * limits.r_min
+    same = dubins.turn_of(kind, 0) == dubins.turn_of(kind, 2)
+    return straight >= limits.straight_min or (same and straight < ONE_TURN_M)
+
+
+@nb.njit(cache=True, nogil=True)
+def ramp(
+    top: float, start: float, end: float, most: float, steps: int, angles: FloatArray, ds: float
+) -> float:
+    """Climb angles (steps + 1,) from ``start`` over ``top`` to ``end``, each at most ``most`` from the next.
+
+    Returns the height they gain over steps of ``ds`` on the ground [m]: an edge climbs at the mean of
+    its ends' angles.
+    """
+    gained = 0.0
+    angles[0] = start
+    for k in range(1, steps + 1):
+        up = min(top, start + most * k, end + most * (steps - k))
+        angles[k] = max(up, start - most * k, end - most * (steps - k)) if k < steps else end
+        gained += ds * math.tan(0.5 * (angles[k] + angles[k - 1]))
+    return gained
+
+
+@nb.njit(cache=True, nogil=True)
+def climb_profile(
+    rise: float, start: float, end: float, ds: float, steps: int, v: float, limits: Limits, angles: FloatArray
+) -> bool:
+    """Climb angles (steps + 1,) that gain ``rise`` within climb angle and pitch rate; False if none do."""
+    most = limits.pitch_rate_max * ds / v
+    if abs(end - start) > most * steps:
+        return False
+    low, high = -limits.descent_max, limits.climb_max
+    below = ramp(low, start, end, most, steps, angles, ds) - rise
+    above = ramp(high, start, end, most, steps, angles, ds) - rise
+    if below > HEIGHT_TOLERANCE_M or above < -HEIGHT_TOLERANCE_M:
+        return False
+    for _ in range(40):  # false position, Illinois variant: the gain rises with the top
+        middle = high if above == below else high - above * (high - low) / (above - below)
+        at = ramp(middle, start, end, most, steps, angles, ds) - rise
+        if abs(at) <= HEIGHT_TOLERANCE_M:
+            return True
+        if at > 0.0:
+            high, above, below = middle, at, 0.5 * below
+        else:
+            low, below, above = middle, at, 0.5 * above
+    return False
 
 
 @nb.njit(cache=True, nogil=True)
@@ -37,7 +96,8 @@ def join(
 ) -> tuple[int, int]:
     """Append a Dubins edge from row ``n - 1`` to the pose ``goal`` (6,), sampled about every le.
 
-    Height changes evenly along it. Returns the status and the new number of rows.
+    The climb angle goes from the start's to the goal's over whatever :func:`climb_profile` finds for
+    the height between. Returns the status and the new number of rows.
     """
     start = states[n - 1]
     segments, pose = np.empty(3), np.empty(3)
@@ -45,30 +105,33 @@ def join(
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
     length = rho * (segments[0] + segments[1] + segments[2])
     v = start[5]
-    if length < 1.0 or abs(v - goal[5]) > 0.5:
+    if length < 1.0 or abs(v - goal[5]) > 0.5 or not keeps_turns_apart(kind, segments, limits):
         return NOT_FLYABLE, n
-    phi = math.atan2(goal[2] - start[2], length)
-    if phi > limits.climb_max + 1e-9 or phi < -limits.descent_max - 1e-9:
+    steepest = max(limits.climb_max, limits.descent_max)
+    if abs(goal[2] - start[2]) > math.tan(steepest) * length:
         return NOT_FLYABLE, n
-    if abs(phi - start[4]) > limits.pitch_rate_max * limits.tau:
-        return NOT_FLYABLE, n
-    if abs(goal[4] - phi) > limits.pitch_rate_max * limits.tau:
-        return NOT_FLYABLE, n
-    steps = max(1, int(math.ceil(length * math.sqrt(1.0 + math.tan(phi) ** 2) / (v * limits.tau) - 1e-6)))
+    is_level = goal[2] == start[2] and goal[4] == 0.0 and start[4] == 0.0
+    le = v * limits.tau * (1.0 if is_level else math.cos(steepest))
+    steps = max(1, int(math.ceil(length / le - 1e-6)))
     if n + steps > states.shape[0]:
         return TOO_LONG, n
-    ds = length / steps
-    dt = ds / (v * math.cos(phi))
-    x0, y0, z0, theta0 = start[0], start[1], start[2], start[3]
-    rise = goal[2] - z0
+    ds, angles = length / steps, np.zeros(steps + 1)
+    if limits.dimension == 3 and not climb_profile(
+        goal[2] - start[2], start[4], goal[4], ds, steps, v, limits, angles
+    ):
+        return NOT_FLYABLE, n
+    x0, y0, theta0, z = start[0], start[1], start[3], start[2]
     for k in range(1, steps + 1):
         dubins.sample(x0, y0, theta0, kind, segments, rho, ds * k, pose)
+        mean = 0.5 * (angles[k] + angles[k - 1])
+        dt = ds / (v * math.cos(mean))
+        z += ds * math.tan(mean)
         row = states[n]
-        row[0], row[1], row[2] = pose[0], pose[1], z0 + rise * k / steps
-        row[3], row[4], row[5] = wrapped(pose[2]), phi, v
+        row[0], row[1], row[2] = pose[0], pose[1], z if k < steps else goal[2]
+        row[3], row[4], row[5] = wrapped(pose[2]), angles[k], v
         times[n] = times[n - 1] + dt
         rates[n, 0] = wrapped(row[3] - states[n - 1, 3]) / dt
-        rates[n, 1] = (phi - states[n - 1, 4]) / dt
+        rates[n, 1] = (row[4] - states[n - 1, 4]) / dt
         n += 1
     return JOINED, n
 
@@ -81,24 +144,42 @@ def is_flyable(
 
     The rule is followed from row 0, where no turn has been flown yet.
     """
-    turn, straight = 0, limits.straight_min
+    return is_flyable_after(0, limits.straight_min, states, times, rates, n, first, limits)
+
+
+@nb.njit(cache=True, nogil=True)
+def is_flyable_after(
+    turn: int, straight: float, states: FloatArray, times: FloatArray, rates: FloatArray, n: int, first: int,
+    limits: Limits,
+) -> bool:  # fmt: skip
+    """:func:`is_flyable` with the turn and straight length flown before row 0."""
     for k in range(1, n):
         dt = times[k] - times[k - 1]
         w = rates[k, 0]
         length = dt * 0.5 * (states[k, 5] + states[k - 1, 5])
-        sign = 1 if w > STRAIGHT_RATE else (-1 if w < -STRAIGHT_RATE else 0)
         if k >= first:
             if state_status(states[k], limits) != OK:
                 return False
             slow = min(states[k, 5], states[k - 1, 5])
             if abs(w) > slow * math.cos(states[k - 1, 4]) / limits.r_min * (1.0 + TURN_TOLERANCE) + 1e-9:
                 return False
+            if abs(rates[k, 1]) > limits.pitch_rate_max * (1.0 + TURN_TOLERANCE):
+                return False
             if states[k, 4] > limits.climb_max + 1e-6 or states[k, 4] < -limits.descent_max - 1e-6:
                 return False
-            if sign != 0 and sign != turn and (turn != 0 or straight < limits.straight_min - 1e-6):
+            if UNSURE * STRAIGHT_RATE < abs(w) * dt <= STRAIGHT_RATE:
+                return False
+            if breaks_turn_rule(turn, straight, w, limits):
                 return False
         turn, straight = straight_after(turn, straight, w, length)
     return True
+
+
+@nb.njit(cache=True, nogil=True)
+def breaks_turn_rule(turn: int, straight: float, w: float, limits: Limits) -> bool:
+    """Whether an edge of turn rate ``w`` begins a turn too soon after another."""
+    sign = 1 if w > STRAIGHT_RATE else (-1 if w < -STRAIGHT_RATE else 0)
+    return sign != 0 and sign != turn and (turn != 0 or straight < limits.straight_min - 1e-6)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -119,38 +200,6 @@ def is_clear(
         if not segment_clear(p[0], p[1], p[2], q[0], q[1], q[2], obstacles, margin + sagitta):
             return False
     return True
-
-
-@nb.njit(cache=True, nogil=True)
-def dt_positions(
-    pursuers: Pursuers,
-    x: float,
-    y: float,
-    z: float,
-    time: float,
-    k: int,
-    obstacles: Obstacles,
-    out: FloatArray,
-) -> None:
-    """Nearest estimated position of every DT to a pose at a time, from the TTrees as they are.
-
-    ``out`` (D, 4) receives positions and 1 where the DT can be there in time.
-    """
-    near = np.empty(MAX_NEAR, dtype=np.int64)
-    boundary, estimate = np.empty(2), np.empty(3)
-    for d in range(pursuers.count.shape[0]):
-        out[d, 3] = 0.0
-        rd, v = pursuers.model[d, 1], pursuers.model[d, 0]
-        away = math.hypot(pursuers.position[d, 0, 0] - x, pursuers.position[d, 0, 1] - y)
-        if away - rd > v * max(0.0, time - pursuers.time[d, 0]):
-            continue
-        best = math.inf
-        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
-            if is_reachable(pursuers, d, near[m], x, y, z, time, obstacles, boundary, estimate):
-                d2 = (estimate[0] - x) ** 2 + (estimate[1] - y) ** 2
-                if d2 < best:
-                    best = d2
-                    out[d, 0], out[d, 1], out[d, 2], out[d, 3] = estimate[0], estimate[1], estimate[2], 1.0
 
 
 @nb.njit(cache=True, nogil=True)

@@ -10,6 +10,7 @@ import numpy as np
 from companion.kernels.geometry import boxes_on_segment, clearance, distance_to_edge_squared
 from companion.kernels.layout import FloatArray, IntArray, Limits, Obstacles, ThreatModel, Threats
 from companion.kernels.threat import MAX_THREATS, point_threat
+from companion.kernels.way import spread_wave
 
 FREE, OCCUPIED, CONSTRAINED, HIGH_RISK = 0, 1, 2, 3
 WAVE_CELLS = 49  # of the wave's square grid, each way
@@ -28,49 +29,6 @@ def obstructed_length(
     for b in range(boxes_on_segment(px, py, pz, qx, qy, qz, obstacles, scratch)):
         total += weights[1] * scratch[b, 0] + weights[2] * scratch[b, 1]
     return total / unit
-
-
-@nb.njit(cache=True, nogil=True)
-def spread_wave(
-    x: float, y: float, z: float, radius: float, margin: float, obstacles: Obstacles, wave: FloatArray
-) -> None:
-    """Way from (x, y) round obstacles at height z to every cell of a square grid, in place [m].
-
-    ``wave`` (N, N) covers the horizon's square; cells outside the disc, or nearer than ``margin`` to an
-    obstacle, stay infinite. Gauss-Seidel sweeps in four directions until nothing changes (Zhao,
-    "A fast sweeping method for Eikonal equations", 2005, on the 8-neighbour graph).
-    """
-    n = wave.shape[0]
-    cell = 2.0 * radius / (n - 1)
-    free = np.zeros((n, n), dtype=np.bool_)
-    for i in range(n):
-        for j in range(n):
-            cx, cy = x - radius + i * cell, y - radius + j * cell
-            inside = (cx - x) ** 2 + (cy - y) ** 2 <= (radius + cell) ** 2
-            free[i, j] = inside and clearance(cx, cy, z, obstacles, margin + 1.0) >= margin
-    wave[:] = np.inf
-    middle = n // 2
-    wave[middle, middle] = 0.0
-    free[middle, middle] = True
-    changed = True
-    while changed:
-        changed = False
-        for sweep in range(4):
-            for a in range(n):
-                i = a if sweep < 2 else n - 1 - a
-                for b in range(n):
-                    j = b if sweep % 2 == 0 else n - 1 - b
-                    if not free[i, j]:
-                        continue
-                    best = wave[i, j]
-                    for di in range(-1, 2):
-                        for dj in range(-1, 2):
-                            u, w = i + di, j + dj
-                            if 0 <= u < n and 0 <= w < n:
-                                best = min(best, wave[u, w] + cell * math.sqrt(di * di + dj * dj))
-                    if best < wave[i, j] - 1e-9:
-                        wave[i, j] = best
-                        changed = True
 
 
 @nb.njit(cache=True, nogil=True)
@@ -101,8 +59,9 @@ def score(
         (points[0, 0] - end[0]) ** 2 + (points[0, 1] - end[1]) ** 2 + (points[0, 2] - end[2]) ** 2
     )
     wave = np.empty((WAVE_CELLS, WAVE_CELLS))
-    spread_wave(end[0], end[1], end[2], radius, limits.margin, obstacles, wave)
     cell = 2.0 * radius / (WAVE_CELLS - 1)
+    origin = end[:2] - radius
+    spread_wave(end[0], end[1], end[2], radius, limits.margin, limits.bounds, obstacles, origin, cell, wave)
     scratch = np.empty((obstacles.heights.shape[0] + 1, 2))
     pairs = np.empty((MAX_THREATS, 2))
     positions, reach = np.ones((dts.shape[0], 4)), dts[:, 4].copy()

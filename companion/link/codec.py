@@ -15,6 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.frame import CommandAck, Frame, MissionAck, Request
 from companion.link.framing import Framer, RawFrame, raw_frame, renumbered
+from companion.link.limits import SourceLimits
+from companion.link.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
 from companion.link.telemetry import RefusedError, Telemetry
 from companion.link.tracks import Tracks
 from companion.types.events import Event
@@ -24,6 +26,13 @@ STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
 _OWN_SYSTEM_UNTIL_KNOWN = 1
+
+
+def signer_of(
+    key: bytes, link_id: int, timestamps: Timestamps, allow_unsigned: Collection[int] = ()
+) -> Signer:
+    """Signer that knows the checksums of all messages of the dialect."""
+    return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned)
 
 
 class Codec:
@@ -36,10 +45,19 @@ class Codec:
         under the same system id, component 195.
     track_sources : collection of int, optional
         System ids whose sightings of others are believed; left out, all.
+    signer : Signer, optional
+        Verifies what comes in; left out, everything is believed unsigned.
+    limits : SourceLimits, optional
+        On what is taken from others than the own autopilot.
     """
 
     def __init__(
-        self, vehicle_system_id: int | None = None, track_sources: Collection[int] | None = None
+        self,
+        vehicle_system_id: int | None = None,
+        track_sources: Collection[int] | None = None,
+        *,
+        signer: Signer | None = None,
+        limits: SourceLimits | None = None,
     ) -> None:
         self.counters: Counter[str] = Counter()
         self._framer = Framer(_EXTRAS, self.counters)
@@ -48,11 +66,20 @@ class Codec:
         self._telemetry = Telemetry(vehicle_system_id)
         self._tracks = Tracks(self._telemetry, track_sources)
         self._chunk_id = 0
+        self._signer = signer
+        self._limits = limits
+        if signer is not None:
+            signer.counters = self.counters
 
     @property
     def vehicle_system_id(self) -> int | None:
         """System id of the vehicle, None until one is heard."""
         return self._telemetry.vehicle_system_id
+
+    @property
+    def home_altitude_amsl_m(self) -> float | None:
+        """Height that the autopilot's relative altitudes count from, None until it is heard."""
+        return self._telemetry.home_altitude_amsl_m
 
     @property
     def own_ids(self) -> tuple[int, int]:
@@ -78,12 +105,37 @@ class Codec:
         for raw in self._framer.feed(data):
             if (raw.system_id, raw.component_id) == self.own_ids:
                 self.counters["own"] += 1
+            elif not self._is_taken(raw, stamp_s):
+                continue
             elif not raw.is_verified:
                 self.counters["unknown_message"] += 1
                 frames.append(Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
             else:
                 frames.append(self._decoded(raw, stamp_s))
         return frames
+
+    def _is_taken(self, raw: RawFrame, stamp_s: float) -> bool:
+        """Whether a frame is signed as it must be, and its source is listened to."""
+        if raw.message_id == SETUP_SIGNING:
+            self.counters["setup_signing"] += 1  # a key: neither taken, nor passed on, nor recorded
+            return False
+        if self._signer is not None and not self._signer.accepts(raw):
+            return False
+        if self._limits is None or (raw.system_id, raw.component_id) == (self.vehicle_system_id, 1):
+            return True
+        refusal = self._limits.refusal(raw.system_id, raw.component_id, stamp_s)
+        if refusal:
+            self.counters[refusal] += 1
+        return not refusal
+
+    def on_the_wire(self, data: bytes) -> bytes:
+        """What leaves for frames of ours: signed, where there is a key."""
+        return data if self._signer is None else self._signer.signed(data)
+
+    @staticmethod
+    def unsigned(raw: bytes) -> bytes:
+        """A received frame without its signature, for a reader that has no key."""
+        return without_signature(raw, _EXTRAS)
 
     def _decoded(self, raw: RawFrame, stamp_s: float) -> Frame:
         try:
@@ -203,6 +255,11 @@ class Codec:
         unsupported = mavlink.MAV_MISSION_UNSUPPORTED
         return self._packed(mavlink.MAVLink_mission_ack_message(target_system, target_component, unsupported))
 
+    def mission_cancel(self) -> bytes:
+        """MISSION_ACK cancelled, to the autopilot: frees a PX4 from a transfer that was broken off."""
+        cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled))
+
     def autopilot_version(self, version: int) -> bytes:
         """AUTOPILOT_VERSION of this component: MAVLink 2, and a version as 0xMMmmpptt."""
         nothing = [0] * 8
@@ -237,7 +294,7 @@ def _command(message: Any) -> Request:  # noqa: ANN401
 _REQUESTS: dict[str, Callable[[Any], Request]] = {
     "COMMAND_LONG": _command,
     "COMMAND_INT": _command,
-    "PING": lambda m: Request("ping", m.target_system, m.target_component, m.seq, (float(m.time_usec),)),
+    "PING": lambda m: Request("ping", m.target_system, m.target_component, m.seq, (m.time_usec,)),
     "PARAM_REQUEST_LIST": lambda m: Request("parameter_list", m.target_system, m.target_component),
     "PARAM_REQUEST_READ": lambda m: Request(
         "parameter_read", m.target_system, m.target_component, name=m.param_id

@@ -6,6 +6,16 @@ from dataclasses import dataclass
 
 from companion.types.events import Event
 
+# MAV_RESULT, as far as it ends a command.
+RESULTS = {
+    0: "ACCEPTED",
+    1: "TEMPORARILY_REJECTED",
+    2: "DENIED",
+    3: "UNSUPPORTED",
+    4: "FAILED",
+    6: "CANCELLED",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:

@@ -79,6 +79,17 @@ def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
     return bytes(changed)
 
 
+def frames_in(data: bytes) -> Iterator[bytes]:
+    """Cut whole frames that stand one behind the other, as we packed them."""
+    start = 0
+    while start < len(data):
+        length = _HEADERS[data[start]] + data[start + 1] + _CHECKSUM
+        if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
+            length += _SIGNATURE
+        yield data[start : start + length]
+        start += length
+
+
 class Framer:
     """Bytes in, frames out.
 

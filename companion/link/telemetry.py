@@ -220,6 +220,7 @@ class Telemetry:
             sequence=message.seq,
             total={0: None, _NO_MISSION: 0}.get(total, total),
             mission_id=int.from_bytes(payload[6:10], "little"),
+            state=payload[4],
         )
 
     def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:

@@ -11,6 +11,7 @@ MAVLink common.xml: ADSB_FLAGS, UTM_DATA_AVAIL_FLAGS, AIS_FLAGS, MAV_ODID_HOR_AC
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection
 
@@ -29,6 +30,7 @@ from companion.link.telemetry import (
 from companion.types.events import Emitter, TrackReport
 
 _ECHO_MEMORY_S = 10.0
+ECHO_IDENTITIES_MAX = 10_000  # more are forgotten, the longest unheard first
 _AGE_MAX_S = 60.0
 _STD_MAX_M = 10_000.0
 _SURFACE_EMITTERS = frozenset({17, 18, 19})  # emergency and service vehicle, point obstacle
@@ -129,13 +131,15 @@ class Tracks:
         """
         autopilot = (self._telemetry.vehicle_system_id, AUTOPILOT_COMPONENT)
         if (frame.system_id, frame.component_id) != autopilot:
+            self._seen_elsewhere_s.pop(identity, None)  # to the end: the dict is in the order of hearing
             self._seen_elsewhere_s[identity] = stamp_s
         elif stamp_s - self._seen_elsewhere_s.get(identity, -math.inf) <= _ECHO_MEMORY_S:
             raise RefusedError("track_echo")
-        if len(self._seen_elsewhere_s) > 1_000:
-            self._seen_elsewhere_s = {
-                key: seen for key, seen in self._seen_elsewhere_s.items() if stamp_s - seen <= _ECHO_MEMORY_S
-            }
+        # Two go for each that comes: what a flood left shrinks again, at a bounded cost a frame.
+        for oldest, seen in list(itertools.islice(self._seen_elsewhere_s.items(), 2)):
+            is_crowded = len(self._seen_elsewhere_s) > ECHO_IDENTITIES_MAX
+            if is_crowded or stamp_s - seen > _ECHO_MEMORY_S:
+                del self._seen_elsewhere_s[oldest]
 
     def _emitter(self, system_id: int) -> Emitter:
         """Ground if the system says so: of one unknown the worse is assumed, obstacles do not stop it."""

@@ -1,10 +1,4 @@
-"""From paths to mission items, and the two-bank mission list (DESIGN: mission swap).
-
-On ArduPlane a mission list is overwritten in place while it is flown, so a new path never goes where
-the flown one stands. The list is: home, the operator's own items, bank A, bank B. The bank being
-flown is sent again unchanged, the other carries the new path; each ends in a loiter; the list never
-gets shorter. An upload broken off at any item leaves the flown bank whole.
-"""
+"""From paths to waypoints, and from waypoints to mission items."""
 
 from __future__ import annotations
 
@@ -19,14 +13,16 @@ from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, Frame, Mission, MissionItem
 from companion.types.path import Path
 
-BANK_ITEMS_MIN, BANK_ITEMS_MAX = 20, 60
-BANK_EXTRAS = 2  # the airspeed, and the loiter at the end
 ENTRY_AHEAD_M = 45.0  # the entry lies at least this far along the path: nearer is reached on entering
 ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room for its turn
 CORNER_MAX_RAD = math.radians(50.0)
+CHORD_MAX_RAD = math.radians(25.0)  # of a turn flown from point to point
+INSET_M = 5.0  # halves what such a turn is flown too wide (simulated: 10 to 5 m at 25 m/s and 125 m)
+GOAL_ACCEPTANCE_M = 15.0  # at the goal, before what follows it: a fly-by might pass the goal by
 STRAIGHT_RAD = 1e-4
 HEIGHT_TOLERANCE_M = 8.0
 SLIGHT_M = 2.0
+MARK_M = 40.0  # from something to be done, within which any waypoint serves
 SPACING_M = 60.0  # between a waypoint for height and its neighbours
 
 
@@ -46,6 +42,10 @@ class Waypoints:
         Where to circle afterwards [m]; None circles the path's end.
     loiter_radius_m : float
         Positive clockwise; 0 leaves it to the autopilot.
+    goes_on : bool
+        Whether the operator's items that follow the goal are flown after the last waypoint.
+    actions : tuple of (int, tuple of MissionItem)
+        The operator's DO_ items to carry out at a waypoint, by its number.
     """
 
     positions_enu_m: FloatArray
@@ -53,25 +53,45 @@ class Waypoints:
     airspeed_m_s: float
     loiter_centre_enu_m: FloatArray | None = None
     loiter_radius_m: float = 0.0
+    goes_on: bool = False
+    actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
 
 
-def waypoints_from_path(path: Path, airspeed_m_s: float) -> Waypoints:
-    """Fly-by waypoints whose rounded corners are the path.
+def waypoints_from_path(
+    path: Path, airspeed_m_s: float, *, flies_by: bool = True, marked_m: Sequence[float] = ()
+) -> Waypoints:
+    """Waypoints that, flown as the autopilot flies them, are the path.
+
+    ArduPlane flies by: it turns at WP_RADIUS before a waypoint, and rounds its corner.
 
     A turn becomes the corners of the polygon about its arc, :data:`CORNER_MAX_RAD` each: an aircraft
     that rounds them off at the path's radius flies the arc itself. Straight flight needs none but
     where the height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`. The
     start is left out; corners nearer to it than :data:`ENTRY_AHEAD_M` count as flown.
+
+    A PX4 that flies fixed wings turns no more than some 10 m before a waypoint, whatever the item says
+    (measured, and so in its ``mission_block.cpp``). For it (``flies_by`` false) the waypoints of a turn
+    lie on its arc, :data:`CHORD_MAX_RAD` apart.
+
+    ``marked_m`` are lengths of path flown at which something is to be done [m]: where straight flight has
+    no waypoint near, one is put there.
     """
     points, courses = path.positions_enu_m, np.unwrap(path.courses_rad)
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
-    marks = [(0.0, points[0]), *_corners(points, courses, travelled), (float(travelled[-1]), points[-1])]
+    turns = _corners(points, courses, travelled) if flies_by else _chords(points, courses, travelled)
+    marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= ENTRY_AHEAD_M]
     if marks[1][0] > ENTRY_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
         row = int(np.searchsorted(travelled[:-1], ENTRY_AHEAD_M))
         chosen.insert(0, (float(travelled[row]), points[row]))
     chosen = _without_slight_corners([*chosen, marks[-1]])
+    for length in marked_m:
+        row = int(np.argmin(np.abs(travelled - length)))
+        is_straight = 0 < row < len(points) - 1 and not np.diff(courses[row - 1 : row + 2]).any()
+        if is_straight and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
+            chosen.append((float(travelled[row]), points[row]))
+    chosen.sort(key=lambda mark: mark[0])
     positions, distances = np.array([at[1] for at in chosen]), np.array([at[0] for at in chosen])
     return Waypoints(positions, distances, airspeed_m_s)
 
@@ -117,6 +137,36 @@ def _corners(
     return found
 
 
+def _chords(points: FloatArray, courses: FloatArray, travelled: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Rows at which turns begin and end, and rows between them no more than a chord's turn apart.
+
+    All but the first of a turn are moved inwards by :data:`INSET_M`: who turns only when a waypoint is
+    reached flies a turn that much too wide.
+    """
+    steps = np.diff(courses)
+    signs = np.sign(np.where(np.abs(steps) > STRAIGHT_RAD, steps, 0.0))
+    found: list[tuple[float, FloatArray]] = []
+    first = 0
+    while first < len(signs):
+        if signs[first] == 0.0:
+            first += 1
+            continue
+        last = first
+        while last < len(signs) and signs[last] == signs[first]:
+            last += 1
+        # Rows first to last turn one way: cut into parts of one length, none with too much of the turn.
+        num = max(1, math.ceil(abs(courses[last] - courses[first]) / CHORD_MAX_RAD))
+        for part in range(num + 1):
+            row = first + round(part * (last - first) / num)
+            if row == 0 or row == len(points) - 1 or (found and travelled[row] <= found[-1][0]):
+                continue
+            inset = INSET_M if part > 0 else 0.0
+            inwards = signs[first] * np.array([math.cos(courses[row]), -math.sin(courses[row]), 0.0])
+            found.append((float(travelled[row]), points[row] + inset * inwards))
+        first = last
+    return found
+
+
 def _with_heights(
     marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray
 ) -> list[tuple[float, FloatArray]]:
@@ -137,70 +187,40 @@ def _with_heights(
     return result
 
 
-@dataclass(frozen=True, slots=True)
-class Banks:
-    """Where the banks lie in the autopilot's list.
-
-    Parameters
-    ----------
-    prefix : tuple of MissionItem
-        Home and the operator's own items, kept as read.
-    size : int
-        Items a bank.
-    flown : tuple of MissionItem or None
-        The bank being flown, as sent; None before the first.
-    flown_index : int
-        0 or 1: which one it is.
-    """
-
-    prefix: tuple[MissionItem, ...]
-    size: int
-    flown: tuple[MissionItem, ...] | None = None
-    flown_index: int = 1
-
-    def first_of(self, index: int) -> int:
-        """Sequence of a bank's first item."""
-        return len(self.prefix) + index * self.size
-
-    def with_new(self, bank: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, Banks]:
-        """The list with a new path in the idle bank, and the banks once that is flown."""
-        index = 1 - self.flown_index
-        banks: list[tuple[MissionItem, ...] | None] = [None, None]
-        banks[index], banks[self.flown_index] = bank, self.flown
-        items = list(self.prefix)
-        for content in banks:
-            items += content or ()
-        numbered = tuple(
-            replace(item, sequence=n, is_current=n == self.first_of(index)) for n, item in enumerate(items)
-        )
-        after = replace(self, flown=bank, flown_index=index)
-        return Mission(numbered, self.first_of(index), plan_number), after
-
-
-def new_banks(existing: Sequence[MissionItem], num_waypoints: int) -> Banks:
-    """Banks behind what the autopilot holds now, with room for paths half as long again."""
-    size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
-    return Banks(prefix=tuple(existing), size=size)
-
-
-def bank_items(waypoints: Waypoints, size: int, frame: LocalFrame) -> tuple[MissionItem, ...]:
-    """A bank: waypoints, the airspeed, and loiters at the last waypoint up to the bank's size."""
+def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
+    """Waypoints, the airspeed behind the first, and the operator's DO_ items where they belong."""
+    actions = dict(waypoints.actions)
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
         items.append(_item(Command.NAV_WAYPOINT, position, frame))
+        if waypoints.goes_on and n == len(waypoints.positions_enu_m) - 1:
+            items[-1] = replace(items[-1], parameters=(0.0, GOAL_ACCEPTANCE_M, 0.0, None))
         if n == 0:
-            airspeed = equivalent_airspeed(waypoints.airspeed_m_s, frame.altitude_amsl_m + float(position[2]))
-            parameters = (0.0, round(airspeed, 1), -1.0, 0.0)  # airspeed, m/s, throttle unchanged
-            items.append(MissionItem(0, Command.DO_CHANGE_SPEED, Frame.MISSION, parameters, 0, 0, 0.0))
+            items.append(speed_item(waypoints, frame))
+        items += actions.get(n, ())
+    return tuple(items)
+
+
+def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
+    """The airspeed, throttle unchanged."""
+    altitude = frame.altitude_amsl_m + float(waypoints.positions_enu_m[0, 2])
+    airspeed = equivalent_airspeed(waypoints.airspeed_m_s, altitude)
+    parameters = (0.0, round(airspeed, 1), -1.0, 0.0)
+    return MissionItem(0, Command.DO_CHANGE_SPEED, Frame.MISSION, parameters, 0, 0, 0.0)
+
+
+def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
+    """The circle at the end."""
     centre = waypoints.loiter_centre_enu_m
     last = _item(Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame)
-    loiter = replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
-    return tuple(items) + (loiter,) * (size - len(items))
+    return replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
 
 
 def sequence_of_waypoint(mission: Mission, number: int) -> int:
-    """Sequence of the n-th waypoint of the bank a mission is entered in; the airspeed item is none."""
-    return mission.entry + number + (1 if number > 0 else 0)
+    """Sequence of the n-th waypoint of the part a mission is entered in; other items are none."""
+    behind = mission.items[mission.entry :]
+    found = [item.sequence for item in behind if item.command == Command.NAV_WAYPOINT]
+    return found[number]
 
 
 def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:

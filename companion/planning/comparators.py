@@ -16,6 +16,8 @@ from companion.planning.settings import (
 _TADDRRT = Strategies(
     use_uncertainty=False,
     use_goal_zoom=False,
+    follow_way=False,
+    connect_straight=False,
     use_k_near=False,
     use_safety_adjustment=True,
     optimiser=Optimiser.NONE,
@@ -23,6 +25,7 @@ _TADDRRT = Strategies(
 
 METHODS: dict[str, Strategies] = {
     "safe-rrt": Strategies(),
+    "safe-rrt-printed": Strategies(follow_way=False, connect_straight=False),  # samplers as in the paper
     "taddrrt": _TADDRRT,
     "nfz-ddrrt": replace(_TADDRRT, dts_are_no_fly=True),
     "edbm": Strategies(sub_goal=SubGoalRule.EUCLIDEAN),

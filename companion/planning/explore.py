@@ -10,13 +10,14 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.geometry import clearance
-from companion.kernels.layout import IntArray, Tree, Uncertainty, empty_tree
+from companion.kernels.layout import Guide, IntArray, Scene, Tree, Uncertainty, empty_tree
 from companion.kernels.motion import OK, state_status
 from companion.kernels.search import DRAWS, FULL, REACHED, assess, explore
-from companion.kernels.sub_goals import spread_wave
 from companion.kernels.threat import MAX_THREATS
 from companion.kernels.uncertainty import collision_free, position_deviation
+from companion.kernels.way import spread_wave
 from companion.planning.problem import Problem
+from companion.planning.settings import Estimator
 from companion.planning.sub_goal import choose_sub_goal
 from companion.vehicle.lqg import uncertainty_tables
 from companion.vehicle.motion import VehicleModel
@@ -24,7 +25,9 @@ from companion.world.reachability import threat_trees
 from companion.world.threats import known_within
 
 ShouldStop = Callable[[], bool]
-HAND_OVER_CELLS = 97
+WAVE_CELLS = 97  # each way, of the grid about a sub goal
+CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
+NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
 
 
@@ -32,12 +35,14 @@ RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afres
 class Exploration:
     """One plan's search: the tree, the DTs' trees and what has been counted.
 
-    ``stats`` (4,): collision checks, samples dropped by TUDD, failed extensions, iterations.
+    ``stats`` (4,): collision checks, samples dropped by TUDD, failed extensions, iterations of the path
+    search; ``star_stats`` (4,) the same of RRT*.
     """
 
     problem: Problem
     rng: np.random.Generator
     stats: IntArray = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
+    star_stats: IntArray = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
     sub_goals: list[FloatArray] = field(default_factory=list)
     centres: list[FloatArray] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -52,15 +57,16 @@ class Exploration:
         )
         self.tables = _tables(problem.vehicle, settings.tau_s, snapshot.dimension)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
-        self.threats = snapshot.threats
         self.pursuers = threat_trees(
-            snapshot.tracks, problem.start.stamp_s, snapshot.obstacles, self.plane_up_m, snapshot.bounds
-        )
+            snapshot.tracks, snapshot.obstacles, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
+            with_corners=settings.strategies.estimator is Estimator.EX_RRT,
+        )  # fmt: skip
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         self.plant()
 
     def plant(self) -> None:
-        """Start the tree afresh at the root."""
+        """Start the tree afresh at the root, with the threats known there."""
+        self.threats = self.problem.snapshot.threats
         start, tree, snapshot = self.problem.start, self.tree, self.problem.snapshot
         self.num_nodes += int(tree.count[0])
         tree.count[0] = 1
@@ -99,10 +105,10 @@ class Exploration:
         return self.iterations >= self.problem.settings.max_iterations or should_stop()
 
     def sense(self, centre: FloatArray) -> None:
-        """Static threats known to the sub task: those known before and those about its centre."""
+        """Static threats about a sub task's centre become known, and stay so."""
         snapshot = self.problem.snapshot
         near = known_within(snapshot.threats, centre[0], centre[1], self.problem.settings.sensing_horizon_m)
-        self.threats = self.threats._replace(known=np.maximum(snapshot.threats.known, near))
+        self.threats = self.threats._replace(known=np.maximum(self.threats.known, near))
 
     def activate(self, centre: FloatArray, end: int, whole: bool, root: int = 0) -> None:
         """Which nodes the sub task searches: those of the horizon, and after a success the end alone.
@@ -127,14 +133,13 @@ class Exploration:
     ) -> int:
         """Grow towards one sub goal within its time horizon; the node that reaches it, or -1."""
         settings = self.problem.settings
-        search = settings.search(self.limits, self.problem.snapshot.unit_m, tolerance_m)
+        scene = self.scene(sub_goal, tolerance_m)
         left, stalled, nearest = settings.sub_task_iterations, 0, np.inf
         while left > 0 and stalled < settings.stall_iterations and not self.is_spent(should_stop):
             burst = min(settings.burst, left)
             left -= burst
             status, node = explore(
-                self.tree, self.pursuers, self.problem.snapshot.obstacles, self.threats, self.model,
-                self.limits, self.tables, search, centre, settings.sensing_horizon_m, sub_goal,
+                self.tree, scene, centre, settings.sensing_horizon_m, sub_goal,
                 self.rng.random((burst, DRAWS)), self.stats,
             )  # fmt: skip
             if status == REACHED:
@@ -146,11 +151,47 @@ class Exploration:
             nearest = min(nearest, away)
         return -1
 
+    def scene(self, sub_goal: FloatArray | None = None, tolerance_m: float = 0.0) -> Scene:
+        """What the kernels read, with the way to a sub goal if there is one."""
+        snapshot = self.problem.snapshot
+        guide = NO_GUIDE if sub_goal is None else self.guide_to(sub_goal)
+        return Scene(
+            self.pursuers, snapshot.obstacles, self.threats, self.model, self.limits, self.tables,
+            self.problem.settings.search(self.limits, snapshot.unit_m, tolerance_m), guide,
+        )  # fmt: skip
+
     def nearest_node(self, point: FloatArray) -> int:
         """The searched node nearest to a point."""
         n = int(self.tree.count[0])
         away = np.linalg.norm(self.tree.state[:n, :3] - point, axis=1)
         return int(np.argmin(np.where(self.tree.active[:n] == 1, away, np.inf)))
+
+    def guide_to(self, point: FloatArray) -> Guide:
+        """The way round obstacles to a point, from twice the sensing horizon about it."""
+        settings, le = self.problem.settings, self.limits.v_cruise * self.limits.tau
+        radius = 2.0 * settings.sensing_horizon_m
+        cell = 2.0 * radius / (WAVE_CELLS - 1)
+        wave, origin = np.empty((WAVE_CELLS, WAVE_CELLS)), point[:2] - radius
+        self._spread(point, radius, origin, cell, wave)
+        share = settings.way_share if settings.strategies.follow_way else 0.0
+        return Guide(wave, origin, cell, share, settings.way_steps * le)
+
+    def way_home(self, goal: FloatArray) -> Guide:
+        """The way round obstacles to a goal, from everywhere within the bounds."""
+        b = self.limits.bounds
+        cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
+        wave = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
+        origin = np.array([b[0], b[2]])
+        self._spread(goal, np.inf, origin, cell, wave)
+        return Guide(wave, origin, cell, 0.0, 0.0)
+
+    def _spread(
+        self, point: FloatArray, radius: float, origin: FloatArray, cell: float, wave: FloatArray
+    ) -> None:
+        spread_wave(
+            point[0], point[1], point[2], radius, self.limits.margin, self.limits.bounds,
+            self.problem.snapshot.obstacles, origin, cell, wave,
+        )  # fmt: skip
 
     def nearest_by_way(self, point: FloatArray) -> int:
         """The searched node with the shortest way round obstacles to a point.
@@ -158,16 +199,10 @@ class Exploration:
         The paper keeps the branch nearest to the sub goal; taken as the crow flies that is often one
         that ends at the wrong side of a wall.
         """
-        radius = 2.0 * self.problem.settings.sensing_horizon_m
-        wave = np.empty((HAND_OVER_CELLS, HAND_OVER_CELLS))
-        spread_wave(
-            point[0], point[1], point[2], radius, self.limits.margin, self.problem.snapshot.obstacles, wave
-        )
-        n = int(self.tree.count[0])
-        cell = 2.0 * radius / (HAND_OVER_CELLS - 1)
-        index = np.rint((self.tree.state[:n, :2] - point[:2] + radius) / cell).astype(np.int64)
-        index = np.clip(index, 0, HAND_OVER_CELLS - 1)
-        ways = np.where(self.tree.active[:n] == 1, wave[index[:, 0], index[:, 1]], np.inf)
+        guide, n = self.guide_to(point), int(self.tree.count[0])
+        index = np.rint((self.tree.state[:n, :2] - guide.origin) / guide.cell).astype(np.int64)
+        index = np.clip(index, 0, WAVE_CELLS - 1)
+        ways = np.where(self.tree.active[:n] == 1, guide.wave[index[:, 0], index[:, 1]], np.inf)
         return int(np.argmin(ways)) if np.isfinite(ways).any() else self.nearest_node(point)
 
     def reach_goal(
@@ -181,7 +216,7 @@ class Exploration:
         """
         end, in_a_row = root, 0
         used: list[FloatArray] = []
-        settings = self.problem.settings
+        settings, home = self.problem.settings, self.way_home(goal)
         while not self.is_spent(should_stop):
             centre = self.tree.state[end, :3].copy()
             self.sense(centre)
@@ -189,7 +224,7 @@ class Exploration:
                 end=self.tree.state[end].copy(), goal=goal,
                 elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
                 obstacles=self.problem.snapshot.obstacles, threats=self.threats, pursuers=self.pursuers,
-                model=self.model, limits=self.limits, settings=settings, used=used,
+                model=self.model, limits=self.limits, settings=settings, home=home, used=used,
             )  # fmt: skip
             if not np.array_equal(chosen.position_enu_m, goal):
                 used.append(chosen.position_enu_m)

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
-from companion.kernels.geometry import clearance
-from companion.kernels.splice import dt_positions, path_cost
-from companion.kernels.threat import MAX_THREATS, node_threat
-from companion.kernels.uncertainty import collision_free, position_deviation, position_factor, propagate
+from companion.kernels.along import assess_rows
+from companion.kernels.splice import path_cost
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
 from companion.types.path import Path
@@ -27,6 +25,10 @@ class Route:
 
     def __len__(self) -> int:
         return len(self.times)
+
+    def until(self, row: int) -> Route:
+        """Rows up to one, that one included."""
+        return Route(self.states[: row + 1], self.times[: row + 1], self.rates[: row + 1])
 
 
 def route_from_tree(exploration: Exploration, node: int) -> Route:
@@ -53,59 +55,49 @@ def route_from_path(path: Path) -> Route:
 class Assessment:
     """What LQG-MP and the threat model say of each row of a route.
 
-    ``covariances`` (N, 3, 3) position part of Σ [m²]; ``clear`` (N,) p_c; ``levels`` (N,) TI;
+    ``errors``, ``estimates`` (N, 6, 6) P and Λ; ``clear`` (N,) p_c; ``levels`` (N,) TI;
     ``particle_levels`` (N, M) TI of each particle; ``dt_points`` (N, D, 4) the DTs' nearest positions.
     """
 
-    covariances: FloatArray
+    errors: FloatArray
+    estimates: FloatArray
     clear: FloatArray
     levels: FloatArray
     particle_levels: FloatArray
     dt_points: FloatArray
 
+    @property
+    def covariances(self) -> FloatArray:
+        """Position part of Σ (N, 3, 3) [m²]."""
+        total: FloatArray = self.errors[:, :3, :3] + self.estimates[:, :3, :3]
+        return total
 
-def assess_route(exploration: Exploration, route: Route) -> Assessment:
-    """Propagate the covariance along a route and evaluate every row."""
-    problem, n = exploration.problem, len(route)
-    snapshot, tables = problem.snapshot, exploration.tables
-    num_dts = len(snapshot.tracks)
-    error, estimate = problem.start.error_covariance.copy(), problem.start.estimate_covariance.copy()
+
+def assess_route(
+    exploration: Exploration, route: Route, known: Assessment | None = None, first: int = 0
+) -> Assessment:
+    """Propagate the covariance along a route and evaluate every row.
+
+    With ``known``, the assessment of a route that has the same rows before ``first``, only the others.
+    """
+    n, problem = len(route), exploration.problem
+    num_dts, num_particles = max(len(problem.snapshot.tracks), 1), len(exploration.tables.normals)
     result = Assessment(
-        covariances=np.empty((n, 3, 3)),
+        errors=np.empty((n, 6, 6)),
+        estimates=np.empty((n, 6, 6)),
         clear=np.empty(n),
         levels=np.empty(n),
-        particle_levels=np.empty((n, len(tables.normals))),
-        dt_points=np.zeros((n, max(num_dts, 1), 4)),
+        particle_levels=np.empty((n, num_particles)),
+        dt_points=np.zeros((n, num_dts, 4)),
     )
-    factor, scratch = np.empty((3, 3)), np.empty((MAX_THREATS, 2))
-    reach = exploration.pursuers.model[:, 1].copy()
-    for k in range(n):
-        if k > 0:
-            dt = float(route.times[k] - route.times[k - 1])
-            next_error, next_estimate = np.empty((6, 6)), np.empty((6, 6))
-            a = float(route.states[k, 5] - route.states[k - 1, 5]) / dt
-            propagate(
-                route.states[k - 1], a, route.rates[k, 0], route.rates[k, 1], dt, tables, error, estimate,
-                next_error, next_estimate,
-            )  # fmt: skip
-            error, estimate = next_error, next_estimate
-        x, y, z = route.states[k, :3]
-        deviation = position_deviation(error, estimate, snapshot.dimension)
-        result.covariances[k] = error[:3, :3] + estimate[:3, :3]
-        result.clear[k] = collision_free(
-            clearance(x, y, z, snapshot.obstacles, 1e4), deviation, snapshot.dimension
-        )
-        dt_positions(
-            exploration.pursuers, x, y, z, route.times[k], problem.settings.k_pursuer, snapshot.obstacles,
-            result.dt_points[k],
-        )  # fmt: skip
-        position_factor(error, estimate, snapshot.dimension, factor)
-        if not problem.settings.strategies.use_uncertainty:
-            factor[:] = 0.0
-        result.levels[k] = node_threat(
-            route.states[k], factor, deviation / snapshot.unit_m, exploration.threats, result.dt_points[k],
-            reach, exploration.model, tables.normals, scratch, result.particle_levels[k],
-        )  # fmt: skip
+    result.errors[0], result.estimates[0] = problem.start.error_covariance, problem.start.estimate_covariance
+    if known is not None:
+        for name in Assessment.__slots__:
+            getattr(result, name)[:first] = getattr(known, name)[:first]
+    assess_rows(
+        route.states, route.times, route.rates, first, n, exploration.scene(), result.errors,
+        result.estimates, result.clear, result.levels, result.particle_levels, result.dt_points,
+    )  # fmt: skip
     return result
 
 

@@ -7,10 +7,17 @@ import numpy as np
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.kernels.uncertainty import position_factor
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route, cost_between, visits_goals
+from companion.planning.route import Assessment, Route, assess_route, visits_goals
 
-REACH_STEPS = 8  # rows before and after a moved waypoint over which its edges are laid anew
-SHIFT_MIN_M = 0.5  # smaller moves are below what is flown
+REACHES = (
+    (8, 8),
+    (12, 12),
+    (8, 16),
+    (16, 8),
+    (16, 16),
+    (24, 24),
+)  # rows relaid before and after, tried in turn
+SHIFT_MIN_M = 0.2  # smaller moves are below what is flown
 EVERY = 4  # rows between waypoints that are moved: neighbours share their particles' levels
 
 
@@ -18,8 +25,9 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
     """Move waypoints, one by one, to the mean of their particles weighted by ``min(1/(k_T·TI), 1)``.
 
     A moved waypoint keeps its direction and is joined to the path again by Dubins edges, which keep
-    turn radius, climb angles and the straight-flight rule; where they cannot, where the margin from
-    obstacles is lost, p_c falls below the limit, or the cost rises, the waypoint stays.
+    turn radius, climb angles and the straight-flight rule; where none of ``REACHES`` can, where the
+    margin from obstacles is lost, p_c falls below the limit, or the path's threat does not fall, the
+    waypoint stays.
 
     Returns
     -------
@@ -28,22 +36,33 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
     int
         How many waypoints moved.
     """
-    settings = exploration.problem.settings
+    collision_max = exploration.problem.settings.adjust_collision_max
     assessment = assess_route(exploration, route)
-    moved, k = 0, REACH_STEPS
-    while k < len(route) - REACH_STEPS:
+    moved, k = 0, 0
+    while k < len(route):
         shift = particle_shift(exploration, assessment, k)
-        laid = None if np.linalg.norm(shift) < SHIFT_MIN_M else _moved(exploration, route, k, shift)
-        if laid is not None:
-            candidate, at = laid
-            old = cost_between(exploration, route, k - REACH_STEPS + 1, k + REACH_STEPS + 1)
-            new = cost_between(exploration, candidate, k - REACH_STEPS + 1, at + 1)
-            if new < old:
-                trial = assess_route(exploration, candidate)
-                if 1.0 - trial.clear.min() <= settings.adjust_collision_max:
-                    route, assessment, moved = candidate, trial, moved + 1
+        if np.linalg.norm(shift) >= SHIFT_MIN_M:
+            for before, after in REACHES:
+                laid = _moved(exploration, route, k, shift, before, after)
+                if laid is None:
+                    continue
+                candidate, end = laid
+                first = k - before + 1
+                relaid = candidate.until(end)
+                trial = assess_route(exploration, relaid, assessment, first)
+                was = _threat(route, assessment, first, k + after)
+                if trial.clear.min() >= 1.0 - collision_max and _threat(relaid, trial, first, end) < was:
+                    assessment = assess_route(exploration, candidate, trial, end + 1)
+                    route, moved = candidate, moved + 1
+                    break
         k += EVERY
     return route, moved
+
+
+def _threat(route: Route, assessment: Assessment, first: int, last: int) -> float:
+    """Threat level integrated over time from one row to another [s]."""
+    rows = slice(first, last + 1)
+    return float(assessment.levels[rows] @ np.diff(route.times, prepend=0.0)[rows])
 
 
 def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> np.ndarray:
@@ -62,13 +81,20 @@ def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> 
     return shift
 
 
-def _moved(exploration: Exploration, route: Route, k: int, shift: np.ndarray) -> tuple[Route, int] | None:
-    """The route with row ``k`` shifted and the row its last new edge ends in, if flyable and clear."""
-    capacity = len(route) + 4 * REACH_STEPS
+def _moved(
+    exploration: Exploration, route: Route, k: int, shift: np.ndarray, before: int, after: int
+) -> tuple[Route, int] | None:
+    """The route with row ``k`` shifted and joined to rows before and after it, if flyable and clear.
+
+    With it the row in which what was laid anew ends.
+    """
+    first, last = k - before, k + after
+    if first < 0 or last >= len(route):
+        return None
+    capacity = len(route) + 4 * (before + after)
     states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
     via = route.states[k].copy()
     via[:3] += shift
-    first, last = k - REACH_STEPS, k + REACH_STEPS
     status, n, at = splice(
         route.states, route.times, route.rates, len(route), first, via, True, last, exploration.limits,
         states, times, rates,

@@ -48,6 +48,8 @@ class Strategies:
     use_dynamic_domain: bool = True
     use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes
     use_goal_zoom: bool = True
+    follow_way: bool = True  # a share of the samples follows the way round obstacles to the sub goal
+    connect_straight: bool = True  # Greedy-Connect to a sub goal that lies in a new node's domain
     use_k_near: bool = True  # else the nearest node
     dts_are_no_fly: bool = False
     certainty: Certainty = Certainty.SHIFTED
@@ -62,7 +64,9 @@ class PlannerSettings:
     """Parameters of SPEC 3–6. Lengths in metres unless they are weights of planning units.
 
     ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
-    total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*.
+    total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*,
+    ``smooth_iterations`` the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown
+    while it is being optimised (a mission swap begins where the aircraft will be by then: 0).
     """
 
     strategies: Strategies = Strategies()
@@ -71,7 +75,7 @@ class PlannerSettings:
     clearance_min_m: float = 15.0
     sensing_horizon_m: float = 825.0
     num_sub_goal_points: int = 60
-    sub_goal_tolerance_steps: float = 6.0
+    sub_goal_tolerance_steps: float = 8.0
     sub_goal_level_max: float = 0.5
     weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
     weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
@@ -81,6 +85,8 @@ class PlannerSettings:
     domain_steps: float = 10.0  # DD = 10·le
     weights_cost: tuple[float, float, float] = (0.5, 0.1, 0.4)  # D_γ of (9)
     goal_zoom: float = 0.3
+    way_share: float = 0.2
+    way_steps: float = 8.0  # of le, how far ahead of a node these samples lie at most
     p_tid: float = 0.5
     k_pursuer: int = 3
     num_secondary: int = 10
@@ -90,10 +96,12 @@ class PlannerSettings:
     certain: float = 0.999
     adjust_collision_max: float = 0.5
     threat_level_max: float = 1.0
-    sub_task_iterations: int = 1500
-    stall_iterations: int = 800
+    sub_task_iterations: int = 800
+    stall_iterations: int = 300
     max_iterations: int = 60_000
-    optimise_iterations: int = 400
+    optimise_iterations: int = 80
+    smooth_iterations: int = 200
+    flown_meanwhile_s: float = 0.0
     burst: int = 100
     tree_capacity: int = 6000
 
@@ -133,4 +141,5 @@ class PlannerSettings:
             p_tid=self.p_tid,
             k_pursuer=self.k_pursuer,
             level_max=LEVEL_SHARE * self.threat_level_max if self.threat_level_max < 1.0 else 2.0,
+            straight_in=int(chosen.connect_straight),
         )

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.kernels.threat import membership, success_over_exposures
-from companion.kernels.visibility import is_hidden
+from companion.kernels.along import radar_memberships
+from companion.kernels.threat import success_over_exposures
 from companion.planning.explore import Exploration
 from companion.planning.finish import finished_route
-from companion.planning.optimise import optimised_route
+from companion.planning.optimise import rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.route import (
     Assessment,
@@ -26,6 +26,7 @@ from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
+from companion.world.reachability import grown_trees
 
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
@@ -68,16 +69,17 @@ def solve(
         return Plan(
             PlanStatus.INVALID_START, None, Measures(), problem.seed, method, problem.snapshot.number,
             notes=("the start breaks a constraint or stands in an obstacle",),
+            threat_trees=problem.snapshot.threat_trees,
         )  # fmt: skip
     began = timer()
-    reached, route = _through_goals(exploration, should_stop)
-    searched = timer() - began
+    reached, route, end = _through_goals(exploration, should_stop)
+    searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
+    trace = trace_of(exploration)
     notes = list(exploration.notes)
     if reached:
         route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
     if reached and problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
-        route, kept = optimised_route(exploration, route, should_stop)
-        notes.append(f"{kept} rewirings")
+        route = _optimised(exploration, route, end, should_stop, notes)
     if reached and problem.settings.strategies.use_safety_adjustment:
         route, moved = adjusted_route(exploration, route)
         notes.append(f"{moved} waypoints adjusted")
@@ -86,30 +88,44 @@ def solve(
         flown_route = route_from_path(flown)
         flown_cost = cost_between(exploration, flown_route)
         flown_threat = float(assess_route(exploration, flown_route).levels.max())
-        improved, kept = optimised_route(exploration, flown_route, should_stop)
+        improved, kept = smoothed_route(exploration, flown_route, should_stop)
         is_whole = _ends_at(improved, problem.goals[-1])
         if is_whole and (
             not reached or cost_between(exploration, improved) < cost_between(exploration, route)
         ):
             route, reached = improved, True
-            notes = [f"the flown path, {kept} rewirings"]
+            notes = [f"the flown path, {kept} short cuts"]
     assessment = assess_route(exploration, route)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(route, assessment),
-        measures=measures_of(exploration, route, assessment, searched),
+        measures=measures_of(exploration, route, assessment, searched, num_nodes),
         seed=problem.seed,
         method=method,
         snapshot_number=problem.snapshot.number,
-        trace=trace_of(exploration),
+        trace=trace,
         notes=tuple(notes),
         flown_cost=flown_cost,
         flown_threat=flown_threat,
+        threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
     )
 
 
-def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route]:
-    """Whether all goals were passed in order, and the route there or the one that passed the most.
+def _optimised(
+    exploration: Exploration, found: Route, end: int, should_stop: Callable[[], bool], notes: list[str]
+) -> Route:
+    """RRT* and smoothing; the result is judged anew, with each DT where it can be at each row's time."""
+    best = rrt_star_route(exploration, found, end, should_stop)
+    notes.append(f"RRT*: {best.num_rewired} edges rewired, {best.num_pruned} nodes pruned")
+    candidates = [found] if best.route is found else [found, best.route]
+    route = min(candidates, key=lambda candidate: cost_between(exploration, candidate))
+    route, kept = smoothed_route(exploration, route, should_stop)
+    notes.append(f"{kept} short cuts")
+    return route
+
+
+def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:
+    """Whether all goals were passed in order; the route there or the one that passed the most; its end.
 
     A goal can be reached in a pose from which the next one cannot be; then the search starts afresh.
     """
@@ -123,12 +139,12 @@ def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) ->
                 break
             passed += 1
         if reached:
-            return True, route_from_tree(exploration, node)
+            return True, route_from_tree(exploration, node), node
         if passed > most:
             most, best = passed, route_from_tree(exploration, node)
         if not exploration.is_spent(should_stop):
             exploration.plant()
-    return False, best
+    return False, best, -1
 
 
 def _ends_at(route: Route, goal: GoalRegion) -> bool:
@@ -138,16 +154,18 @@ def _ends_at(route: Route, goal: GoalRegion) -> bool:
 
 
 def measures_of(
-    exploration: Exploration, route: Route, assessment: Assessment, searched_s: float
+    exploration: Exploration, route: Route, assessment: Assessment, searched_s: float, num_nodes: int
 ) -> Measures:
     """The measures of the paper's tables (its 5.3), over the radars known to the planner."""
-    waypoint, secondary = radar_memberships(exploration, route)
+    waypoint, secondary = radar_memberships(
+        route.states[:, :3], NUM_SECONDARY, exploration.problem.snapshot.threats
+    )
     total = waypoint.sum() + secondary.sum()
-    free = np.prod((1.0 - waypoint) ** (1.0 / len(route)))
+    free = np.prod((1.0 - np.minimum(waypoint, 1.0)) ** (1.0 / len(route)))
     return Measures(
         path_search_time_s=searched_s,
         num_collision_checks=int(exploration.stats[0]),
-        num_tree_nodes=int(exploration.tree.count[0]) + exploration.num_nodes,
+        num_tree_nodes=num_nodes,
         path_cost=cost_between(exploration, route),
         quality=float(np.prod(assessment.clear)),
         total_threat_amount=float(total),
@@ -157,31 +175,8 @@ def measures_of(
     )
 
 
-def radar_memberships(exploration: Exploration, route: Route) -> tuple[np.ndarray, np.ndarray]:
-    """Sum of radar membership at every row (N,) and at 10 points between rows (N - 1, 10)."""
-    positions = route.states[:, :3]
-    share = (np.arange(NUM_SECONDARY) + 1.0) / (NUM_SECONDARY + 1.0)
-    between = positions[:-1, None] + share[None, :, None] * np.diff(positions, axis=0)[:, None]
-    flat = np.array([_membership_at(exploration, p) for p in positions])
-    inner = np.array([_membership_at(exploration, p) for p in between.reshape(-1, 3)])
-    return np.minimum(flat, 1.0), inner.reshape(len(route) - 1, NUM_SECONDARY)
-
-
-def _membership_at(exploration: Exploration, position: np.ndarray) -> float:
-    """Sum of (1) over all radars at a point, with masking."""
-    threats, total = exploration.problem.snapshot.threats, 0.0
-    for radar, shadow in zip(threats.radars, threats.shadows, strict=True):
-        away = position - radar[:3]
-        if is_hidden(position[0], position[1], position[2], shadow, threats.grid):
-            continue
-        total += membership(
-            float(np.linalg.norm(away)), float(away[2]), float(np.hypot(away[0], away[1])), radar[3], radar[4]
-        )
-    return total
-
-
 def trace_of(exploration: Exploration) -> SearchTrace:
-    """The trees, reach circles and sub goals, for pictures."""
+    """The trees, reach circles and sub goals as the search left them, for pictures."""
     tree, n = exploration.tree, int(exploration.tree.count[0])
     pursuers = exploration.pursuers
     nodes, parents, offset = [], [], 0

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.layout import Limits, Obstacles, Pursuers, ThreatModel, Threats
-from companion.kernels.sub_goals import FREE, HIGH_RISK, score
+from companion.kernels.layout import Guide, Limits, Obstacles, Pursuers, ThreatModel, Threats
+from companion.kernels.sub_goals import CONSTRAINED, FREE, HIGH_RISK, score
+from companion.kernels.way import way_at
 from companion.planning.settings import PlannerSettings, SubGoalRule
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the way to the goal by
 REPEATED_SHARE = 0.25  # of the horizon: candidates this near to a sub goal used before come last
 
 
@@ -58,9 +60,14 @@ def choose_sub_goal(
     model: ThreatModel,
     limits: Limits,
     settings: PlannerSettings,
+    home: Guide,
     used: list[FloatArray],
 ) -> SubGoal:
     """The cheapest point of the horizon about ``end`` (6,), or the goal where it lies inside.
+
+    Removed besides what :func:`score` removes: points from which the way round obstacles to the goal,
+    ``home``, is longer than from ``end`` by more than ``DETOUR_SHARE`` of the horizon. They lead into
+    dead ends, which the straight line of (6) does not see.
 
     Points near one that was chosen before come last: the formula alone would lead back into a trap.
     Where every point is removed, the least-cost one clear of obstacles is taken and said so.
@@ -83,6 +90,9 @@ def choose_sub_goal(
         points, end, goal, elapsed_s, obstacles, threats, dts, model, limits, np.array(gamma),
         np.array(weights), settings.sub_goal_level_max, costs, reasons,
     )  # fmt: skip
+    ways = np.array([way_at(home, x, y) for x, y, _ in points])
+    limit = way_at(home, end[0], end[1]) + DETOUR_SHARE * radius
+    reasons[(reasons == FREE) & (ways > limit)] = CONSTRAINED
     for point in used:
         costs[np.linalg.norm(points - point, axis=1) < REPEATED_SHARE * radius] += 1e6
     free = reasons == FREE

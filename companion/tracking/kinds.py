@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from companion.types.threat import DynamicThreat
 
+REMEMBERED_MAX = 1_000  # identities; more are forgotten, the oldest first
+
 
 @dataclass(frozen=True, slots=True)
 class Kind:
@@ -86,7 +88,10 @@ class KindRegister:
         if number is None:
             return self._settings.air if is_airborne else self._settings.ground
         self._holders[number] = identity
+        self._remembered.pop(identity, None)
         self._remembered[identity] = number
+        if len(self._remembered) > REMEMBERED_MAX:
+            del self._remembered[next(iter(self._remembered))]
         threat = self._threats[number]
         return Kind(number, threat.speed_m_s, threat.max_threat_radius_m, threat.turn_radius_m)
 

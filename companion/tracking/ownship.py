@@ -24,6 +24,7 @@ from companion.types.state import Ownship
 GRAVITY_M_S2 = 9.80665
 BANK_MAX_RAD = math.radians(75.0)
 TURN_RATE_MIN_RAD_S = 1e-6
+TURN_AIRSPEED_MIN_M_S = 1.0  # slower air flows past no wing: g·tan(bank)/v says nothing there
 
 _HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
 
@@ -174,7 +175,8 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     """Return where a coordinated turn at the present bank, speed and wind leads.
 
     The air-relative velocity turns at ``g·tan(bank)/v`` (v its horizontal part) while the wind
-    carries the circle along; the climb rate stays. Good for a few seconds: no bank lasts longer.
+    carries the circle along; the climb rate stays. Air slower than 1 m/s does not turn. Good for
+    a few seconds: no bank lasts longer.
 
     Parameters
     ----------
@@ -192,7 +194,7 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     air_north = state.ground_speed_m_s * math.cos(state.course_rad) - wind_north
     speed = math.hypot(air_east, air_north)
     bank = min(max(state.bank_rad, -BANK_MAX_RAD), BANK_MAX_RAD)
-    rate = GRAVITY_M_S2 * math.tan(bank) / speed if speed > 0.0 else 0.0
+    rate = GRAVITY_M_S2 * math.tan(bank) / speed if speed > TURN_AIRSPEED_MIN_M_S else 0.0
     heading = math.atan2(air_east, air_north)
     turned = heading + rate * ahead_s
     if abs(rate) < TURN_RATE_MIN_RAD_S:

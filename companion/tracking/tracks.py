@@ -95,7 +95,7 @@ class Tracker:
         self._seed = seed
         self._kinds = KindRegister(dynamic_threats, self._settings.kinds)
         self._tracks: dict[str, Track] = {}
-        self._centre_m = np.zeros(2)
+        self._centre_m = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
 
     def __len__(self) -> int:
@@ -104,7 +104,7 @@ class Tracker:
     def note_ownship(self, east_m: float, north_m: float) -> None:
         """Tell where the aircraft is: with too many vehicles, those near it are followed."""
         if math.isfinite(east_m) and math.isfinite(north_m):
-            self._centre_m = np.array([east_m, north_m])
+            self._centre_m = (east_m, north_m)
 
     def observe(self, report: TrackReport, now_s: float) -> None:
         """Take in a report; what cannot be true is dropped and counted, never raised."""
@@ -175,9 +175,11 @@ class Tracker:
         if len(self._tracks) < self._settings.num_tracks_max:
             return True
 
+        centre_east, centre_north = self._centre_m
+
         def interest(stamp_s: float, horizontal_m: np.ndarray) -> tuple[bool, float]:
             is_stale = now_s - stamp_s > self._settings.stale_after_s
-            return is_stale, float(np.linalg.norm(horizontal_m - self._centre_m))
+            return is_stale, math.hypot(horizontal_m[0] - centre_east, horizontal_m[1] - centre_north)
 
         ranked = [
             (interest(track.observed_s, track.place_m), identity) for identity, track in self._tracks.items()

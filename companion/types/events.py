@@ -93,12 +93,16 @@ class EstimatorAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class MissionCurrent:
-    """MISSION_CURRENT. ``mission_id`` is 0 where the autopilot gives none (ArduPlane)."""
+    """MISSION_CURRENT. ``mission_id`` is 0 where the autopilot gives none (ArduPlane).
+
+    ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not started, 3 active, 4 paused, 5 complete.
+    """
 
     stamp_s: float
     sequence: int
     total: int | None
     mission_id: int
+    state: int = 0
 
 
 @dataclass(frozen=True, slots=True)

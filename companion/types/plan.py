@@ -9,6 +9,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.types.path import Path
+from companion.types.threat import ThreatTree
 
 
 class PlanStatus(Enum):
@@ -81,6 +82,7 @@ class Plan:
 
     ``flown_cost`` and ``flown_threat`` are the cost by (9) and the largest threat level of what is left
     of the path being flown, seen in the same world as the new path, where one was given.
+    ``threat_trees`` are the DTs' trees as grown, for the next plan's snapshot.
     """
 
     status: PlanStatus
@@ -93,6 +95,7 @@ class Plan:
     notes: tuple[str, ...] = ()
     flown_cost: float | None = None
     flown_threat: float | None = None
+    threat_trees: tuple[ThreatTree, ...] = ()
 
     @property
     def reaches_goal(self) -> bool:

@@ -101,3 +101,31 @@ class TrackState:
     turn_radius_m: float
     is_airborne: bool
     observed_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ThreatTree:
+    """The tree of ways that a plan's RS estimator grew for a moving threat, for the next plan to carry on.
+
+    Parameters
+    ----------
+    position_enu_m : ndarray, shape (N, 3)
+        Places; row 0 is the root [m].
+    heading_rad : ndarray, shape (N,)
+        Counter-clockwise from east on arrival [rad].
+    parent : ndarray of int64, shape (N,)
+        Parents come before their children; -1 at the root.
+    time_s : ndarray, shape (N,)
+        TS: earliest arrival, clock reading.
+    """
+
+    identity: str
+    is_airborne: bool
+    position_enu_m: FloatArray
+    heading_rad: FloatArray
+    parent: np.ndarray[tuple[int], np.dtype[np.int64]]
+    time_s: FloatArray
+
+    def __post_init__(self) -> None:
+        for values in (self.position_enu_m, self.heading_rad, self.parent, self.time_s):
+            values.setflags(write=False)

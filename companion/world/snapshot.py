@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.kernels.layout import IntArray, Obstacles, Threats
-from companion.types.threat import Obstacle, Radar, TrackState
+from companion.types.threat import Obstacle, Radar, ThreatTree, TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.threats import known_within, packed_threats
 
@@ -31,6 +31,8 @@ class Snapshot:
         Metres in a planning unit.
     tracks : tuple of TrackState
         Moving threats as tracked.
+    threat_trees : tuple of ThreatTree
+        Their trees as the plan before left them.
     """
 
     number: int
@@ -43,10 +45,15 @@ class Snapshot:
     obstacles: Obstacles
     threats: Threats
     tracks: tuple[TrackState, ...] = ()
+    threat_trees: tuple[ThreatTree, ...] = ()
 
     def with_tracks(self, stamp_s: float, tracks: Sequence[TrackState]) -> Snapshot:
         """The next snapshot, with new tracks."""
         return replace(self, number=self.number + 1, stamp_s=stamp_s, tracks=tuple(tracks))
+
+    def with_threat_trees(self, trees: Sequence[ThreatTree]) -> Snapshot:
+        """The same snapshot, with the trees a plan has grown."""
+        return replace(self, threat_trees=tuple(trees))
 
     def with_known(self, known: IntArray) -> Snapshot:
         """The same snapshot, with the static threats known by now; ``known`` (R,) of 0 and 1."""

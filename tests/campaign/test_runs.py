@@ -83,15 +83,28 @@ def test_no_plan_is_fit_for_json_too():
 def test_the_table_counts_who_reaches_the_goal():
     line = path_along((500.0, 20))
     plans = [plan(path=line), plan(path=line), plan(PlanStatus.APPROXIMATE, path=line)]
-    text = text_of(results_table("m", plans))
+    text = text_of(results_table("m", 2, plans))
     assert "2 of 3 reach the goal" in text
     assert "500" in next(row for row in text.splitlines() if "length" in row)
+    assert next(row for row in text.splitlines() if "FR" in row).split("│")[2].strip() == "0.333"
+    assert "paper" not in text
 
 
-def test_a_table_without_any_success_has_no_rows():
-    table = results_table("m", [plan(PlanStatus.APPROXIMATE)])
+def test_a_table_without_any_success_has_the_failure_rate_alone():
+    table = results_table("m", 2, [plan(PlanStatus.APPROXIMATE)])
     assert "0 of 1" in str(table.title)
-    assert table.row_count == 0
+    assert table.row_count == 1
+
+
+def test_the_paper_stands_beside_what_it_measured():
+    # Its Table 1: NTN = 0.5441·1213 = 660, which is what its Table 2 prints.
+    line = path_along((500.0, 20))
+    text = text_of(results_table("paper-3d", 3, [plan(path=line)]))
+    last = {
+        row.split("│")[1].split(",")[0].strip(): row.split("│")[-2].strip() for row in text.splitlines()[4:-1]
+    }
+    assert (last["FR"], last["NTN"], last["Q"], last["PC"]) == ("0.013", "660", "0.3571", "1565")
+    assert "paper" not in text_of(results_table("first-flight", 2, [plan(path=line)]))
 
 
 def test_what_was_understood_is_fit_for_json_and_a_table():

@@ -1,6 +1,8 @@
 """What is wrong is told in one line, with file, line, key, value and expectation, and by the exit code."""
 
 import logging
+import re
+from pathlib import Path
 
 import pytest
 
@@ -100,10 +102,10 @@ def test_a_link_that_is_none(companion, tmp_path, url):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_px4_is_not_simulated_yet(companion):
-    result = companion("sitl", FIRST_FLIGHT, "--autopilot", "px4", "--headless")
+def test_an_autopilot_that_is_none(companion):
+    result = companion("sitl", FIRST_FLIGHT, "--autopilot", "betaflight", "--headless")
     assert result.code == 2
-    assert "ArduPlane" in result.err
+    assert "px4" in result.err
 
 
 @pytest.mark.parametrize("option", ["--json", "--plot"])
@@ -151,3 +153,14 @@ def test_without_a_simulator_sitl_says_what_to_install(companion, monkeypatch):
         cli.app.registered_commands[:] = before
     assert result.code == 2
     assert "pip install 'safe-rrt-companion[sim]'" in only_line(result)
+
+
+@pytest.mark.parametrize("command", ["plan", "sitl"])
+def test_goals_left_to_an_autopilot_that_is_not_there(companion, tmp_path, command):
+    text = Path(FIRST_FLIGHT).read_text(encoding="utf-8")
+    file = tmp_path / "operator.yaml"
+    file.write_text(re.sub(r"goals:\n(  - .*\n)+", "goals: from_autopilot\n", text), encoding="utf-8")
+    result = companion(command, file)
+    assert result.code == 2
+    assert "goals" in only_line(result)
+    assert companion("check", file).code == 0

@@ -293,9 +293,27 @@ def test_the_comments_of_the_example_show_the_defaults():
         re.sub(r"^( *)# ", r"\1", line) if re.match(r" *# +[a-z0-9_]+: |# (link|authority):", line) else line
         for line in GOOD.splitlines()
     )
-    shown = re.sub(r"^ *behaviour: .*\n|^ *track_sources: .*\n", "", shown, flags=re.MULTILINE)
+    examples = "behaviour|track_sources|systems|signing|key_file|timestamp_file|link_id|allow_unsigned"
+    shown = re.sub(rf"^ *({examples}): .*\n", "", shown, flags=re.MULTILINE)
     config = mission_from_text(shown, "m.yaml")
     assert config.authority.model_fields_set == {"resume", "allow_rtl"}
+    assert config.link.model_fields_set == {"stream_rate_hz", "source_rate_max_hz"}
     assert len(config.vehicle.model_fields_set) == len(type(config.vehicle).model_fields)
     assert len(config.planning.model_fields_set) == len(type(config.planning).model_fields)
     assert config == mission_from_text(GOOD, "m.yaml")
+
+
+def test_goals_may_be_left_to_the_autopilot():
+    text = re.sub(r"goals:\n(  - .*\n)+", "goals: from_autopilot\n", GOOD)
+    config = mission_from_text(text, "m.yaml")
+    assert config.goals_from_autopilot
+    assert config.goals == ()
+    assert not mission_from_text(GOOD, "m.yaml").goals_from_autopilot
+
+
+@pytest.mark.parametrize("goals", ["[]", "from_nowhere", "{}"])
+def test_what_are_no_goals(goals):
+    text = re.sub(r"goals:\n(  - .*\n)+", f"goals: {goals}\n", GOOD)
+    with pytest.raises(ConfigError) as caught:
+        mission_from_text(text, "m.yaml")
+    assert caught.value.key == "goals"

@@ -6,7 +6,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
 from companion.daemon.app import App, stop
+from companion.link.autopilot import AutopilotLink
 from companion.link.transport import MemoryTransport
+from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.sim.client import CONFIGS
 
@@ -28,12 +30,17 @@ def is_changing(message):
 class Deck:
     """A short flight, with the bridge between service and simulator in the test's hands."""
 
-    def __init__(self, mission, seed=1, folder=None):
-        self.flight = Flight(mission, seed, folder)
+    def __init__(self, mission, seed=1, folder=None, dialect=Dialect.ARDUPILOT):
+        self.flight = Flight(mission, seed, folder, dialect)
         self.simulator = self.flight.simulator
         self.recorder = self.flight.recorder
         self.heard = []
         self.is_cut = False
+        self.is_killed = False
+        self.apps = []
+        self.memory = None
+        self.signer = None
+        self.link_kind = AutopilotLink
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
 
@@ -53,26 +60,36 @@ class Deck:
     async def _fly(self, until_s, on_step):
         clock = ManualClock()
         ours, theirs = MemoryTransport.pair()
-        self.flight.app = App(
-            self.flight.mission, ours, clock, self.recorder, seed=self.flight.seed, plans_inline=True
-        )
         theirs.set_receiver(self._receive)
         await theirs.open()
-        running = asyncio.create_task(self.app.run())
+        running = self._started(ours, clock)
         try:
             while self.now_s < until_s:
                 await self.flight._step(clock, theirs, running)
                 on_step(self)
+                if self.is_killed:
+                    self.is_killed = False
+                    await stop(running)
+                    running = self._started(ours, clock)
                 if theirs.is_open is self.is_cut:
                     await (theirs.close() if self.is_cut else theirs.open())
         finally:
             await stop(running)
             self.recorder.close()
 
+    def _started(self, ours, clock):
+        """A service from nothing, as after a restart."""
+        self.flight.app = App(
+            self.flight.mission, ours, clock, self.recorder, seed=self.flight.seed, plans_inline=True,
+            memory=self.memory, signer=self.signer, link_kind=self.link_kind,
+        )  # fmt: skip
+        self.apps.append(self.flight.app)
+        return asyncio.create_task(self.app.run())
+
     def _receive(self, data):
         for message in self._parser.parse_buffer(data) or []:
             self.heard.append((self.now_s, message))
-        self.simulator.receive(data)
+        self.flight.wire.receive(data)
 
     def said(self, kind):
         return [(stamp, message) for stamp, message in self.heard if message.get_type() == kind]
@@ -84,6 +101,9 @@ class Deck:
             for stamp, message in self.heard
             if after_s < stamp < before_s and is_changing(message)
         ]
+
+    def texts(self, kind):
+        return [decision.text for decision in self.recorder.decisions if decision.kind == kind]
 
     def kinds(self):
         return [decision.kind for decision in self.recorder.decisions]

@@ -10,7 +10,7 @@ import shapely
 from companion.config import mission_from_text
 from companion.config.compose import world_of
 from companion.daemon.cycle import Cycle, Flown, Start
-from companion.mission.builder import new_banks
+from companion.mission.layout import new_banks
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
@@ -184,8 +184,8 @@ def test_the_way_along_the_flown_path_only_goes_on():
 
 
 def test_lead_by_hand():
-    """1 s of planning, 2 s of margin, 40 items at 20 ms up and down, and 0.5 s."""
-    assert cycle().lead_s(40) == pytest.approx(1.0 + 2.0 + 1.6 + 0.5)
+    """1 s of planning, 2 s of margin, 40 items at 20 ms down, up and down again, and 0.5 s."""
+    assert cycle().lead_s(40) == pytest.approx(1.0 + 2.0 + 2.4 + 0.5)
 
 
 @pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])
@@ -329,3 +329,16 @@ def test_equal_cycles_plan_alike_and_the_next_plan_is_another():
     assert one.seed == other.seed == 100_004
     assert first.plan(begin[0], world, lambda: False).seed == 100_005
     assert cycle(WALL).judge(one, begin[0]).kind == "first plan"
+
+
+def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_it():
+    # East to an entry 300 m on, which counts as reached 50 m before: from there straight on; in a turn to
+    # a waypoint 400 m beside it; and by no turn to one that lies behind.
+    made = cycle()
+    legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
+    onwards = made._turn_at(legs, np.array([700.0, 0.0, 100.0]))
+    assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
+    turn = made._turn_at(legs, np.array([300.0, 400.0, 100.0]))
+    assert len(turn) > 3
+    assert turn[:, 0].max() > 320.0  # wider than the corner
+    assert made._turn_at(legs, np.array([0.0, 20.0, 100.0])) is None

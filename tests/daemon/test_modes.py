@@ -15,7 +15,11 @@ ROWS = {
     (Mode.STANDBY, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
-    (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
+    (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
+    (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
+    (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
 }
 EVERYTHING = list(itertools.product(Mode, ModeEvent))
@@ -53,5 +57,4 @@ def test_the_docstring_has_the_same_rows():
     """The table a pilot reads is the one that is flown."""
     lines = re.findall(r"^([A-Z]+) {2,}([a-z ]+?) {2,}([A-Z]+)", modes.__doc__, re.MULTILINE)
     pairs = {(Mode[before], ModeEvent(event)): Mode[after] for before, event, after in lines}
-    silent = {pair for pair in ROWS if pair[1] is ModeEvent.AUTOPILOT_SILENT}  # its row says "any"
-    assert pairs == {pair: after for pair, after in ROWS.items() if pair not in silent}
+    assert pairs == ROWS

@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from companion.daemon.record import Recorder
+from companion.daemon.record import TRACK_ROWS_MAX, Recorder
 from companion.errors import RecordError
 from companion.link import tlog
 from companion.types.record import UploadedMission
@@ -135,3 +135,15 @@ def test_a_record_of_nothing_is_empty():
     assert record.flown.shape == (0, 7)
     assert record.threat.shape == (0, 2)
     assert record.dt_paths == record.dt_tracks == record.decisions == ()
+
+
+def test_ten_thousand_vehicles_do_not_fill_the_memory():
+    recorder = Recorder()
+    own = Ownship(1.0, (10.0, 20.0, 30.0), 0.5, 0.1, 25.0, 24.0)
+    for step in range(TRACK_ROWS_MAX):
+        recorder.state(float(step), own, (track("same", float(step)), track(f"{step % 10_000}", 0.0)), 0.0)
+        assert sum(map(len, recorder.tracks.values())) <= TRACK_ROWS_MAX
+    stamps = [row[0] for row in recorder.tracks["same"]]
+    assert stamps == sorted(stamps)
+    assert stamps[0] <= 4.0
+    assert stamps[-1] == TRACK_ROWS_MAX - 1.0

@@ -75,7 +75,7 @@ def test_it_turns_away_for_the_parked_vehicle_and_for_nothing_else(seed, miss_m)
 
 def test_when_it_ends_the_autopilot_holds_a_mission_that_ends_in_a_loiter():
     flight = shipped(NAME, 1)
-    banks, items = flight.app._banks, flight.simulator.autopilot.mission_items
+    banks, items = flight.app.layout, flight.simulator.autopilot.mission_items
     bank = items[banks.first_of(banks.flown_index) :][: banks.size]
     assert bank[-1].command == 17
     assert difference((None, *banks.flown), (None, *bank)) == ""

@@ -40,16 +40,28 @@ def as_path(states, times, n):
 
 
 def test_a_straight_join_by_hand():
-    # 100 m ahead and 10 m up at 25 m/s: 100.5 m of way, so 5 edges of 20 m (level), each
-    # 20/(25·cos φ) s, φ = atan 0.1.
-    status, n, states, times, rates = joined((100.0, 0.0, 210.0, 0.0, 0.0, 25.0))
-    phi = math.atan(0.1)
-    assert (status, n) == (s.JOINED, 6)
-    assert states[1:6, 0] == pytest.approx([20.0, 40.0, 60.0, 80.0, 100.0])
-    assert states[1:6, 2] == pytest.approx([202.0, 204.0, 206.0, 208.0, 210.0])
-    assert np.diff(times[:6]) == pytest.approx(np.full(5, 0.8 / math.cos(phi)))
-    assert states[1:6, 4] == pytest.approx(np.full(5, phi))
-    assert not rates[1:6, 0].any()
+    # 250 m ahead at 25 m/s, not level: ten edges of 25 m could be too long on a slope of up to 10°, so
+    # eleven of 250/11 m (level). Climbing at 0.08 rad, entered in the first edge and left in the last,
+    # which so climb at 0.04 on the mean: 250/11·(2·tan 0.04 + 9·tan 0.08) = 18.22 m.
+    ds = 250.0 / 11.0
+    rise = ds * (2.0 * math.tan(0.04) + 9.0 * math.tan(0.08))
+    status, n, states, times, rates = joined((250.0, 0.0, 200.0 + rise, 0.0, 0.0, 25.0))
+    assert (status, n) == (s.JOINED, 12)
+    assert states[1:12, 0] == pytest.approx(ds * np.arange(1.0, 12.0))
+    assert states[1:11, 4] == pytest.approx(np.full(10, 0.08), abs=1e-4)
+    assert (states[11, 4], states[11, 2]) == (0.0, 200.0 + rise)
+    assert states[2, 2] == pytest.approx(200.0 + ds * (math.tan(0.04) + math.tan(0.08)), abs=0.01)
+    assert times[2] - times[1] == pytest.approx(ds / 25.0 / math.cos(0.08), abs=1e-5)
+    assert rates[1, 1] == pytest.approx(0.08 / (ds / 25.0 / math.cos(0.04)), abs=1e-3)
+    assert not rates[1:12, 0].any()
+
+
+def test_a_climb_angle_is_entered_no_faster_than_the_pitch_rate():
+    # 0.12 rad over 300 m takes two edges in and two out at 0.1 rad/s and about a second each.
+    _, n, states, _, rates = joined((300.0, 0.0, 230.0, 0.0, 0.0, 25.0))
+    assert np.abs(rates[1:n, 1]).max() <= 0.1 + 1e-9
+    assert states[1, 4] == pytest.approx(0.1 * 25.0 * 12.0 / 13.0 / 25.0, rel=0.01)
+    assert states[2, 4] > 0.1 > states[1, 4]
 
 
 @pytest.mark.parametrize(
@@ -57,8 +69,10 @@ def test_a_straight_join_by_hand():
     [
         (100.0, 0.0, 230.0, 0.0, 0.0, 25.0),  # 16.7°
         (100.0, 0.0, 170.0, 0.0, 0.0, 25.0),
-        (100.0, 0.0, 212.0, 0.0, 0.0, 25.0),  # 0.12 rad of climb at once, of 0.1 rad/s
-        (300.0, 0.0, 220.0, 0.0, -0.1, 25.0),  # and 0.17 rad back at the end
+        (100.0, 0.0, 212.0, 0.0, 0.0, 25.0),  # 0.12 rad of climb and back in 4 s, of 0.1 rad/s
+        (50.0, 0.0, 200.0, 0.0, 0.25, 25.0),  # 0.25 rad at the end after 2 s
+        (100.0, 60.0, 200.0, 0.0, 0.0, 25.0),  # a turn to the left and back with nothing between
+        (0.0, 100.0, 200.0, math.pi, 0.0, 25.0),  # right, left, right
         (100.0, 0.0, 200.0, 0.0, 0.0, 26.0),
         (0.5, 0.0, 200.0, 0.0, 0.0, 25.0),
     ],
@@ -80,12 +94,14 @@ def test_a_join_ends_at_the_pose_and_is_sampled_along_a_dubins_path(x, y, rise, 
     assert last[:3] == pytest.approx([x, y, 200.0 + rise], abs=1e-3)
     assert math.remainder(last[3] - theta, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
     length = dubins.distance(0.0, 0.0, 0.0, x, y, theta, 125.0, np.empty(3))
-    way = math.hypot(length, rise)
-    assert times[n - 1] - 10.0 == pytest.approx(way / 25.0, rel=1e-6)
+    steepest = np.abs(states[:n, 4]).max()
+    assert math.hypot(length, rise) * (1.0 - 1e-6) <= 25.0 * (times[n - 1] - 10.0)
+    assert 25.0 * (times[n - 1] - 10.0) <= length / math.cos(steepest) * (1.0 + 1e-6)
     assert np.diff(times[:n]).min() > 0.0
     assert np.diff(times[:n]).max() <= 1.0 + 1e-6
     # No sample turns faster than the smallest radius allows at this climb.
-    assert np.abs(rates[1:n, 0]).max() <= 25.0 * math.cos(last[4]) / 125.0 * (1.0 + 1e-6)
+    climbs = 0.5 * (states[: n - 1, 4] + states[1:n, 4])
+    assert (np.abs(rates[1:n, 0]) <= 25.0 * np.cos(climbs) / 125.0 * (1.0 + 1e-6)).all()
 
 
 @settings(max_examples=150, deadline=None)

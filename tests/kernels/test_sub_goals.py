@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from companion.kernels import sub_goals as sg
 from companion.kernels.geometry import clearance
 from companion.kernels.layout import Threats
+from companion.kernels.way import spread_wave
 from companion.types.threat import Radar
 from companion.vehicle.motion import VehicleModel
 from companion.world.threats import packed_threats
@@ -134,7 +135,18 @@ def test_the_way_round_obstacles_agrees_with_dijkstra():
     world = packed([box("a", 100.0, -250.0, 140.0, 300.0), box("b", -300.0, 120.0, 60.0, 150.0)], BOUNDS)
     n, radius, margin = 33, 400.0, 15.0
     wave = np.empty((n, n))
-    sg.spread_wave(0.0, 0.0, 100.0, radius, margin, world, wave)
+    spread_wave(
+        0.0,
+        0.0,
+        100.0,
+        radius,
+        margin,
+        np.array(BOUNDS),
+        world,
+        np.array([-radius, -radius]),
+        2.0 * radius / (n - 1),
+        wave,
+    )
     cell = 2.0 * radius / (n - 1)
     centre = np.arange(n) * cell - radius
     free = np.array(

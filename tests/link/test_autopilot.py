@@ -354,6 +354,25 @@ def test_set_current_unanswered_is_tried_three_times_by_our_clock(autopilot, rea
     run(body())
 
 
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_set_current_is_not_tried_again_once_the_item_is_passed(autopilot):
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(autopilot=autopilot), clock=clock) as made:
+            made.autopilot.on_command_long = made.autopilot.on_mission_set_current = lambda message: []
+            ahead = [True, False]
+            task = asyncio.create_task(made.link.set_current(1, lambda: ahead.pop(0)))
+            for second in range(1, 9):
+                for _ in range(10):
+                    await asyncio.sleep(0)
+                clock.advance_to(float(second))
+            with pytest.raises(TransferError):
+                await task
+            assert len(made.sent) == 2
+
+    run(body())
+
+
 def test_modes():
     async def body():
         autopilot = FakeAutopilot()

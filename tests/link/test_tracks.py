@@ -6,6 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.codec import Codec
+from companion.link.tracks import ECHO_IDENTITIES_MAX
 from companion.types.events import Emitter, TrackReport
 from tests.link.wire import adsb, heartbeat, packed, position
 
@@ -283,3 +284,13 @@ def test_the_memory_for_echoes_stays_small():
     for number in range(1, 1_200):
         codec.feed(adsb(ICAO_address=number), float(number))
     assert len(codec._tracks._seen_elsewhere_s) <= 1_001
+
+
+def test_the_memory_for_echoes_has_a_limit_in_a_flood():
+    codec = started()
+    for number in range(1, ECHO_IDENTITIES_MAX + 100):
+        codec.feed(adsb(ICAO_address=number), 10.0)
+    assert len(codec._tracks._seen_elsewhere_s) == ECHO_IDENTITIES_MAX
+    newest = ECHO_IDENTITIES_MAX + 99
+    assert reports(codec, adsb(system=1, component=1, ICAO_address=newest), 10.1) == []
+    assert len(reports(codec, adsb(system=1, component=1, ICAO_address=1), 10.1)) == 1  # forgotten

@@ -88,6 +88,6 @@ class ScriptedLink:
         self._call("download")
         return self.alter(self.stored)
 
-    async def set_current(self, sequence):
+    async def set_current(self, sequence, is_ahead=None):
         self._call("set_current")
         self.current = sequence

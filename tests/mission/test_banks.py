@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.mission import builder
-from companion.mission.builder import bank_items, new_banks
+from companion.mission.layout import bank_items, new_banks
 from companion.types.mission import Command
 from sim.mission_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints

@@ -8,14 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.builder import (
-    BANK_ITEMS_MAX,
-    BANK_ITEMS_MIN,
-    bank_items,
-    equivalent_airspeed,
-    new_banks,
-    waypoints_from_path,
-)
+from companion.mission.builder import equivalent_airspeed, waypoints_from_path
+from companion.mission.layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
 from companion.types.mission import Command, Frame
 from tests.mission.made import FRAME, path_along, waypoints
 
@@ -168,6 +162,16 @@ def test_the_loiter_stands_at_its_centre():
     assert (east, north, up) == pytest.approx((125.0, 500.0, 90.0), abs=0.02)
 
 
-@pytest.mark.parametrize(("num", "size"), [(1, BANK_ITEMS_MIN), (20, 32), (200, BANK_ITEMS_MAX)])
+@pytest.mark.parametrize(("num", "size"), [(1, BANK_ITEMS_MIN), (20, 33), (200, BANK_ITEMS_MAX)])
 def test_banks_have_room_for_half_as_much_again(num, size):
     assert new_banks((), num).size == size
+
+
+def test_something_to_be_done_on_a_straight_has_a_waypoint_of_its_own():
+    # 2000 m straight: an entry and the end, 45 and 2000 m along; what is to be done 990 m along is put on
+    # the row nearest to it, 1000 m along, and nothing where a waypoint stands within 40 m.
+    path = path_along((2000.0, 80))
+    plain = waypoints_from_path(path, 25.0)
+    marked = waypoints_from_path(path, 25.0, marked_m=[990.0, 1980.0])
+    assert marked.distances_m.tolist() == [*plain.distances_m[:-1], 1000.0, 2000.0]
+    assert marked.positions_enu_m[-2] == pytest.approx(path.positions_enu_m[40])

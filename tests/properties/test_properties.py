@@ -43,7 +43,7 @@ def test_trees_grown_towards_anything_keep_time_covariance_and_the_straight_rule
             steer(tree.state[parent], tree.turn[parent], tree.straight[parent], *target, limits)
         )
         advance(tree.state[parent], *control, limits.tau, state)
-        child = add_node(tree, parent, state, control, EMPTY, limits, tables(dimension), search)
+        child = add_node(tree, parent, state, control, limits.tau, EMPTY, limits, tables(dimension), search)
         assert tree.parent[child] == parent < child
         assert tree.time[child] == tree.time[parent] + limits.tau
         covariance = tree.cov_error[child] + tree.cov_estimate[child]

@@ -136,8 +136,8 @@ class Client:
             entry.get("seq", sequence),
             entry.get("frame", RELATIVE),
             entry["command"],
-            0,
-            1,
+            entry.get("current", 0),
+            entry.get("autocontinue", 1),
             *(entry.get(name, 0.0) for name in ("p1", "p2", "p3", "p4")),
             round(latitude * 1e7),
             round(longitude * 1e7),
@@ -158,7 +158,7 @@ class Client:
                 self._cursor += 1
                 if message.get_type() == "MISSION_ACK":
                     return int(message.type)
-                if message.get_type() == "MISSION_REQUEST":
+                if message.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
                     if stop_at is not None and message.seq >= stop_at:
                         return None
                     self.send(self.item_message(message.seq, items[message.seq], kind))

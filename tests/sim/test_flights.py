@@ -7,7 +7,6 @@ import math
 import pytest
 from shapely.geometry import LineString, Point
 
-from companion.types.events import Dialect
 from sim.simulator import Simulator
 from tests.sim.client import CONFIGS, WAYPOINT, Client, item, mission_file, plain_mission, route
 
@@ -132,11 +131,6 @@ def test_simulated_time_and_messages_are_the_simulators_own():
     stamp = client.all("SYSTEM_TIME")[-1]
     assert stamp.time_unix_usec // 1000 - stamp.time_boot_ms == 1_767_225_600_000
     assert stamp.time_boot_ms <= 3000
-
-
-def test_px4_is_not_simulated_yet():
-    with pytest.raises(NotImplementedError, match="px4"):
-        Simulator(plain_mission(), seed=1, dialect=Dialect.PX4)
 
 
 def test_the_pilots_switch_knows_its_positions():

@@ -132,6 +132,12 @@ def test_the_wind_carries_the_circle_along():
     assert ahead.course_rad == pytest.approx(start.course_rad)
 
 
+@pytest.mark.parametrize("wind", [0.0, 5e-324, 1e-200, 0.9])
+def test_banked_in_air_that_hardly_moves_it_drifts_straight_on(wind):
+    ahead = predicted(state(1.0, (wind, 0.0), course_rad=0.0, ground_speed_m_s=0.0), 5.0)
+    assert ahead.position_enu_m == pytest.approx((0.0, 0.0, 100.0), abs=1e-12)
+
+
 @given(
     st.floats(-1.5, 1.5),
     st.floats(0.0, 6.28),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.tracking.kinds import Kind, KindSettings
+from companion.tracking.kinds import REMEMBERED_MAX, Kind, KindRegister, KindSettings
 from companion.tracking.track import TrackSettings, chi_square_quantile
 from companion.tracking.tracks import Tracker, TrackerSettings
 from companion.types.events import Emitter
@@ -310,3 +310,12 @@ def test_whatever_is_reported_tracks_stay_finite(rows):
     assert sum(target.counters[key] for key in target.counters if key not in ("aged_out", "evicted")) == len(
         rows
     )
+
+
+def test_former_kinds_are_remembered_up_to_a_number():
+    register = KindRegister((PURSUER, PARKED), KindSettings())
+    for number in range(REMEMBERED_MAX + 1):
+        register.release(register.assigned(str(number), 0.0, 0.0, is_airborne=False))
+    # Near the launcher, but what held the pursuer before gets it again; the first is forgotten.
+    assert register.assigned("1", 1000.0, 0.0, is_airborne=False).number == 0
+    assert register.assigned("0", 1000.0, 0.0, is_airborne=False).number == 1

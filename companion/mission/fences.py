@@ -1,0 +1,150 @@
+"""Fences in the autopilot: where the aircraft must not be, as obstacles.
+
+Exclusion zones are obstacles as they stand; of inclusion zones, which the aircraft must all stay inside,
+it is what lies outside them within the mission's bounds.
+
+References
+----------
+MAVLink common.xml: NAV_FENCE_POLYGON_VERTEX_INCLUSION and _EXCLUSION (parameter 1 is the number of the
+polygon's vertices), NAV_FENCE_CIRCLE_INCLUSION and _EXCLUSION (parameter 1 is the radius).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from companion.frames import FloatArray, LocalFrame
+from companion.types.mission import MissionItem
+from companion.types.threat import Obstacle
+
+RETURN_POINT, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5000, 5001, 5002, 5003, 5004
+CIRCLE_SIDES = 24
+AREA_MIN_M2 = 1.0
+ABOVE_AND_BELOW_M = 1000.0  # of the bounds: a fence has no top
+VERTICES_MAX = 2_000
+
+Bounds = tuple[float, float, float, float, float, float]
+
+
+class FenceError(ValueError):
+    """A fence that cannot be understood; it is said, and what was known before stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fences:
+    """Zones of a fence list, as polygons of east and north [m].
+
+    Parameters
+    ----------
+    exclusions, inclusions : tuple of ndarray, shape (N, 2)
+        Not closed. Circles are polygons: round an exclusion, inside an inclusion.
+    """
+
+    exclusions: tuple[FloatArray, ...] = ()
+    inclusions: tuple[FloatArray, ...] = ()
+
+
+def fences_of(items: Sequence[MissionItem], frame: LocalFrame) -> Fences:
+    """Zones of a fence list as read from the autopilot.
+
+    Raises
+    ------
+    FenceError
+        If a polygon has not the vertices it announces, or encloses nothing.
+    """
+    if len(items) > VERTICES_MAX:
+        raise FenceError(f"{len(items)} items are more than {VERTICES_MAX}")
+    zones: dict[bool, list[FloatArray]] = {True: [], False: []}
+    index = 0
+    while index < len(items):
+        item = items[index]
+        if item.command in (CIRCLE_IN, CIRCLE_OUT):
+            is_inside = item.command == CIRCLE_IN
+            zones[is_inside].append(_circle(item, frame, is_inside=is_inside))
+            index += 1
+        elif item.command in (POLYGON_IN, POLYGON_OUT):
+            count = int(item.parameters[0] or 0.0)
+            corners = items[index : index + max(count, 1)]
+            is_whole = len(corners) == count and all(
+                corner.command == item.command and int(corner.parameters[0] or 0.0) == count
+                for corner in corners
+            )
+            if count < 3 or not is_whole:
+                raise FenceError(f"item {index}: a polygon of {count} vertices is not complete")
+            zones[item.command == POLYGON_IN].append(_polygon(corners, frame, index))
+            index += count
+        elif item.command == RETURN_POINT:
+            index += 1
+        else:
+            raise FenceError(f"item {index}: command {item.command} is no fence")
+    return Fences(tuple(zones[False]), tuple(zones[True]))
+
+
+def _place(item: MissionItem, frame: LocalFrame) -> tuple[float, float]:
+    east, north, _ = frame.local_from_global(
+        item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, frame.altitude_amsl_m
+    )
+    return east, north
+
+
+def _polygon(corners: Sequence[MissionItem], frame: LocalFrame, index: int) -> FloatArray:
+    points = np.array([_place(corner, frame) for corner in corners])
+    shape = shapely.Polygon(points)
+    if not shape.is_valid or shape.area < AREA_MIN_M2:
+        raise FenceError(f"item {index}: a polygon that crosses itself or encloses nothing")
+    return points
+
+
+def _circle(item: MissionItem, frame: LocalFrame, *, is_inside: bool) -> FloatArray:
+    """Polygon about a circle to stay out of, or inside one to stay in."""
+    radius = item.parameters[0] or 0.0
+    if not 0.0 < radius < 1e6:
+        raise FenceError(f"item {item.sequence}: a circle of radius {radius:g} m")
+    reach = radius if is_inside else radius / math.cos(math.pi / CIRCLE_SIDES)
+    angles = np.arange(CIRCLE_SIDES) * 2.0 * math.pi / CIRCLE_SIDES
+    return np.array(_place(item, frame)) + reach * np.column_stack([np.sin(angles), np.cos(angles)])
+
+
+def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
+    """Upright prisms that keep the aircraft out of where it must not be.
+
+    Parameters
+    ----------
+    fences : Fences
+        Of the autopilot.
+    bounds : tuple of float
+        East, north, up of the mission's bounds, each low and high [m].
+    """
+    base, top = bounds[4] - ABOVE_AND_BELOW_M, bounds[5] + ABOVE_AND_BELOW_M
+    excluded = (points for zone in fences.exclusions for points in _simple(shapely.Polygon(zone)))
+    polygons = itertools.chain(excluded, _outside(fences.inclusions, bounds))
+    return tuple(Obstacle(f"fence {n}", points, base, top) for n, points in enumerate(polygons, 1))
+
+
+def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[FloatArray]:
+    """What of the bounds, with a rim, lies outside of any inclusion zone."""
+    if not inclusions:
+        return
+    rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
+    box = shapely.box(bounds[0] - rim, bounds[2] - rim, bounds[1] + rim, bounds[3] + rim)
+    inside = shapely.intersection_all([shapely.Polygon(zone) for zone in inclusions])
+    yield from _simple(box.difference(inside))
+
+
+def _simple(shape: shapely.Geometry) -> Iterator[FloatArray]:
+    """A shape as polygons without holes: itself if it is one, else in triangles."""
+    for part in shapely.get_parts(shape):
+        if part.area < AREA_MIN_M2:
+            continue
+        if not part.interiors:
+            yield np.array(part.exterior.coords)[:-1]
+            continue
+        for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(part)):
+            if triangle.area >= AREA_MIN_M2:
+                yield np.array(triangle.exterior.coords)[:-1]

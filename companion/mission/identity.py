@@ -1,0 +1,51 @@
+"""The name that PX4 gives a mission: a checksum that tells what it stores and flies."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+from companion.types.mission import MissionItem
+
+_POLYNOMIAL = 0xEDB88320
+
+
+def _remainders() -> list[int]:
+    table = []
+    for number in range(256):
+        for _ in range(8):
+            number = (number >> 1) ^ (_POLYNOMIAL if number & 1 else 0)
+        table.append(number)
+    return table
+
+
+_REMAINDERS = _remainders()
+
+
+def mission_id(items: Sequence[MissionItem]) -> int:
+    """CRC-32 over everything that a mission's items say but which of them is current.
+
+    Frame, command, autocontinue, parameters 1 to 4, latitude, longitude and altitude of each item, as
+    they are sent; polynomial EDB88320 (reversed), start and final XOR 0.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        As uploaded; NaN stands for parameters that are not set.
+
+    References
+    ----------
+    PX4 ``mavlink_mission.cpp``, ``crc32_for_mission_item``; MAVLink MISSION_ACK.opaque_id,
+    MISSION_CURRENT.mission_id.
+    """
+    remainder = 0
+    for item in items:
+        one, two, three, four = (math.nan if value is None else value for value in item.parameters)
+        packed = struct.pack(
+            "<BHBffffiif", item.frame, item.command, item.autocontinue, one, two, three, four,
+            item.latitude_e7, item.longitude_e7, item.altitude_m,
+        )  # fmt: skip
+        for byte in packed:
+            remainder = _REMAINDERS[(remainder ^ byte) & 0xFF] ^ (remainder >> 8)
+    return remainder

@@ -1,0 +1,214 @@
+"""What the operator left in the autopilot, and what of it is ours.
+
+The operator's items survive every swap: takeoff and the way to the goal in front of ours, landing and
+everything after the goal behind or beside it. After a restart ours are found again by their shape: a
+waypoint followed by the airspeed, and at the end a loiter, or the airspeed twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from companion.frames import LocalFrame
+from companion.types.events import Dialect
+from companion.types.mission import Command, MissionItem
+
+GOALS = frozenset({16, 17, 18, 19, 31, 82})
+FIRST_WITHOUT_PLACE = 100
+RELATIVE_FRAMES = frozenset({3, 6})
+ABSOLUTE_FRAMES = frozenset({0, 5})
+BANK_ITEMS_LIMITS = (20, 60)
+SAME_PLACE_M = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """The operator's mission.
+
+    Parameters
+    ----------
+    items : tuple of MissionItem
+        Numbered from 0; on ArduPlane item 0 is the home slot.
+    tail : int
+        Index of the first item that is flown after the last goal; the number of items if none is.
+    """
+
+    items: tuple[MissionItem, ...]
+    tail: int
+
+    @property
+    def has_landing(self) -> bool:
+        """Whether it ends in a landing."""
+        return any(item.command == Command.NAV_LAND for item in self.items)
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorGoal:
+    """A waypoint of the operator's, and the DO_ items to carry out on reaching it."""
+
+    position_enu_m: tuple[float, float, float]
+    actions: tuple[MissionItem, ...] = ()
+
+
+def landing_start(items: Sequence[MissionItem]) -> int:
+    """Index at which what ends a mission begins; the number of items if nothing does.
+
+    That is DO_LAND_START, else the approach to the first landing, else a return to launch.
+    """
+    for index, item in enumerate(items):
+        if item.command == Command.DO_LAND_START:
+            return index
+    for index, item in enumerate(items):
+        if item.command == Command.NAV_LAND:
+            # PX4 wants a waypoint or a circle to a height right before it.
+            has_approach = index > 0 and items[index - 1].command in (
+                Command.NAV_WAYPOINT,
+                Command.NAV_LOITER_TO_ALT,
+            )
+            return index - 1 if has_approach else index
+        if item.command == Command.NAV_RETURN_TO_LAUNCH:
+            return index
+    return len(items)
+
+
+def operator_of(
+    items: Sequence[MissionItem],
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    goal: tuple[float, float, float] | None = None,
+) -> Operator:
+    """The operator's mission in a list without ours.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        As read, ours taken out.
+    frame : LocalFrame
+        Of the mission file.
+    home_amsl_m : float or None
+        Height that relative altitudes count from, where it is known.
+    goal : tuple of float, optional
+        East, north [m] of the mission file's last goal, and its acceptance radius: everything behind
+        the operator's own waypoint there follows the goal.
+    """
+    kept = renumbered(items)
+    tail = landing_start(kept)
+    if goal is not None:
+        for item in reversed(kept[1:tail]):
+            place = position_of(item, frame, home_amsl_m)
+            if place is None or item.command not in GOALS:
+                continue
+            if (place[0] - goal[0]) ** 2 + (place[1] - goal[1]) ** 2 <= goal[2] ** 2:
+                tail = min(tail, item.sequence + 1)
+                break
+    return Operator(kept, tail)
+
+
+def position_of(
+    item: MissionItem, frame: LocalFrame, home_amsl_m: float | None
+) -> tuple[float, float, float] | None:
+    """East, north, up of an item [m]; None if it has no place or its height is not known."""
+    if item.command >= FIRST_WITHOUT_PLACE or (item.latitude_e7 == 0 and item.longitude_e7 == 0):
+        return None
+    if item.frame in RELATIVE_FRAMES:
+        if home_amsl_m is None:
+            return None
+        altitude = home_amsl_m + item.altitude_m
+    elif item.frame in ABSOLUTE_FRAMES:
+        altitude = item.altitude_m
+    else:
+        return None  # over terrain
+    return frame.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, altitude)
+
+
+def goals_of_operator(
+    operator: Operator, frame: LocalFrame, home_amsl_m: float | None, *, has_home_slot: bool
+) -> tuple[OperatorGoal, ...]:
+    """The operator's waypoints before the landing as goals, each with the DO_ items behind it.
+
+    Waypoints at one place in a row are one goal; jumps are left out, since a route is flown once.
+    """
+    goals: list[OperatorGoal] = []
+    for item in operator.items[1 if has_home_slot else 0 : operator.tail]:
+        if item.command >= FIRST_WITHOUT_PLACE:
+            if goals and item.command != Command.DO_JUMP:
+                goals[-1] = replace(goals[-1], actions=(*goals[-1].actions, item))
+            continue
+        place = position_of(item, frame, home_amsl_m) if item.command in GOALS else None
+        if place is None:
+            continue
+        if goals and _apart(goals[-1].position_enu_m, place) < SAME_PLACE_M:
+            continue
+        goals.append(OperatorGoal(place))
+    return tuple(goals)
+
+
+def _apart(one: tuple[float, float, float], other: tuple[float, float, float]) -> float:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+
+
+def renumbered(items: Sequence[MissionItem], first: int = 0) -> tuple[MissionItem, ...]:
+    """Items numbered in order, none of them current."""
+    return tuple(replace(item, sequence=first + n, is_current=False) for n, item in enumerate(items))
+
+
+def is_speed_of_ours(item: MissionItem) -> bool:
+    """Whether an item is the airspeed as we set it: by airspeed, throttle unchanged."""
+    return item.command == Command.DO_CHANGE_SPEED and (item.parameters[0], item.parameters[2]) == (0.0, -1.0)
+
+
+def starts_of_ours(items: Sequence[MissionItem]) -> list[int]:
+    """Where a part of ours may begin: a waypoint followed by the airspeed."""
+    return [
+        index
+        for index in range(len(items) - 1)
+        if items[index].command == Command.NAV_WAYPOINT and is_speed_of_ours(items[index + 1])
+    ]
+
+
+def banks_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
+    """Where our first bank begins in an ArduPlane's list, and how long a bank is; None without any."""
+    low, high = BANK_ITEMS_LIMITS
+    for first in starts_of_ours(items):
+        half, odd = divmod(len(items) - first, 2)
+        for candidate in [len(items) - first] if odd else [half, len(items) - first]:
+            ends = range(first + candidate, len(items) + 1, candidate)
+            begins = range(first, len(items), candidate)
+            if (
+                low <= candidate <= high
+                and set(begins) <= set(starts_of_ours(items))
+                and all(items[end - 1].command == Command.NAV_LOITER_UNLIM for end in ends)
+            ):
+                return first, candidate
+    return None
+
+
+def span_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
+    """Where our part of a PX4's list begins and ends; None without one."""
+    for first in starts_of_ours(items):
+        for index in range(first + 2, len(items)):
+            if items[index].command == Command.NAV_LOITER_UNLIM:
+                return first, index + 1
+            if is_speed_of_ours(items[index]) and is_speed_of_ours(items[index - 1]):
+                return first, index + 1
+    return None
+
+
+def without_ours(items: Sequence[MissionItem], dialect: Dialect) -> tuple[MissionItem, ...]:
+    """The operator's items in a list as read."""
+    if dialect is Dialect.ARDUPILOT:
+        banks = banks_in(items)
+        return tuple(items) if banks is None else tuple(items[: banks[0]])
+    span = span_in(items)
+    return tuple(items) if span is None else (*items[: span[0]], *items[span[1] :])
+
+
+def shifted_jumps(items: Sequence[MissionItem], behind: int, by: int) -> tuple[MissionItem, ...]:
+    """Items with their jumps still leading where they led, when items are put in at an index."""
+    return tuple(
+        replace(item, parameters=(target + by, *item.parameters[1:]))
+        if item.command == Command.DO_JUMP and (target := item.parameters[0] or 0.0) >= behind
+        else item
+        for item in items
+    )

@@ -1,0 +1,287 @@
+"""Signatures both ways, against pymavlink's own; times, files and limits."""
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.errors import ConfigError
+from companion.link.codec import Codec, signer_of
+from companion.link.framing import frames_in, raw_frame
+from companion.link.limits import SourceLimits
+from companion.link.signing import Timestamps, read_key
+from tests.link.wire import packed
+
+KEY = bytes(range(32))
+NOW_S = 1_790_000_000.0
+UNITS = 100_000
+NOW = int((NOW_S - 1_420_070_400) * UNITS)
+
+
+def times(path=None, now_s=NOW_S):
+    return Timestamps(path, lambda: now_s)
+
+
+def made(key=KEY, link_id=3, allow=(), timestamps=None):
+    return signer_of(key, link_id, timestamps or times(), allow)
+
+
+def theirs(message, *, key=KEY, time=NOW, link_id=1, system=1, component=1):
+    """A frame signed by pymavlink."""
+    writer = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+    writer.signing.secret_key = key
+    writer.signing.link_id = link_id
+    writer.signing.timestamp = time
+    writer.signing.sign_outgoing = True
+    return bytes(message.pack(writer))
+
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 217, 10, 4, 3)
+REPORT = mavlink.MAVLink_adsb_vehicle_message(1, 2, 3, 1, 4, 5, 6, 7, b"X", 18, 0, 63, 0)
+
+
+# --- the signature itself
+
+
+@pytest.mark.parametrize("message", [HEARTBEAT, REPORT, mavlink.MAVLink_ping_message(0, 0, 0, 0)])
+def test_what_another_implementation_signs_is_believed(message):
+    assert made().accepts(raw_frame(theirs(message)))
+
+
+@pytest.mark.parametrize("message", [HEARTBEAT, REPORT, mavlink.MAVLink_ping_message(0, 0, 0, 0)])
+def test_what_we_sign_another_implementation_believes(message):
+    reader = mavlink.MAVLink(None)
+    reader.signing.secret_key = KEY
+    signed = made().signed(packed(message, component=195))
+    (found,) = reader.parse_buffer(signed)
+    assert found.get_type() == message.get_type()
+    assert reader.signing.goodsig_count == 1
+    assert found.get_signed()
+
+
+def test_several_frames_in_one_piece_are_signed_each_with_a_later_time():
+    data = made().signed(packed(HEARTBEAT) + packed(REPORT) + packed(HEARTBEAT))
+    frames = list(frames_in(data))
+    stamps = [int.from_bytes(raw[-12:-6], "little") for raw in frames]
+    assert len(frames) == 3
+    assert stamps == sorted(set(stamps))
+    assert {raw[-13] for raw in frames} == {3}
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.data())
+def test_any_bit_that_is_turned_is_noticed(data):
+    good = theirs(REPORT)
+    bit = data.draw(st.integers(0, 8 * len(good) - 1))
+    bad = bytearray(good)
+    bad[bit // 8] ^= 1 << (bit % 8)
+    if bad[0] == 0xFD and bad[1] == good[1] and bad[2] == good[2]:
+        assert not made().accepts(raw_frame(bytes(bad)))
+
+
+def test_another_key():
+    signer = made()
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, key=bytes(32))))
+    assert signer.counters["bad_signature"] == 1
+
+
+def test_what_is_unsigned_is_dropped_and_counted_but_for_those_allowed():
+    signer = made(allow=(200,))
+    assert not signer.accepts(raw_frame(packed(HEARTBEAT, system=1)))
+    assert signer.accepts(raw_frame(packed(HEARTBEAT, system=200)))
+    assert (signer.counters["unsigned"], signer.counters["allowed_unsigned"]) == (1, 1)
+
+
+def test_mavlink_1_has_no_room_for_a_signature():
+    old = bytes(HEARTBEAT.pack(mavlink.MAVLink(None, 1, 1), force_mavlink1=True))
+    assert not made().accepts(raw_frame(old))
+    assert made().signed(old) == old
+
+
+# --- times
+
+
+def test_a_frame_sent_again_is_rejected():
+    signer, frame = made(), raw_frame(theirs(HEARTBEAT))
+    assert signer.accepts(frame)
+    assert not signer.accepts(frame)
+    assert signer.counters["replayed"] == 1
+
+
+def test_streams_have_times_of_their_own():
+    signer = made()
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 50)))
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 10, component=2)))
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 10, link_id=2)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 49)))
+
+
+@pytest.mark.parametrize(("lag_s", "accepted"), [(59, True), (61, False)])
+def test_a_new_stream_may_lag_a_minute_behind_the_newest(lag_s, accepted):
+    signer = made()
+    signer.accepts(raw_frame(theirs(HEARTBEAT)))
+    late = theirs(HEARTBEAT, time=NOW - lag_s * UNITS, component=2)
+    assert signer.accepts(raw_frame(late)) is accepted
+    assert signer.counters["too_old"] == (0 if accepted else 1)
+
+
+def test_a_recorded_flight_cannot_be_replayed_after_a_restart(tmp_path):
+    path, frame = tmp_path / "times", raw_frame(theirs(HEARTBEAT))
+    first = times(path)
+    assert made(timestamps=first).accepts(frame)
+    first.close()
+    signer = made(timestamps=times(path, NOW_S - 1e6))  # and the clock was set back
+    assert not signer.accepts(frame)
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 1)))
+
+
+@pytest.mark.parametrize("set_back_s", [0.0, 3600.0, 1e8])
+@pytest.mark.parametrize("is_closed", [True, False])
+def test_our_own_times_never_come_twice_not_even_after_a_crash(tmp_path, set_back_s, is_closed):
+    path = tmp_path / "times"
+    before = times(path)
+    used = [before.next() for _ in range(1000)]
+    if is_closed:
+        before.close()
+    after = times(path, NOW_S - set_back_s)
+    assert after.next() > max(used)
+    assert used == sorted(set(used))
+
+
+def test_times_follow_the_clock_where_it_goes_on():
+    now = [NOW_S]
+    timestamps = Timestamps(None, lambda: now[0])
+    first = timestamps.next()
+    now[0] += 10.0
+    assert timestamps.next() - first == pytest.approx(10 * UNITS, abs=2)
+
+
+def test_the_file_of_times_is_the_owners_alone(tmp_path):
+    path = tmp_path / "times"
+    times(path).next()
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert json.loads(path.read_text())["own"] > NOW
+
+
+def test_a_file_of_times_that_is_none_is_refused(tmp_path):
+    path = tmp_path / "times"
+    path.write_text("{}")
+    with pytest.raises(ConfigError, match="timestamp_file"):
+        times(path)
+
+
+def test_times_that_cannot_be_kept_do_not_silence_the_link(tmp_path):
+    timestamps = times(tmp_path / "no folder" / "times")
+    assert timestamps.next() < timestamps.next()
+
+
+# --- the key
+
+
+@pytest.mark.parametrize("text", [KEY, KEY.hex().encode(), KEY.hex().encode() + b"\n"])
+def test_a_key_of_bytes_or_of_digits(tmp_path, text):
+    path = tmp_path / "key"
+    path.write_bytes(text)
+    path.chmod(0o600)
+    assert read_key(path) == KEY
+
+
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604, 0o666])
+def test_a_key_that_others_may_read_is_refused(tmp_path, mode):
+    path = tmp_path / "key"
+    path.write_bytes(KEY)
+    path.chmod(mode)
+    with pytest.raises(ConfigError, match="0600") as caught:
+        read_key(path)
+    assert f"{mode:04o}" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [b"", b"short", KEY + b"x", b"zz" * 32])
+def test_what_is_no_key(tmp_path, text):
+    path = tmp_path / "key"
+    path.write_bytes(text)
+    path.chmod(0o600)
+    with pytest.raises(ConfigError, match="32 bytes, or 64 hexadecimal digits"):
+        read_key(path)
+
+
+def test_a_key_that_is_not_there(tmp_path):
+    with pytest.raises(ConfigError, match="no such file"):
+        read_key(tmp_path / "key")
+
+
+# --- in the codec
+
+
+def test_the_codec_believes_signed_frames_only_and_signs_its_own():
+    codec = Codec(signer=made())
+    assert codec.feed(packed(HEARTBEAT), 0.0) == []
+    (frame,) = codec.feed(theirs(HEARTBEAT), 0.0)
+    assert frame.events[0].mode == "AUTO"
+    assert codec.counters["unsigned"] == 1
+    reader = mavlink.MAVLink(None)
+    reader.signing.secret_key = KEY
+    (heard,) = reader.parse_buffer(codec.on_the_wire(codec.heartbeat()))
+    assert heard.get_signed()
+
+
+def test_a_signed_frame_is_handed_on_without_its_signature():
+    plain = packed(HEARTBEAT)
+    assert Codec.unsigned(theirs(HEARTBEAT)) == plain
+    assert Codec.unsigned(plain) == plain
+
+
+def test_keys_that_are_sent_are_neither_taken_nor_recorded():
+    setup = mavlink.MAVLink_setup_signing_message(1, 195, list(KEY), 0)
+    for codec, data in ((Codec(), packed(setup)), (Codec(signer=made()), theirs(setup))):
+        assert codec.feed(data, 0.0) == []
+        assert codec.counters["setup_signing"] == 1
+
+
+# --- sources
+
+
+def beat(system, component=1):
+    return packed(mavlink.MAVLink_heartbeat_message(1, 8, 0, 0, 4, 3), system=system, component=component)
+
+
+def test_systems_that_are_not_listed_are_not_listened_to():
+    codec = Codec(limits=SourceLimits(200.0, [1, 42]))
+    assert len(codec.feed(beat(1) + beat(42) + beat(43), 0.0)) == 2
+    assert codec.counters["unlisted_system"] == 1
+
+
+def test_a_source_is_limited_and_the_others_are_not():
+    """10 Hz: 20 in a burst, then 10 a second."""
+    codec = Codec(limits=SourceLimits(10.0))
+    taken = sum(len(codec.feed(beat(42), 0.0)) for _ in range(100))
+    assert taken == 20
+    assert len(codec.feed(beat(43), 0.0)) == 1
+    assert sum(len(codec.feed(beat(42), 2.0)) for _ in range(100)) == 20
+    assert sum(len(codec.feed(beat(42), 2.55)) for _ in range(100)) == 5
+
+
+def test_the_own_autopilot_is_not_limited():
+    codec = Codec(limits=SourceLimits(10.0))
+    own = packed(HEARTBEAT)
+    assert sum(len(codec.feed(own, 0.0)) for _ in range(100)) == 100
+
+
+def test_a_flood_of_sources_does_not_fill_the_memory():
+    limits = SourceLimits(10.0)
+    for number in range(5_000):
+        limits.refusal(number % 256, number // 256, 0.0)
+    assert len(limits._buckets) <= 1_000
+
+
+def test_a_clock_that_goes_back_gives_nothing_away():
+    limits = SourceLimits(10.0)
+    assert [limits.refusal(1, 2, 100.0) for _ in range(21)].count("") == 20
+    assert limits.refusal(1, 2, 0.0) == "rate_limited"
+
+
+def test_the_time_is_in_units_of_10_us_since_2015():
+    """2015-01-01T00:01:00Z: 60 s are 6 000 000 units."""
+    assert Timestamps(None, lambda: 1_420_070_460.0).next() == 6_000_000

@@ -1,0 +1,232 @@
+"""The operator's items: found, kept, and told from ours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.mission.layout import (
+    Banks,
+    Whole,
+    bank_items,
+    held_height,
+    layout_of,
+    marked,
+    new_banks,
+)
+from companion.mission.operator import (
+    banks_in,
+    goals_of_operator,
+    landing_start,
+    operator_of,
+    shifted_jumps,
+    span_in,
+    without_ours,
+)
+from companion.types.events import Dialect
+from companion.types.mission import Command, Frame
+from sim.mission_store import MissionKind, MissionStore, Verdict
+from tests.mission.made import FRAME, item, renumbered, waypoints
+
+HOME_M = 584.0
+CAMERA = 203
+SIZE = 20
+
+
+def at(east, north, command=Command.NAV_WAYPOINT, up=100.0, **changes):
+    latitude, longitude, altitude = FRAME.global_from_local(east, north, up)
+    place = {"latitude_e7": round(latitude * 1e7), "longitude_e7": round(longitude * 1e7)}
+    return item(0, command, **place, **{"altitude_m": altitude, **changes})
+
+
+def bare(command, *parameters):
+    filled = (*parameters, 0.0, 0.0, 0.0, 0.0)[:4]
+    return item(
+        0, command, frame=Frame.MISSION, parameters=filled, latitude_e7=0, longitude_e7=0, altitude_m=0.0
+    )
+
+
+HOME = at(0.0, 0.0, up=0.0)
+TAKEOFF = at(0.0, 0.0, Command.NAV_TAKEOFF)
+ONE, TWO = at(500.0, 0.0), at(900.0, 300.0)
+LAND_START = bare(Command.DO_LAND_START)
+PATTERN, LAND = at(0.0, 900.0, Command.NAV_LOITER_TO_ALT), at(0.0, 0.0, Command.NAV_LAND, up=0.0)
+PHOTO = bare(CAMERA, 1.0)
+OPERATOR = renumbered([HOME, TAKEOFF, ONE, PHOTO, TWO, LAND_START, PATTERN, LAND])
+PATH = waypoints((100.0, 50.0, 100.0), (400.0, 60.0, 100.0), loiter_radius_m=125.0)
+
+
+@pytest.mark.parametrize(
+    ("items", "start"),
+    [
+        ((ONE, TWO), 2),
+        ((TAKEOFF, ONE, LAND_START, PATTERN, LAND), 2),
+        ((TAKEOFF, ONE, LAND), 1),  # the waypoint before a landing is its approach
+        ((TAKEOFF, PATTERN, LAND), 1),
+        ((TAKEOFF, bare(CAMERA), LAND), 2),
+        ((TAKEOFF, ONE, bare(Command.NAV_RETURN_TO_LAUNCH)), 2),
+    ],
+)
+def test_what_ends_a_mission(items, start):
+    assert landing_start(items) == start
+
+
+def test_everything_behind_the_operators_waypoint_at_the_goal_follows_the_goal():
+    operator = operator_of(OPERATOR, FRAME, HOME_M, (510.0, 10.0, 60.0))
+    assert operator.tail == 3
+    assert operator_of(OPERATOR, FRAME, HOME_M, (5000.0, 0.0, 60.0)).tail == 5
+    assert operator_of(OPERATOR, FRAME, HOME_M).has_landing
+
+
+def test_the_operators_waypoints_are_goals_with_what_is_done_there():
+    operator = operator_of(OPERATOR, FRAME, HOME_M)
+    goals = goals_of_operator(operator, FRAME, HOME_M, has_home_slot=True)
+    places = np.array([goal.position_enu_m for goal in goals])
+    np.testing.assert_allclose(places, [[500.0, 0.0, 100.0], [900.0, 300.0, 100.0]], atol=0.02)
+    assert [[entry.command for entry in goal.actions] for goal in goals] == [[CAMERA], []]
+
+
+def test_relative_heights_count_from_home_and_unknown_ones_are_no_goals():
+    relative = replace(ONE, frame=Frame.GLOBAL_RELATIVE_ALT, altitude_m=80.0)
+    operator = operator_of((HOME, relative), FRAME, HOME_M)
+    (goal,) = goals_of_operator(operator, FRAME, HOME_M + 10.0, has_home_slot=True)
+    assert goal.position_enu_m[2] == pytest.approx(90.0, abs=0.05)
+    assert goals_of_operator(operator, FRAME, None, has_home_slot=True) == ()
+    over_terrain = operator_of((HOME, replace(ONE, frame=10)), FRAME, HOME_M)
+    assert goals_of_operator(over_terrain, FRAME, HOME_M, has_home_slot=True) == ()
+
+
+def test_a_waypoint_and_a_loiter_at_one_place_are_one_goal():
+    twice = (HOME, ONE, replace(ONE, command=Command.NAV_LOITER_UNLIM))
+    assert len(goals_of_operator(operator_of(twice, FRAME, HOME_M), FRAME, HOME_M, has_home_slot=True)) == 1
+
+
+# --- ours in the list
+
+
+def bank(number=0, count=2):
+    places = [(100.0 * k, 10.0 * number, 100.0) for k in range(count)]
+    return bank_items(waypoints(*places, loiter_radius_m=125.0), SIZE, FRAME)
+
+
+@pytest.mark.parametrize("num_operator", [0, 1, 7])
+@pytest.mark.parametrize("num_banks", [1, 2])
+def test_banks_are_found_again(num_operator, num_banks):
+    prefix = [HOME, *OPERATOR[1 : 1 + num_operator]]
+    items = renumbered([*prefix, *(entry for n in range(num_banks) for entry in bank(n))])
+    assert banks_in(items) == (len(prefix), SIZE)
+    assert without_ours(items, Dialect.ARDUPILOT) == items[: len(prefix)]
+
+
+def test_an_operators_list_has_no_banks_in_it():
+    slow = bare(Command.DO_CHANGE_SPEED, 0.0, 20.0, -1.0)
+    loiter = at(0.0, 0.0, Command.NAV_LOITER_UNLIM)
+    assert banks_in(OPERATOR) is None
+    assert banks_in(renumbered([HOME, ONE, slow, TWO, loiter])) is None  # too short for a bank
+    assert span_in(OPERATOR) is None
+
+
+@pytest.mark.parametrize(("current", "index"), [(8, 0), (27, 0), (28, 1), (47, 1), (2, 1)])
+def test_after_a_restart_the_bank_being_flown_is_known_and_the_list_does_not_grow(current, index):
+    items = renumbered([*OPERATOR, *bank(0), *bank(1)])
+    operator = operator_of(without_ours(items, Dialect.ARDUPILOT), FRAME, HOME_M)
+    layout = layout_of(items, Dialect.ARDUPILOT, operator, current, 0)
+    assert isinstance(layout, Banks)
+    assert (len(layout.prefix), layout.size, layout.flown_index) == (8, SIZE, index)
+    mission, _ = layout.with_new(bank(5), 1)
+    assert len(mission.items) == len(items)
+    first = 8 + SIZE * index
+    kept = [(e.command, e.latitude_e7, e.longitude_e7) for e in mission.items[first : first + SIZE]]
+    assert kept == [(e.command, e.latitude_e7, e.longitude_e7) for e in items[first : first + SIZE]]
+
+
+def test_sending_a_list_again_and_again_does_not_let_it_sink():
+    """A store that cuts to centimetres in single precision, 50 times over."""
+    store = MissionStore(HOME)
+    heights = [80.12, 80.13, 684.01, 100.37, -3.07]
+    items = renumbered([HOME, *(at(10.0 * n, 0.0, altitude_m=height) for n, height in enumerate(heights))])
+
+    def sent(entries):
+        store.truncate(MissionKind.MISSION, len(entries))
+        assert {store.put(MissionKind.MISSION, entry) for entry in entries} == {Verdict.ACCEPTED}
+        return tuple(store.mission)
+
+    first = read = sent(items)
+    for _ in range(50):
+        read = sent(held_height(read))
+    assert [entry.altitude_m for entry in read] == [entry.altitude_m for entry in first]
+
+
+def test_the_same_list_sent_as_it_was_read_does_sink():
+    """What the test above would notice."""
+    store = MissionStore(HOME)
+    sunk = set()
+    for cm in range(8000, 8100):
+        store.truncate(MissionKind.MISSION, 0)
+        store.put(MissionKind.MISSION, HOME)
+        height = cm / 100.0
+        for _ in range(3):
+            store.truncate(MissionKind.MISSION, 1)
+            store.put(MissionKind.MISSION, replace(ONE, sequence=1, altitude_m=height))
+            height = store.mission[1].altitude_m
+        if round(height * 100) != cm:
+            sunk.add(cm)
+    assert sunk
+
+
+def whole(tail=True):
+    kept = OPERATOR[1:] if tail else OPERATOR[1:5]
+    operator = operator_of(kept, FRAME, HOME_M)
+    return layout_of(kept, Dialect.PX4, operator, 0, 0)
+
+
+def test_on_px4_ours_stand_between_the_operators_way_and_landing():
+    layout = whole()
+    assert isinstance(layout, Whole)
+    mission, after = layout.with_new(layout.items_for(PATH, FRAME), 3)
+    commands = [entry.command for entry in mission.items]
+    assert commands == [22, 16, CAMERA, 16, 16, 178, 16, 17, 189, 31, 21]
+    assert (mission.entry, after.flown_span) == (4, (4, 8))
+    assert [entry.sequence for entry in mission.items] == list(range(11))
+    again, _ = after.with_new(after.items_for(PATH, FRAME), 4)
+    assert again.items == mission.items  # the list does not grow
+    assert [entry.sequence for entry in marked(mission, 6) if entry.is_current] == [6]
+
+
+def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
+    layout = whole()
+    mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=True), FRAME), 3)
+    assert [entry.command for entry in mission.items][4:] == [16, 178, 16, 178, 178, 189, 31, 21]
+    alone = whole(tail=False)
+    ours = alone.items_for(replace(PATH, goes_on=True), FRAME)
+    assert ours[-1].command == Command.NAV_LOITER_UNLIM
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_on_px4_ours_are_found_again(goes_on):
+    layout = whole()
+    mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=goes_on), FRAME), 3)
+    assert span_in(mission.items) == (4, 4 + (5 if goes_on else 4))
+    kept = without_ours(mission.items, Dialect.PX4)
+    assert [entry.command for entry in kept] == [entry.command for entry in OPERATOR[1:]]
+
+
+def test_on_ardupilot_a_mission_that_reaches_the_goal_jumps_to_what_follows_it():
+    banks = new_banks(OPERATOR, 2, tail=5)
+    ours = banks.items_for(replace(PATH, goes_on=True), FRAME)
+    assert [entry.command for entry in ours[:5]] == [16, 178, 16, Command.DO_JUMP, 17]
+    assert ours[3].parameters[:2] == (5.0, -1.0)
+    assert len(ours) == banks.size
+    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(replace(PATH, goes_on=True), FRAME)
+    assert Command.DO_JUMP not in {entry.command for entry in without}
+
+
+def test_jumps_still_lead_where_they_led():
+    jumps = (bare(Command.DO_JUMP, 2.0, 3.0), bare(Command.DO_JUMP, 5.0, 3.0))
+    assert [entry.parameters[0] for entry in shifted_jumps(jumps, 4, 10)] == [2.0, 15.0]
+
+
+def test_actions_are_carried_out_at_their_waypoint():
+    ours = bank_items(replace(PATH, actions=((0, (PHOTO,)), (1, (PHOTO, PHOTO)))), SIZE, FRAME)
+    assert [entry.command for entry in ours[:7]] == [16, 178, CAMERA, 16, CAMERA, CAMERA, 17]
+    assert len(ours) == SIZE

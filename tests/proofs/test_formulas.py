@@ -1,0 +1,77 @@
+"""The table of formulas is true, and (8) is what it says."""
+
+import ast
+import importlib
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from scipy.special import gammainc
+
+from companion.kernels.uncertainty import collision_free
+from companion.planning.solver import solve
+from tests.support.paths import box
+from tests.support.worlds import problem
+
+TABLE = Path("docs/formulas.md").read_text(encoding="utf-8")
+ROWS = [line for line in TABLE.splitlines() if line.startswith("|") and "`" in line]
+PLACES = sorted(set(re.findall(r"`(companion[\w.]*):(\w+)`", TABLE)))
+TESTS = sorted(set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", TABLE)))
+
+
+@pytest.mark.parametrize(("module", "name"), PLACES)
+def test_every_place_named_exists(module, name):
+    assert hasattr(importlib.import_module(module), name)
+
+
+@pytest.mark.parametrize(("file", "name"), TESTS)
+def test_every_test_named_exists(file, name):
+    functions = {
+        node.name for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    }  # fmt: skip
+    assert name in functions
+
+
+def test_every_row_names_a_place_and_a_test_and_every_formula_has_one():
+    assert len(ROWS) > 40
+    for row in ROWS:
+        what, where, proof = (cell.strip() for cell in row.strip("|").split("|"))
+        assert what
+        assert re.fullmatch(r"`companion[\w.]*:\w+`(, `companion[\w.]*:\w+`)*", where)
+        assert re.fullmatch(r"`tests/[\w/]+\.py::\w+`(, `tests/[\w/]+\.py::\w+`)*", proof)
+    for number in range(1, 10):
+        assert any(row.startswith(f"| ({number}) ") for row in ROWS)
+
+
+def test_quality_by_hand():
+    # Three waypoints of the plane, 2, 3 and 4 deviations from the nearest obstacle. In the plane
+    # P(1, c²/2) = 1 − exp(−c²/2): 0.864665, 0.988891, 0.999665; their product is 0.854773.
+    free = [collision_free(10.0 * c, 10.0, 2) for c in (2.0, 3.0, 4.0)]
+    assert free == pytest.approx([0.864665, 0.988891, 0.999665], abs=5e-7)
+    assert math.prod(free) == pytest.approx(0.854773, abs=1e-6)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_quality_of_a_plan_is_the_product_over_its_waypoints(dimension):
+    walls = (box("wall", 0.0, 700.0, 900.0, 740.0), box("post", 1150.0, 600.0, 1200.0, 900.0))
+    plan = solve(problem(walls, dimension=dimension, seed=2, clearance_min_m=4.0))
+    assert plan.reaches_goal
+    quality = 1.0
+    for position, covariance in zip(
+        plan.path.positions_enu_m, plan.path.position_covariances_m2, strict=True
+    ):
+        away = min(
+            math.hypot(
+                shapely.Polygon(wall.polygon_enu_m).distance(shapely.Point(position[:2])),
+                max(wall.base_m - position[2], 0.0, position[2] - wall.top_m),
+            )
+            for wall in walls
+        )
+        deviation = math.sqrt(np.linalg.eigvalsh(covariance[:dimension, :dimension])[-1])
+        quality *= gammainc(dimension / 2.0, 0.5 * (away / deviation) ** 2)
+    assert quality < 1.0
+    assert plan.measures.quality == pytest.approx(quality, rel=1e-9)

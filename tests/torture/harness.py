@@ -1,0 +1,262 @@
+"""Flights under faults, and the judge: what the autopilot holds, flown from where the aircraft is.
+
+The judge knows nothing of the service. At every step it takes the point the autopilot steers for, which
+may be a copy of an item that is stored no more, and the items that would be flown after it, and lets
+``companion.assurance.checker`` say whether that way is clear, inside the bounds, and ends in a loiter.
+"""
+
+import asyncio
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from companion.assurance.checker import Checker
+from companion.clock import ManualClock
+from companion.config import mission_from_text
+from companion.config.compose import check_limits_of
+from companion.daemon.app import stop
+from companion.daemon.memory import Memory
+from companion.daemon.modes import Mode
+from companion.errors import RecordError
+from companion.link.transport import MemoryTransport
+from companion.types.events import Dialect
+from companion.types.mission import Command
+from sim.faults import FaultyLink, Happening, LinkFaults, OtherUploader, Schedule, random_schedule
+from tests.daemon.deck import Deck
+from tests.sim.client import PLAIN
+from tests.support.timed_link import TimedLink
+
+DURATION_S = 45.0
+MARGIN_M = 2.0
+JUDGED_RULES = frozenset({"clearance", "bounds", "ending", "finite"})
+LOITERS = frozenset({17, 18, 19, 31})
+CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
+BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
+# Short horizons, so that missions are replaced often; gates that no straight line passes.
+WORLD = (
+    PLAIN.replace("time_horizon_s: 15", "time_horizon_s: 8, swap_gain: 0.0, max_iterations: 8000").replace(
+        "bounds: {east_m: [-6000, 6000], north_m: [-6000, 6000]",
+        "bounds: {east_m: [-600, 2600], north_m: [-900, 1400]",
+    )
+    + "simulation: {wind_speed_m_s: 3, wind_from_deg: 240, turbulence: light}\n"
+    + "obstacles:\n"
+    + BLOCK.format("south", 600, -700, 660, 60)
+    + BLOCK.format("north", 1150, 420, 1210, 1300)
+)
+MISSION = mission_from_text(WORLD, "torture.yaml")
+MISSION_MODE = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
+
+
+@dataclass
+class Verdict:
+    """What the judge saw of a flight."""
+
+    violations: list = field(default_factory=list)
+    num_judged: int = 0
+    num_swaps: int = 0
+    num_plans: int = 0
+    mode: str = ""
+    collision: bool = False
+    rejected: int = 0
+    arrived: bool = False
+
+
+class Judge:
+    """Watches one simulator."""
+
+    def __init__(self, simulator, dialect):
+        self._autopilot = simulator.autopilot
+        self._dialect = dialect
+        limits = check_limits_of(MISSION)
+        # The aircraft itself is somewhere on its way, in the middle of a turn perhaps, blown aside.
+        self._checker = Checker(
+            MISSION.obstacle_list, replace(limits, margin_m=0.0, altitude_tolerance_m=40.0)
+        )
+        self._seen = None
+        self._next_s = 0.0
+        self.is_ours = False
+
+    def look(self, now_s, verdict):
+        autopilot = self._autopilot
+        if autopilot.mode != MISSION_MODE[self._dialect]:
+            verdict.violations.append((now_s, f"mode {autopilot.mode}"))
+            return
+        now = (autopilot.mission_revision, autopilot.current_sequence, autopilot.telemetry.target)
+        if now == self._seen and now_s < self._next_s:
+            return
+        self._seen, self._next_s = now, now_s + 0.5
+        verdict.num_judged += 1
+        legs, radius, centre, ends = self._way()
+        wrong = self._checker.check_legs(
+            legs, ends_in_loiter=ends, loiter_radius_m=radius, loiter_centre_enu_m=centre
+        )
+        bad = [entry for entry in wrong if entry.rule in JUDGED_RULES]
+        if bad:
+            verdict.violations.append((now_s, str(bad[0]), autopilot.current_sequence))
+
+    def _way(self):
+        """Places flown from here on, and the loiter at the end; landings are the operator's."""
+        autopilot, items = self._autopilot, self._autopilot.mission_items
+        estimate = autopilot.flight.estimate
+        places = [(estimate.east_m, estimate.north_m, estimate.up_m), autopilot.telemetry.target]
+        current = autopilot.current_sequence
+        steering = autopilot.flight.steering
+        if hasattr(steering, "radius_m"):
+            return np.array(places), self._radius(steering.radius_m), np.array(places[-1]), True
+        for item in items[current + 1 :]:
+            if item.command == Command.NAV_WAYPOINT:
+                places.append(autopilot._position(item))
+            elif item.command in LOITERS:
+                centre = np.array(autopilot._position(item))
+                return np.array(places), self._radius(abs(item.parameters[2] or 0.0)), centre, True
+            elif item.command in (Command.DO_LAND_START, Command.NAV_LAND, Command.DO_JUMP):
+                return np.array(places), 125.0, np.array(places[-1]), True
+        return np.array(places), 125.0, np.array(places[-1]), False
+
+    @staticmethod
+    def _radius(radius_m):
+        return radius_m or 125.0
+
+
+class TortureDeck(Deck):
+    """A deck over a faulty link, with transfers on simulated time."""
+
+    def __init__(self, dialect, seed, schedule, folder=None):
+        super().__init__(MISSION, seed=seed, dialect=dialect)
+        self.dialect = dialect
+        self.schedule = schedule
+        self.link_kind = TimedLink
+        self.link = FaultyLink(self.simulator, LinkFaults(), seed=seed, schedule=schedule)
+        self.flight.wire = self.link
+        self.flight.turn_timeout_s = 0.05
+        self.memory = Memory(None if folder is None else folder / "flight")
+        self.verdict = Verdict()
+        self.judge = Judge(self.simulator, dialect)
+        self._pending = list(schedule.events)
+        self._uploaders = []
+        self._jump_s = 0.0
+
+    def act(self, _deck):
+        """Let happen what is due, then judge."""
+        while self._pending and self._pending[0].begin_s <= self.now_s:
+            self._happen(self._pending.pop(0))
+        for uploader in self._uploaders:
+            uploader.step()
+        if all(uploader.verdict is not None for uploader in self._uploaders):
+            self.judge.look(self.now_s, self.verdict)
+
+    def _happen(self, event):
+        kind = event.happening
+        if kind is Happening.REBOOT:
+            self.simulator.reboot()
+        elif kind is Happening.UPLOADER:
+            self._uploaders.append(OtherUploader(self.simulator, self.simulator.autopilot.mission_items))
+        elif kind is Happening.KILL:
+            self.is_killed = True
+        elif kind is Happening.CLOCK_JUMP:
+            self._jump_s += event.amount
+        elif kind is Happening.DISK_FULL:
+            self.recorder._tlog = FullDisk()
+
+    def jumped(self, clock):
+        """A clock that runs ahead by what has been jumped."""
+        advance = clock.advance_to
+        clock.advance_to = lambda now_s: advance(now_s + self._jump_s)
+        return clock
+
+
+class FullDisk:
+    """A tlog on a disk without room."""
+
+    def write(self, _time_s, _raw):
+        raise RecordError("no space left on device")
+
+    def close(self):
+        raise RecordError("no space left on device")
+
+
+async def flown(deck, duration_s=DURATION_S):
+    """Fly a deck to an instant, or to the goal."""
+    clock = deck.jumped(ManualClock())
+    ours, theirs = MemoryTransport.pair()
+    theirs.set_receiver(deck._receive)
+    await theirs.open()
+    running = deck._started(ours, clock)
+    try:
+        while deck.now_s < duration_s:
+            await deck.flight._step(clock, theirs, running)
+            deck.act(deck)
+            if deck.app.mode is Mode.ARRIVED or deck.simulator.truth.collision:
+                break
+            if deck.is_killed:
+                deck.is_killed = False
+                running.cancel()
+                await asyncio.gather(running, return_exceptions=True)
+                running = deck._started(ours, clock)
+    finally:
+        await stop(running)
+        deck.recorder.close()
+    verdict = deck.verdict
+    verdict.num_swaps = deck.app.num_swaps
+    verdict.num_plans = len(deck.recorder.plan_ms)
+    verdict.mode = deck.app.mode.name
+    verdict.collision = deck.simulator.truth.collision
+    verdict.rejected = deck.recorder.num_rejected
+    verdict.arrived = deck.app.mode is Mode.ARRIVED
+    return verdict
+
+
+def fly(dialect, seed, schedule, watch=None, duration_s=DURATION_S):
+    """One flight under a schedule; ``watch`` sees, and may stop, each frame."""
+    deck = TortureDeck(dialect, seed, schedule)
+    if watch is not None:
+        deck.link.watch = watch(deck)
+    return asyncio.run(flown(deck, duration_s)), deck
+
+
+# A PX4 that reboots holds, and an ArduPlane is bereft of its mission by whoever uploads another: both
+# have tests of their own, and no service can help either.
+KINDS = {
+    Dialect.ARDUPILOT: tuple(kind for kind in Happening if kind is not Happening.UPLOADER),
+    Dialect.PX4: tuple(kind for kind in Happening if kind is not Happening.REBOOT),
+}
+
+
+def random_flight(dialect, seed):
+    """A flight under a random schedule."""
+    return fly(dialect, seed, random_schedule(seed, DURATION_S, KINDS[dialect]))
+
+
+TRANSFER = frozenset({38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
+COMMANDS = frozenset({76, 77})
+SET_CURRENT = 224
+
+
+def broken_after(number, silent_s):
+    """Watcher that cuts the link, both ways, after so many messages of the exchange with missions."""
+
+    def made(deck):
+        state = {"count": 0, "until": None}
+        deck.exchange = state
+
+        def watch(frame, _is_from_client):
+            now = deck.now_s
+            if state["until"] is not None and now < state["until"]:
+                return False
+            message_id = int.from_bytes(frame[7:10], "little")
+            is_command = message_id in COMMANDS and SET_CURRENT.to_bytes(2, "little") in frame[10:42]
+            if message_id in TRANSFER or is_command:
+                state["count"] += 1
+                if state["count"] == number:
+                    state["until"] = now + silent_s
+            return True
+
+        return watch
+
+    return made
+
+
+def num_messages(dialect, duration_s=DURATION_S):
+    """Messages of the exchange in a flight without faults."""
+    _, deck = fly(dialect, 1, Schedule(), broken_after(-1, 0.0), duration_s)
+    return deck.exchange["count"]

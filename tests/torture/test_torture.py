@@ -1,0 +1,148 @@
+"""A small share of ``make torture``: exchanges broken off, random schedules, and that the judge can see."""
+
+import pytest
+
+from companion.types.events import Dialect
+from sim.faults import Event, Happening, LinkFaults, Schedule, random_schedule
+from sim.mission_store import MissionKind
+from sim.px4_store import stored
+from tests.torture.harness import TortureDeck, broken_after, flown, fly, num_messages, random_flight
+
+BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
+# Within the first mission's upload, its reading back and entry, and within the next one's.
+BREAKS = {
+    Dialect.ARDUPILOT: (8, 30, 60, 100, 111, 150, 185, 215, 260, 330),
+    Dialect.PX4: (8, 14, 20, 30, 40, 44, 60, 80),
+}
+
+
+@BOTH
+def test_undisturbed_missions_are_swapped_and_nothing_is_violated(dialect):
+    verdict, _ = fly(dialect, 1, Schedule())
+    assert verdict.num_swaps >= 2
+    assert verdict.num_judged > 50
+    assert verdict.violations == []
+
+
+@pytest.mark.parametrize(
+    ("dialect", "number"), [(dialect, number) for dialect, numbers in BREAKS.items() for number in numbers]
+)
+def test_an_exchange_broken_off_leaves_a_mission_that_passes(dialect, number):
+    verdict, deck = fly(dialect, 1, Schedule(), broken_after(number, 8.0), 34.0)
+    assert deck.exchange["count"] >= number
+    assert verdict.violations == []
+    assert not verdict.collision
+    assert verdict.num_swaps >= 1
+
+
+@BOTH
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_random_schedules(dialect, seed):
+    verdict, _ = random_flight(dialect, seed)
+    assert verdict.violations == []
+    assert not verdict.collision
+
+
+def test_the_positions_broken_at_lie_in_the_exchange():
+    for dialect, numbers in BREAKS.items():
+        assert max(numbers) < num_messages(dialect, 34.0)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        LinkFaults(loss=0.5),
+        LinkFaults(delay_s=2.0),
+        LinkFaults(jitter_s=1.0),
+        LinkFaults(duplication=0.5),
+        LinkFaults(corruption=0.3),
+        *(LinkFaults(mission_nack=number) for number in (1, 4, 13, 14, 15)),
+        *(LinkFaults(command_nack=number) for number in (1, 2, 3, 4)),
+    ],
+    ids=str,
+)
+@BOTH
+def test_one_fault_all_along(dialect, faults):
+    verdict, _ = fly(dialect, 1, Schedule(((5.0, 40.0, faults),)), duration_s=30.0)
+    assert verdict.violations == []
+    assert not verdict.collision
+
+
+@pytest.mark.parametrize("happening", [kind for kind in Happening if kind is not Happening.UPLOADER])
+def test_one_happening(happening):
+    event = Event(12.0, 18.0, happening, 3.0)
+    verdict, _ = fly(Dialect.ARDUPILOT, 1, Schedule((), (event,)), duration_s=35.0)
+    assert verdict.violations == []
+    assert verdict.num_swaps >= 2
+
+
+def test_schedules_repeat_and_differ():
+    assert random_schedule(5, 60.0) == random_schedule(5, 60.0)
+    assert len({random_schedule(seed, 60.0) for seed in range(20)}) == 20
+    kinds = {event.happening for seed in range(200) for event in random_schedule(seed, 60.0).events}
+    assert kinds == set(Happening)
+
+
+# --- the judge is no yes-man
+
+
+def spoiled(dialect, spoil):
+    """A flight in which somebody spoils the mission at 5 s."""
+    import asyncio
+
+    deck = TortureDeck(dialect, 1, Schedule())
+    act, done = deck.act, []
+
+    def spoiling(inner):
+        if deck.now_s > 5.0 and not done:
+            done.append(deck.now_s)
+            spoil(deck.simulator.autopilot)
+        act(inner)
+
+    deck.act = spoiling
+    return asyncio.run(flown(deck, 8.0))
+
+
+def through_the_wall(autopilot):
+    """Move what lies ahead behind the wall."""
+    from dataclasses import replace
+
+    latitude, longitude = autopilot.projection.degrees(630.0, -300.0)
+    wrong = {"latitude_e7": round(latitude * 1e7), "longitude_e7": round(longitude * 1e7)}
+    current = autopilot.current_sequence
+    items = [
+        replace(item, **wrong) if item.sequence > current and item.command == 16 else item
+        for item in autopilot.mission_items
+    ]
+    if hasattr(autopilot, "store"):
+        autopilot.store.mission[:] = items
+        autopilot.store.revision += 1
+    else:
+        autopilot.switch(MissionKind.MISSION, stored(items), current)
+
+
+def cut_short(autopilot):
+    """Take away what follows the next waypoint."""
+    keep = autopilot.current_sequence + 1
+    if hasattr(autopilot, "store"):
+        autopilot.store.truncate(MissionKind.MISSION, keep)
+    else:
+        autopilot._lists[MissionKind.MISSION] = stored(autopilot.mission_items[:keep])
+        autopilot._revision += 1
+
+
+@BOTH
+def test_the_judge_sees_a_way_through_a_wall(dialect):
+    verdict = spoiled(dialect, through_the_wall)
+    assert any("clearance" in violation[1] for violation in verdict.violations)
+
+
+@BOTH
+def test_the_judge_sees_a_mission_that_does_not_end_in_a_loiter(dialect):
+    verdict = spoiled(dialect, cut_short)
+    assert any("ending" in violation[1] for violation in verdict.violations)
+
+
+def test_the_judge_sees_a_mode_that_changed_by_itself():
+    verdict = spoiled(Dialect.ARDUPILOT, lambda autopilot: autopilot.set_mode("RTL"))
+    assert any("mode RTL" in violation[1] for violation in verdict.violations)
