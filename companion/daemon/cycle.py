@@ -31,7 +31,6 @@ from companion.types.state import Ownship
 from companion.types.threat import Obstacle, ThreatTree
 from companion.world.snapshot import Snapshot
 
-ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms, up and down
 OFF_TRACK_MAX_M = 80.0
 LAST_LEG_S = 10.0
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
@@ -153,10 +152,10 @@ class Cycle:
             self.flown = replace(self.flown, row=row)
         return bool(self.goals) and self.next_goal == len(self.goals)
 
-    def lead_s(self, num_items: int) -> float:
-        """How long until a plan begun now is flown: planning, reading, upload, reading back, margin."""
+    def lead_s(self, exchange_s: float) -> float:
+        """How long until a plan begun now is flown: planning, the exchange with the autopilot, margin."""
         planning = self._mission.planning
-        return float(planning.planning_budget_s + planning.swap_margin_s) + 3.0 * ITEM_S * num_items + 0.5
+        return float(planning.planning_budget_s + planning.swap_margin_s) + exchange_s
 
     @property
     def flies_to_goal(self) -> bool:

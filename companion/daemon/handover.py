@@ -7,6 +7,7 @@ it may act at all.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -19,7 +20,7 @@ from companion.errors import CompanionError
 from companion.link.autopilot import AutopilotLink
 from companion.mission.builder import Waypoints, sequence_of_waypoint
 from companion.mission.identity import mission_id
-from companion.mission.layout import BANK_EXTRAS, BANK_ITEMS_MAX, Layout, Whole, layout_of
+from companion.mission.layout import BANK_EXTRAS, BANK_ITEMS_MAX, Banks, Layout, Whole, layout_of
 from companion.mission.operator import (
     Operator,
     banks_in,
@@ -41,7 +42,12 @@ OUTSIDE_S = 1.5  # at another item for so long, it is no report from before a sw
 UNDER_WAY_S = 4.0  # a command may still take effect, and a report from before still arrive, for so long
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
 RECEIVED = "Flight plan received"  # what ArduPlane tells everybody when an upload has ended
-UPLOAD_ITEM_S = 0.02  # of a whole list while the aircraft flies on
+ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms (measured), and answers questions as fast
+TRANSFERS = 3.0  # of items in a swap on ArduPlane: reading, writing, reading back
+EXCHANGE_EXTRA_S = 0.5
+EXCHANGE_MAX_S = 12.0  # believed at most: what is further ahead is flown by then
+EXCHANGES_KEPT = 3
+MARGIN_OF_EXCHANGES = 1.3
 
 
 class Reading(Enum):
@@ -136,6 +142,8 @@ class Handover:
         self._is_mixed = False
         self._identities: set[int] = set()
         self._read_s = -math.inf
+        self._num_read = 0
+        self._lasted_s: deque[float] = deque(maxlen=EXCHANGES_KEPT)
         self._said_landing = False
         self._outside_s: float | None = None
 
@@ -145,6 +153,16 @@ class Handover:
     def num_items(self) -> int:
         """Length of the list, as far as it is known."""
         return NUM_ITEMS_UNKNOWN if self.layout is None else self.layout.num_items
+
+    @property
+    def exchange_s(self) -> float:
+        """How long a swap lasts from a plan to its entry, by the list's length and the last few swaps [s]."""
+        expected = TRANSFERS * ITEM_S * self.num_items + EXCHANGE_EXTRA_S
+        return min(EXCHANGE_MAX_S, max(expected, MARGIN_OF_EXCHANGES * max(self._lasted_s, default=0.0)))
+
+    def _sending_s(self, mission: Mission) -> float:
+        """How long a PX4 takes for a whole list [s]."""
+        return min(EXCHANGE_MAX_S, max(ITEM_S * len(mission.items), max(self._lasted_s, default=0.0)))
 
     @property
     def room(self) -> int:
@@ -202,11 +220,10 @@ class Handover:
         if self.layout is not None and not self._suspected:
             return Reading.OURS
         try:
-            read = await self._link.download()
+            read = await self._read()
         except CompanionError as error:
             self._say("rejected", f"the autopilot's mission cannot be read: {error}")
             return Reading.UNREADABLE
-        self._read_s = self._clock.now_s()
         is_first = self.layout is None
         if not is_first and self._is_as_left(read):
             self._suspected = ""
@@ -220,6 +237,13 @@ class Handover:
                 self.layout = replace(self.layout, flown=read[slice(*span)])
             self._recover(read, span)
         return Reading.OURS if is_first else Reading.FOREIGN
+
+    async def _read(self) -> tuple[MissionItem, ...]:
+        """The autopilot's list; quickly where it is known to be an ArduPlane's."""
+        is_bank = isinstance(self.layout, Banks)
+        read = await (self._link.read_back() if is_bank else self._link.download())
+        self._read_s, self._num_read = self._clock.now_s(), len(read)
+        return read
 
     def _flown_span_in(self, read: tuple[MissionItem, ...]) -> tuple[int, int] | None:
         """Where ours lie in a list as read, if the item being flown is one of them."""
@@ -363,23 +387,27 @@ class Handover:
         self, enter_s: float, waypoints: Waypoints, after: Layout, flown: Flown
     ) -> tuple[SwapOutcome, str]:
         """ArduPlane: write to the idle bank, read it back, and go there."""
-        mission, current = flown.mission, self._link.current
+        mission, current, begun_s = flown.mission, self._link.current, self._clock.now_s()
         first, end = after.flown_span
         if current is not None and first <= current.sequence < end:
             return SwapOutcome.REFUSED, f"item {current.sequence} is flown, in the bank to be written"
-        if self._clock.now_s() - self._read_s > FRESH_S:
+        if begun_s - self._read_s > FRESH_S:
             try:
-                read = await self._link.download()
+                read = await self._read()
             except CompanionError as error:
                 return SwapOutcome.REFUSED, str(error)
             if not self._is_as_left(read):
                 self._suspected = self._suspected or "another list"
                 return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         self._is_mixed = True
-        outcome, reason = await store(self._link, mission)
+        # Of a list as long as this one, as it was found, only the idle bank is to be changed.
+        part = slice(first, end) if self._num_read == len(mission.items) else None
+        outcome, reason = await store(self._link, mission, part)
         if outcome is not None:
             return outcome, reason
+        self._lasted_s.append(self._clock.now_s() - begun_s)
         self._stored, self._is_mixed, self._suspected = mission.items, False, ""
+        self._num_read = len(mission.items)
         await self._clock.sleep_until(enter_s)
         self._doubt = _Doubt(self._clock.now_s(), after, flown, waypoints, 0)
         return await enter(
@@ -391,19 +419,23 @@ class Handover:
     ) -> tuple[SwapOutcome, str]:
         """PX4: the upload is the entry, so it begins when the aircraft is nearly there."""
         mission = flown.mission
-        lasts_s = UPLOAD_ITEM_S * len(mission.items)
+        lasts_s = self._sending_s(mission)
         await self._clock.sleep_until(enter_s - lasts_s)
         if self._suspected:
             return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         self._doubt = _Doubt(self._clock.now_s(), after, flown, waypoints, identity)
-        begun_s = self._clock.now_s()
+        begun_s = asked_s = self._clock.now_s()
 
         def entry() -> int | None:
-            left_s = max(0.0, begun_s + lasts_s - self._clock.now_s())
+            nonlocal asked_s
+            asked_s = self._clock.now_s()  # for the last time before the last item leaves
+            left_s = max(0.0, begun_s + lasts_s - asked_s)
             return self._entry(mission, flown.path, waypoints, left_s)
 
         self._identities.add(identity)
         outcome, reason = await replace_whole(self._link, mission, entry, self._may_act)
+        if outcome is SwapOutcome.FLOWN or asked_s - begun_s > lasts_s:
+            self._lasted_s.append(asked_s - begun_s)
         if outcome in (SwapOutcome.REFUSED, SwapOutcome.DIFFERS, SwapOutcome.WITHDRAWN):
             # Whether it is flown is told by the next MISSION_CURRENT.
             self._doubt = _Doubt(self._clock.now_s(), after, flown, waypoints, identity)

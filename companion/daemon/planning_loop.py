@@ -175,7 +175,7 @@ class PlanningLoop:
         snapshot = self._picture.snapshot(now)
         self._planned_for = self._news()
         track_s = self._picture.newest_track_s
-        lead = self._cycle.lead_s(self._handover.num_items)
+        lead = self._cycle.lead_s(self._handover.exchange_s)
         if self._cycle.is_on_last_leg(state, lead):
             return
         start = self._cycle.start_after(state, lead)
@@ -204,7 +204,7 @@ class PlanningLoop:
         state = self._picture.ownship.state(self._clock.now_s())
         if state is None:
             return
-        start = self._cycle.start_after(state, self._cycle.lead_s(self._handover.num_items))
+        start = self._cycle.start_after(state, self._cycle.lead_s(self._handover.exchange_s))
         if flown_violations(self._cycle, start) == ():
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", "keep")
             return

@@ -1,62 +1,45 @@
-"""Missions to and from the autopilot. The only place that knows MAVSDK.
+"""Calls that the autopilot answers: missions to and from it, the current item, the mode.
 
-MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it
-wants to say is handed to the transport. It speaks the mission protocol and nothing else: its
-heartbeats and questions are dropped, since ``Codec``, ``Streams`` and ``answer`` do that part.
+What is written, and what is read back of it, goes by :mod:`companion.link.mission_transfer`: a swap has
+seconds, may be over a link that loses every fifth frame, writes only a part of an ArduPlane's list, and
+is timed by our clock. MAVSDK reads everything else: lists that others made, and fences.
 
-Notes
------
-MAVSDK's time-outs count the computer's clock, not ours. Measured with 4.1.0:
-
-- What it asks (a download's items, the count of an upload) it asks again every 0.5 s, five times.
-- An item of an upload it sends when asked, and never again by itself: a lost one comes back because
-  the autopilot asks again (ArduPlane after 1 s, PX4 after 0.25 s). After 2.5 s of silence the
-  transfer ends with TIMEOUT. A lost last acknowledgement ends so, too, though all is stored: only
-  reading back tells.
-
-A simulation's time has to be held while it is MAVSDK's turn, and to go on when a frame was lost.
-
-``set_current`` and ``set_mode`` do not go through MAVSDK: its set-current waits for ever when the
+``set_current`` and ``set_mode`` do not go through MAVSDK either: its set-current waits for ever when the
 autopilot stores no mission, and queues every later transfer behind. They wait by our clock.
 """
 
 from __future__ import annotations
 
 import asyncio
-import atexit
-import contextlib
-import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
-
-import mavsdk.logging
-from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.mission_raw import MissionItem as RawItem
-from mavsdk.plugins.mission_raw import MissionRaw, MissionRawResult
 
 from companion.clock import Clock
 from companion.errors import NoAutopilotError, TransferError
-from companion.link.codec import COMPONENT_ID, Codec
+from companion.link.codec import Codec
 from companion.link.flight_modes import custom_mode_of
-from companion.link.frame import RESULTS, CommandAck, Frame, MissionAck
-from companion.link.framing import raw_frame
-from companion.link.items import check_upload, item_of, log_of_mavsdk
-from companion.link.nudge import Nudge
+from companion.link.frame import (
+    RESULTS,
+    CommandAck,
+    Frame,
+    MissionAck,
+    MissionCount,
+    MissionQuestion,
+    MissionTold,
+)
+from companion.link.items import check_upload
+from companion.link.mavsdk_reader import MavsdkReader
+from companion.link.mission_transfer import OPENING, Reading, RoundTrip, Upload
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
 from companion.types.mission import MissionItem
 
-_HEARTBEAT, _MISSION_ACK, _MISSION_ITEM_INT = 0, 47, 73
-_QUESTIONS = frozenset({40, 51})
-_SEQUENCE = slice(28, 30)  # of MISSION_ITEM_INT's payload
-_MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
 _COMMAND_SET_CURRENT, _COMMAND_SET_MODE = 224, 176
 _IN_PROGRESS = 5
-_TRIES = 3
-_REPLY_S = 1.5  # PX4 tells the new item with its next MISSION_CURRENT, up to a second later
-_DISCOVERY_S = 5.0
-_ACKNOWLEDGE_S = 0.5
+_INSIST_S = 4.5  # for so long a command is sent again until it is answered
+_REPEAT_MIN_S, _REPEAT_MAX_S = 0.5, 1.5  # PX4 tells a new item with its next MISSION_CURRENT, within 1 s
+_TICK_S = 0.04  # between looks at whether an item must be sent again
+_WINDOW = 6  # items of an ArduPlane's list that are asked for at once; a PX4 answers one at a time
 
 
 class AutopilotLink:
@@ -89,22 +72,14 @@ class AutopilotLink:
         self._codec = codec
         self._clock = clock
         self._send = send
-        self._on_pending_change = on_pending_change
-        self._timeout_s = timeout_s
-        self._pending_calls = 0
-        self._is_our_turn = False
+        self._mavsdk = MavsdkReader(codec, send, self.counters, on_pending_change, timeout_s)
         self._dialect: Dialect | None = None
-        self._heartbeat: bytes | None = None
-        self._mission_ack: MissionAck | None = None
         self._waiters: list[tuple[Callable[[object], bool], asyncio.Future[object]]] = []
         self._turn = asyncio.Lock()
-        self._has_acknowledged = asyncio.Event()
-        self._mavsdk: Any = None
-        self._missions: Any = None
-        self._under_way: asyncio.Future[Any] | None = None
         self._current: MissionCurrent | None = None
-        self._last_item: tuple[int, Callable[[], bool]] | None = None
-        self._nudge: Nudge | None = None
+        self._round_trip = RoundTrip()
+        self._moving: tuple[Upload | Reading, Callable[[int], bytes]] | None = None
+        self._moved = asyncio.Event()
 
     @property
     def dialect(self) -> Dialect | None:
@@ -119,20 +94,16 @@ class AutopilotLink:
     @property
     def pending_calls(self) -> int:
         """How many calls of MAVSDK are under way."""
-        return self._pending_calls
+        return self._mavsdk.pending_calls
 
     @property
     def is_our_turn(self) -> bool:
-        """Whether a call is under way and the next word is MAVSDK's, not the autopilot's.
-
-        Simulated time stands still meanwhile: MAVSDK's threads would else take as much of it as they
-        happen to need.
-        """
-        return self._pending_calls > 0 and self._is_our_turn
+        """Whether a call is under way and the next word is MAVSDK's, not the autopilot's."""
+        return self._mavsdk.is_our_turn
 
     def give_up_turn(self) -> None:
         """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
-        self._is_our_turn = False
+        self._mavsdk.give_up_turn()
 
     def receive(self, frame: Frame) -> None:
         """Take a received frame; those of other systems and of no concern are ignored."""
@@ -140,24 +111,14 @@ class AutopilotLink:
             return
         for event in frame.events:
             if isinstance(event, Heartbeat):
-                self._dialect, self._heartbeat = event.dialect, self._codec.unsigned(frame.raw)
+                self._dialect = event.dialect
             elif isinstance(event, MissionCurrent):
                 self._current = event
             self._tell(event)
         if frame.reply is not None:
             self._tell(frame.reply)
-            if isinstance(frame.reply, MissionAck) and frame.reply.mission_type == 0:
-                self._mission_ack = frame.reply
-        if self._mavsdk is not None and (
-            frame.message_id in _MISSION_MESSAGES or frame.message_id == _HEARTBEAT
-        ):
-            if self._nudge is not None:
-                if frame.message_id in _QUESTIONS:
-                    self._nudge.note_question(self._codec.unsigned(frame.raw), self._clock.now_s())
-                elif isinstance(frame.reply, MissionAck) and self._nudge.is_noise(frame.reply.result):
-                    return
-            self._is_our_turn = self._is_our_turn or frame.message_id in _MISSION_MESSAGES
-            self._mavsdk.pass_received_raw_bytes(self._codec.unsigned(frame.raw))
+            self._move_on(frame.reply)
+        self._mavsdk.receive(frame)
 
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
         """Replace the autopilot's mission.
@@ -182,37 +143,102 @@ class AutopilotLink:
             When it was not acknowledged; what the autopilot holds then is not known.
         """
         check_upload(items)
-        async with self._turn:
-            missions = await self._connected()
-            self._mission_ack = None
-            self._last_item = None if may_finish is None else (len(items) - 1, may_finish)
-            raw_items = [_raw_item(item) for item in items]
-            self._nudge = Nudge()
-            nudging = asyncio.create_task(self._nudged(self._nudge))
-            try:
-                result, _ = await self._transfer(
-                    lambda done: missions.upload_mission_async(
-                        raw_items, lambda result, _: done(result, None)
-                    ),
-                    "upload",
-                    missions.cancel_mission_upload,
-                )
-            finally:
-                self._nudge = None
-                nudging.cancel()
-            if result is not MissionRawResult.SUCCESS:
-                raise TransferError("upload", result.name)
-            self._last_item = None
-            return self._mission_ack.opaque_id if self._mission_ack is not None else 0
+        return await self._sent(items, may_finish, is_part=False)
 
-    async def _nudged(self, nudge: Nudge) -> None:
-        """Let MAVSDK send an item again whenever that is due."""
+    async def write(self, items: Sequence[MissionItem]) -> None:
+        """Overwrite a part of an ArduPlane's list; the rest, and its length, stay as they are.
+
+        Parameters
+        ----------
+        items : sequence of MissionItem
+            Numbered in order as in the list.
+
+        Raises
+        ------
+        TransferError
+            When it was not acknowledged; what that part holds then is not known.
+        """
+        await self._sent(items, None, is_part=True)
+
+    async def _sent(
+        self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None, *, is_part: bool
+    ) -> int:
+        async with self._turn:
+            self._require_autopilot()
+            upload = Upload(items, self._round_trip, self._clock.now_s(), may_finish)
+            first = items[0].sequence
+
+            def frame_of(number: int) -> bytes:
+                if number == OPENING:
+                    return self._codec.mission_opening(first, len(items), is_part=is_part)
+                return self._codec.mission_item(items[number - first])
+
+            await self._moved_whole(upload, frame_of, "upload")
+            return upload.opaque_id
+
+    async def read_back(self) -> tuple[MissionItem, ...]:
+        """Read an ArduPlane's mission, several items at a time; item 0 is the home slot.
+
+        Raises
+        ------
+        TransferError
+            When it could not be read completely.
+        """
+        async with self._turn:
+            self._require_autopilot()
+            reading = Reading(self._round_trip, self._clock.now_s(), _WINDOW)
+
+            def frame_of(number: int) -> bytes:
+                return self._codec.mission_question(None if number == OPENING else number)
+
+            await self._moved_whole(reading, frame_of, "download")
+            self._send(self._codec.mission_accepted())
+            return reading.items
+
+    async def _moved_whole(
+        self, transfer: Upload | Reading, frame_of: Callable[[int], bytes], operation: str
+    ) -> None:
+        """Carry out a transfer of our own."""
+        self._moving = transfer, frame_of
+        self._moved.clear()
+        ticking = asyncio.create_task(self._ticking())
+        try:
+            await self._moved.wait()
+        except asyncio.CancelledError:
+            if isinstance(transfer, Upload):
+                self._send(self._codec.mission_cancel())
+            raise
+        finally:
+            self._moving = None
+            ticking.cancel()
+        if transfer.failure:
+            self.counters[transfer.failure.lower()] += 1
+            self._free()
+            raise TransferError(operation, transfer.failure)
+
+    async def _ticking(self) -> None:
         while True:
-            await self._clock.sleep_until(self._clock.now_s() + 0.1)
-            question = nudge.due(self._clock.now_s())
-            if question is not None and self._mavsdk is not None:
-                self._is_our_turn = True
-                self._mavsdk.pass_received_raw_bytes(question)
+            self._move_on(None)
+            await self._clock.sleep_until(self._clock.now_s() + _TICK_S)
+
+    def _move_on(self, told: object) -> None:
+        """Let a transfer of our own take what was told, and send what is due."""
+        if self._moving is None:
+            return
+        (transfer, frame_of), now = self._moving, self._clock.now_s()
+        match transfer, told:
+            case _, MissionAck():
+                transfer.note_ack(told, now)
+            case Upload(), MissionQuestion():
+                transfer.note_question(told, now)
+            case Reading(), MissionCount():
+                transfer.note_count(told, now)
+            case Reading(), MissionTold():
+                transfer.note_item(told, now)
+        for number in transfer.due(now):
+            self._send(frame_of(number))
+        if transfer.failure is not None:
+            self._moved.set()
 
     async def download(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's mission back; on ArduPlane with the home slot as item 0.
@@ -222,7 +248,7 @@ class AutopilotLink:
         TransferError
             When it could not be read completely.
         """
-        return await self._downloaded("download", lambda missions: missions.download_mission_async)
+        return await self._read(self._mavsdk.download)
 
     async def download_fence(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's fence.
@@ -232,21 +258,16 @@ class AutopilotLink:
         TransferError
             When it could not be read completely.
         """
-        return await self._downloaded("fence", lambda missions: missions.download_geofence_async)
+        return await self._read(self._mavsdk.download_fence)
 
-    async def _downloaded(self, operation: str, chosen: Callable[[Any], Any]) -> tuple[MissionItem, ...]:
+    async def _read(self, read: Callable[[], Awaitable[tuple[MissionItem, ...]]]) -> tuple[MissionItem, ...]:
         async with self._turn:
-            missions = await self._connected()
-            start = chosen(missions)
-            result, items = await self._transfer(
-                lambda done: start(lambda result, items, _: done(result, items)),
-                operation,
-                missions.cancel_mission_download,
-                is_acknowledged_by_us=True,
-            )
-            if result is not MissionRawResult.SUCCESS:
-                raise TransferError(operation, result.name)
-            return tuple(item_of(raw) for raw in items)
+            self._require_autopilot()
+            try:
+                return await read()
+            except TransferError:
+                self._free()
+                raise
 
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
         """Make the autopilot fly to an item now, directly from where it is.
@@ -254,23 +275,25 @@ class AutopilotLink:
         Raises
         ------
         TransferError
-            When it refuses, or does not answer three tries; none is made once ``is_ahead`` denies it.
+            When it refuses, or does not answer within 4.5 s; it is not asked again once ``is_ahead``
+            denies it.
         """
-        if self._dialect is Dialect.ARDUPILOT:
-            make = partial(self._codec.set_current_command, sequence)
-            await self._command("set_current", _COMMAND_SET_CURRENT, make, is_ahead)
-            return
-        self._require_autopilot()
+        is_ardupilot = self._require_autopilot() is Dialect.ARDUPILOT
 
-        def is_current(told: object) -> bool:
-            return isinstance(told, MissionCurrent) and told.sequence == sequence
+        def make(attempt: int) -> bytes:
+            if is_ardupilot:
+                return self._codec.set_current_command(sequence, attempt)
+            return self._codec.set_current_message(sequence)
 
-        for attempt in range(_TRIES):
-            if attempt and is_ahead is not None and not is_ahead():
-                break
-            if await self._asked(self._codec.set_current_message(sequence), is_current) is not None:
-                return
-        raise TransferError("set_current", f"item {sequence} did not become current")
+        answer = await self._insisted(
+            make,
+            lambda told: (
+                _is_result_of(told, _COMMAND_SET_CURRENT)
+                or (isinstance(told, MissionCurrent) and told.sequence == sequence)
+            ),
+            is_ahead,
+        )
+        _require_success("set_current", answer)
 
     async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for a MISSION_CURRENT, by our clock; whether one came in time."""
@@ -290,40 +313,36 @@ class AutopilotLink:
         number = custom_mode_of(self._require_autopilot(), mode)
         if number is None:
             raise TransferError("set_mode", f"no mode {mode}")
-        await self._command("set_mode", _COMMAND_SET_MODE, lambda _: self._codec.set_mode(number))
+        answer = await self._insisted(
+            lambda _: self._codec.set_mode(number), lambda told: _is_result_of(told, _COMMAND_SET_MODE)
+        )
+        _require_success("set_mode", answer)
 
     async def close(self) -> None:
-        """End MAVSDK; a call under way fails."""
-        instance, self._mavsdk, self._missions = self._mavsdk, None, None
-        if instance is not None:
-            await asyncio.to_thread(instance.destroy)
-        if self._under_way is not None:
-            _settle(self._under_way, None)  # nobody else will
+        """End MAVSDK; a call of it under way fails."""
+        await self._mavsdk.close()
 
-    async def _command(
+    async def _insisted(
         self,
-        operation: str,
-        command: int,
         make: Callable[[int], bytes],
+        is_answer: Callable[[object], bool],
         may_repeat: Callable[[], bool] | None = None,
-    ) -> None:
-        self._require_autopilot()
-
-        def is_answer(told: object) -> bool:
-            return isinstance(told, CommandAck) and told.command == command and told.result != _IN_PROGRESS
-
-        for attempt in range(_TRIES):
+    ) -> object | None:
+        """Send until it is answered, as often as the link's round trip suggests; None without an answer."""
+        until_s = self._clock.now_s() + _INSIST_S
+        wait_s = min(_REPEAT_MAX_S, max(_REPEAT_MIN_S, 2.0 * self._round_trip.repeat_s))
+        attempt = 0
+        while (left_s := until_s - self._clock.now_s()) > 1e-6:
             if attempt and may_repeat is not None and not may_repeat():
-                break
-            ack = await self._asked(make(attempt), is_answer)
-            if isinstance(ack, CommandAck):
-                if ack.result != 0:
-                    raise TransferError(operation, RESULTS.get(ack.result, f"result {ack.result}"))
-                return
-        raise TransferError(operation, "no answer")
+                return None
+            answer = await self._asked(make(attempt), is_answer, wait_s=min(wait_s, left_s))
+            if answer is not None:
+                return answer
+            attempt += 1
+        return None
 
     async def _asked(
-        self, data: bytes, is_answer: Callable[[object], bool], *, wait_s: float = _REPLY_S
+        self, data: bytes, is_answer: Callable[[object], bool], *, wait_s: float
     ) -> object | None:
         """Send, and return what is told in reply in time, or None."""
         future: asyncio.Future[object] = asyncio.get_running_loop().create_future()
@@ -350,149 +369,20 @@ class AutopilotLink:
             raise NoAutopilotError("no heartbeat of an autopilot was heard")
         return self._dialect
 
-    async def _connected(self) -> Any:  # noqa: ANN401
-        """Return MAVSDK's mission plugin, starting MAVSDK when it does not run."""
-        self._require_autopilot()
-        if self._missions is not None:
-            return self._missions
-        loop = asyncio.get_running_loop()
-        mavsdk.logging.log_subscribe(log_of_mavsdk)
-        self._mavsdk = Mavsdk(Configuration.create_manual(self._codec.own_ids[0], COMPONENT_ID, False))
-        self._mavsdk.add_any_connection("raw://")
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _hand_over(loop, self._outgoing, data))
-        with self._call() as found:
-            self._mavsdk.first_autopilot_async(
-                _DISCOVERY_S, lambda system: _hand_over(loop, _settle, found, system)
-            )
-            # The one heard last, or discovery would wait for the next.
-            self._mavsdk.pass_received_raw_bytes(self._heartbeat)
-            try:
-                system = await found
-            except asyncio.CancelledError:
-                await self.close()
-                raise
-        if system is None:
-            await self.close()
-            raise NoAutopilotError("MAVSDK did not find the autopilot")
-        self._missions = MissionRaw(system)
-        return self._missions
-
-    def _outgoing(self, data: bytes) -> None:
-        """Pass on what MAVSDK wants sent, in the loop."""
-        frame = raw_frame(data)
-        message_id = frame.message_id
-        if message_id == _MISSION_ITEM_INT and not self._may_leave(frame.payload):
-            return
-        if message_id in _MISSION_MESSAGES:
-            # An acknowledgement ends a download: nothing answers it, and the call is about to return.
-            self._is_our_turn = message_id == _MISSION_ACK
-            self._send(self._codec.renumbered(data))
-            if message_id == _MISSION_ACK:
-                self._has_acknowledged.set()
-        else:
-            self.counters["mavsdk_dropped"] += 1
-
-    def _may_leave(self, payload: bytes) -> bool:
-        """Whether an item may be sent; the last one of a withdrawn upload may not, and ends it."""
-        if self._nudge is None:
-            return False  # an answer of MAVSDK's to a question from before the upload was broken off
-        if self._last_item is None:
-            return True
-        number, may_finish = self._last_item
-        if (
-            int.from_bytes(payload.ljust(_SEQUENCE.stop, b"\0")[_SEQUENCE], "little") != number
-            or may_finish()
-        ):
-            return True
-        self.counters["withdrawn"] += 1
-        if self._missions is not None:
-            self._missions.cancel_mission_upload()
-        return False
-
-    async def _transfer(
-        self,
-        start: Callable[[Callable[[Any, Any], None]], None],
-        operation: str,
-        cancel: Callable[[], Any],
-        *,
-        is_acknowledged_by_us: bool = False,
-    ) -> tuple[Any, Any]:
-        """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
-        loop = asyncio.get_running_loop()
-        self._has_acknowledged.clear()
-        with self._call() as future:
-            start(lambda result, data: _hand_over(loop, _settle, future, (result, data)))
-            try:
-                answer = await asyncio.wait_for(future, self._timeout_s)
-            except TimeoutError:
-                await self.close()  # a call that hangs would hold up every later one
-                self._free()
-                raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None
-            except asyncio.CancelledError:
-                cancel()
-                raise
-            if answer is None:
-                raise TransferError(operation, "the link was closed")
-            result, data = answer
-            if result is not MissionRawResult.SUCCESS:
-                self._free()
-            if is_acknowledged_by_us and result is MissionRawResult.SUCCESS:
-                # The result may overtake our acknowledgement, which then would leave after the call.
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._has_acknowledged.wait(), _ACKNOWLEDGE_S)
-            return result, data
-
     def _free(self) -> None:
         """Tell a PX4 that a transfer is over: it would be busy for 5 s, and 5 more at each new try."""
         if self._dialect is Dialect.PX4:
             self._send(self._codec.mission_cancel())
 
-    @contextlib.contextmanager
-    def _call(self) -> Iterator[asyncio.Future[Any]]:
-        """Count a call of MAVSDK as under way; yields the future of its answer."""
-        self._under_way = asyncio.get_running_loop().create_future()
-        self._count(+1)
-        try:
-            yield self._under_way
-        finally:
-            self._under_way = None
-            self._count(-1)
 
-    def _count(self, change: int) -> None:
-        self._pending_calls += change
-        self._is_our_turn = change > 0
-        if self._on_pending_change is not None:
-            self._on_pending_change(self._pending_calls)
+def _is_result_of(told: object, command: int) -> bool:
+    """Whether something that was told ends a command."""
+    return isinstance(told, CommandAck) and told.command == command and told.result != _IN_PROGRESS
 
 
-atexit.register(mavsdk.logging.log_unsubscribe)  # its threads must not call into an ending interpreter
-
-
-def _hand_over(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *values: object) -> None:
-    """Call in the loop's thread, from any of MAVSDK's; a loop that ended needs nothing any more."""
-    if not loop.is_closed():
-        loop.call_soon_threadsafe(function, *values)
-
-
-def _settle(future: asyncio.Future[Any], value: object) -> None:
-    if not future.done():
-        future.set_result(value)
-
-
-def _raw_item(item: MissionItem) -> Any:  # noqa: ANN401
-    one, two, three, four = (math.nan if value is None else value for value in item.parameters)
-    return RawItem(
-        seq=item.sequence,
-        frame=int(item.frame),
-        command=int(item.command),
-        current=int(item.is_current),
-        autocontinue=int(item.autocontinue),
-        param1=one,
-        param2=two,
-        param3=three,
-        param4=four,
-        x=item.latitude_e7,
-        y=item.longitude_e7,
-        z=item.altitude_m,
-        mission_type=0,
-    )
+def _require_success(operation: str, answer: object | None) -> None:
+    """TransferError without an answer, and where it refuses."""
+    if answer is None:
+        raise TransferError(operation, "no answer")
+    if isinstance(answer, CommandAck) and answer.result != 0:
+        raise TransferError(operation, RESULTS.get(answer.result, f"result {answer.result}"))

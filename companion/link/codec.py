@@ -13,13 +13,24 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.frame import CommandAck, Frame, MissionAck, Request
+from companion.link.frame import (
+    CommandAck,
+    Frame,
+    MissionAck,
+    MissionCount,
+    MissionQuestion,
+    MissionTold,
+    Reply,
+    Request,
+)
 from companion.link.framing import Framer, RawFrame, raw_frame, renumbered
+from companion.link.items import item_of
 from companion.link.limits import SourceLimits
 from companion.link.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
 from companion.link.telemetry import RefusedError, Telemetry
 from companion.link.tracks import Tracks
 from companion.types.events import Event
+from companion.types.mission import MissionItem
 
 COMPONENT_ID = 195  # MAV_COMP_ID_PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
@@ -250,6 +261,37 @@ class Codec:
         """Answer a PING with its own time and number."""
         return self._packed(mavlink.MAVLink_ping_message(time_us, sequence, target_system, target_component))
 
+    def mission_opening(self, first: int, count: int, *, is_part: bool) -> bytes:
+        """MISSION_COUNT, or MISSION_WRITE_PARTIAL_LIST for a part of a list."""
+        if is_part:
+            last = first + count - 1
+            return self._packed(
+                mavlink.MAVLink_mission_write_partial_list_message(self.own_ids[0], 1, first, last)
+            )
+        return self._packed(mavlink.MAVLink_mission_count_message(self.own_ids[0], 1, count))
+
+    def mission_item(self, item: MissionItem) -> bytes:
+        """MISSION_ITEM_INT of an upload."""
+        values = (math.nan if value is None else value for value in item.parameters)
+        return self._packed(
+            mavlink.MAVLink_mission_item_int_message(
+                self.own_ids[0], 1, item.sequence, item.frame, item.command, int(item.is_current),
+                int(item.autocontinue), *values, item.latitude_e7, item.longitude_e7, item.altitude_m,
+            )
+        )  # fmt: skip
+
+    def mission_question(self, sequence: int | None) -> bytes:
+        """MISSION_REQUEST_INT for an item of the autopilot's list; MISSION_REQUEST_LIST without one."""
+        target = self.own_ids[0], 1
+        if sequence is None:
+            return self._packed(mavlink.MAVLink_mission_request_list_message(*target))
+        return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence))
+
+    def mission_accepted(self) -> bytes:
+        """MISSION_ACK accepted: the end of a reading."""
+        accepted = mavlink.MAV_MISSION_ACCEPTED
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted))
+
     def mission_refusal(self, target_system: int, target_component: int) -> bytes:
         """MISSION_ACK unsupported: this component stores no missions."""
         unsupported = mavlink.MAV_MISSION_UNSUPPORTED
@@ -270,14 +312,24 @@ class Codec:
         )
 
 
-def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> CommandAck | MissionAck | None:  # noqa: ANN401
+def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | None:  # noqa: ANN401
     if kind == "COMMAND_ACK":
         return CommandAck(stamp_s, message.command, message.result)
     if kind == "MISSION_ACK":
         payload = raw.payload.ljust(8, b"\0")  # opaque_id is younger than the dialect
         opaque = int.from_bytes(payload[4:8], "little")
         return MissionAck(stamp_s, message.type, message.mission_type, opaque)
+    if kind in _TRANSFERS and message.target_component in (0, COMPONENT_ID):
+        return _TRANSFERS[kind](message)
     return None
+
+
+_TRANSFERS: dict[str, Callable[[Any], Reply]] = {
+    "MISSION_REQUEST": lambda m: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_REQUEST_INT": lambda m: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_COUNT": lambda m: MissionCount(m.count, m.mission_type),
+    "MISSION_ITEM_INT": lambda m: MissionTold(item_of(m), m.mission_type),
+}
 
 
 def _command(message: Any) -> Request:  # noqa: ANN401

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.types.events import Event
+from companion.types.mission import MissionItem
 
 # MAV_RESULT, as far as it ends a command.
 RESULTS = {
@@ -14,6 +15,25 @@ RESULTS = {
     3: "UNSUPPORTED",
     4: "FAILED",
     6: "CANCELLED",
+}
+
+# MAV_MISSION_RESULT, by its names without the prefix.
+RESULTS_OF_MISSION = {
+    1: "ERROR",
+    2: "UNSUPPORTED_FRAME",
+    3: "UNSUPPORTED",
+    4: "NO_SPACE",
+    5: "INVALID",
+    6: "INVALID_PARAM1",
+    7: "INVALID_PARAM2",
+    8: "INVALID_PARAM3",
+    9: "INVALID_PARAM4",
+    10: "INVALID_PARAM5_X",
+    11: "INVALID_PARAM6_Y",
+    12: "INVALID_PARAM7",
+    13: "INVALID_SEQUENCE",
+    14: "DENIED",
+    15: "OPERATION_CANCELLED",
 }
 
 
@@ -34,6 +54,33 @@ class MissionAck:
     result: int
     mission_type: int
     opaque_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionQuestion:
+    """MISSION_REQUEST or MISSION_REQUEST_INT: the item of an upload that is asked for."""
+
+    sequence: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCount:
+    """MISSION_COUNT: how long the autopilot's list is."""
+
+    count: int
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionTold:
+    """MISSION_ITEM_INT: an item of the autopilot's list."""
+
+    item: MissionItem
+    mission_type: int
+
+
+Reply = CommandAck | MissionAck | MissionQuestion | MissionCount | MissionTold
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +119,7 @@ class Frame:
     events : tuple of Event
         What it tells the rest of the program; empty for messages nobody needs and for values
         that were refused.
-    reply : CommandAck, MissionAck or None
+    reply : Reply or None
         What the autopilot answered.
     request : Request or None
         What somebody asks.
@@ -83,5 +130,5 @@ class Frame:
     component_id: int
     message_id: int
     events: tuple[Event, ...] = ()
-    reply: CommandAck | MissionAck | None = None
+    reply: Reply | None = None
     request: Request | None = None

@@ -33,20 +33,20 @@ def check_upload(items: Sequence[MissionItem]) -> None:
         raise TransferError("upload", "not exactly one item is current")
 
 
-def item_of(raw: Any) -> MissionItem:  # noqa: ANN401
-    """Mission item of MAVSDK's; NaN parameters become None."""
+def item_of(told: Any) -> MissionItem:  # noqa: ANN401
+    """Mission item of MAVSDK's, or of a MISSION_ITEM_INT; NaN parameters become None."""
     one, two, three, four = (
         None if math.isnan(value) else float(value)
-        for value in (raw.param1, raw.param2, raw.param3, raw.param4)
+        for value in (told.param1, told.param2, told.param3, told.param4)
     )
     return MissionItem(
-        sequence=raw.seq,
-        command=raw.command,
-        frame=raw.frame,
+        sequence=told.seq,
+        command=told.command,
+        frame=told.frame,
         parameters=(one, two, three, four),
-        latitude_e7=raw.x,
-        longitude_e7=raw.y,
-        altitude_m=float(raw.z),
-        is_current=bool(raw.current),
-        autocontinue=bool(raw.autocontinue),
+        latitude_e7=told.x,
+        longitude_e7=told.y,
+        altitude_m=float(told.z),
+        is_current=bool(told.current),
+        autocontinue=bool(told.autocontinue),
     )

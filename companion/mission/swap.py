@@ -54,8 +54,16 @@ class MissionLink(Protocol):
         """Replace the autopilot's list; the id it is given, 0 without one."""
         ...
 
+    async def write(self, items: Sequence[MissionItem]) -> None:
+        """Overwrite a part of an ArduPlane's list."""
+        ...
+
+    async def read_back(self) -> tuple[MissionItem, ...]:
+        """Read an ArduPlane's list."""
+        ...
+
     async def download(self) -> tuple[MissionItem, ...]:
-        """Read it back."""
+        """Read any autopilot's list."""
         ...
 
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
@@ -132,26 +140,37 @@ def _wrong_parameter(ours: MissionItem, theirs: MissionItem) -> int | None:
     return None
 
 
-async def store(link: MissionLink, mission: Mission) -> tuple[SwapOutcome | None, str]:
-    """Upload a list and read it back; None and '' when it is stored as sent."""
+async def store(
+    link: MissionLink, mission: Mission, part: slice | None = None
+) -> tuple[SwapOutcome | None, str]:
+    """Send a list to an ArduPlane and read it back; None and '' when it is stored as it should be.
+
+    Parameters
+    ----------
+    link : MissionLink
+        To the autopilot.
+    mission : Mission
+        The whole list.
+    part : slice, optional
+        Of its items, what alone is sent, since the rest is stored already.
+    """
+    reason = ""
     try:
-        await link.upload(mission.items)
+        if part is None:
+            await link.upload(mission.items)
+        else:
+            await link.write(mission.items[part])
     except LinkError as error:
-        reason = str(error)
-        # A lost last acknowledgement ends in an error although all is stored: reading back decides.
-        try:
-            read = await link.download()
-        except LinkError as again:
-            return SwapOutcome.REFUSED, f"{reason}; {again}"
-        if difference(mission.items, read):
-            return SwapOutcome.REFUSED, reason
+        reason = str(
+            error
+        )  # of a lost last acknowledgement, too, although all is stored: reading back decides
+    try:
+        differs = difference(mission.items, await link.read_back())
+    except LinkError as error:
+        return SwapOutcome.REFUSED, "; ".join(filter(None, (reason, str(error))))
+    if not differs:
         return None, ""
-    try:
-        read = await link.download()
-    except LinkError as error:
-        return SwapOutcome.REFUSED, str(error)
-    differs = difference(mission.items, read)
-    return (SwapOutcome.DIFFERS, differs) if differs else (None, "")
+    return (SwapOutcome.REFUSED, reason) if reason else (SwapOutcome.DIFFERS, differs)
 
 
 async def enter(

@@ -24,7 +24,7 @@ class FakeAutopilot:
         self.ack = ack
         self.items = []
         self.incoming = []
-        self.expected = 0
+        self.first = self.expected = 0
         self.current = 0
         self.heard = []
 
@@ -60,24 +60,35 @@ class FakeAutopilot:
 
     def repeat(self):
         """The request for the item that is awaited, as autopilots send it again after a while."""
-        return self.pack(self._request(len(self.incoming))) if len(self.incoming) < self.expected else b""
+        return (
+            self.pack(self._request(self.first + len(self.incoming)))
+            if len(self.incoming) < self.expected
+            else b""
+        )
+
+    def on_mission_write_partial_list(self, message):
+        self.incoming = []
+        self.first, self.expected = message.start_index, message.end_index - message.start_index + 1
+        return [self._request(message.start_index)]
 
     def on_mission_count(self, message):
         self.incoming = []
-        self.expected = message.count
+        self.first, self.expected = 0, message.count
         if self.silent_after == 0:
             return []
         return [self._request(0)]
 
     def on_mission_item_int(self, message):
-        if message.seq != len(self.incoming):
+        if message.seq != self.first + len(self.incoming):
             return []
         self.incoming.append(message)
         if self.silent_after is not None and len(self.incoming) >= self.silent_after:
             return []
         if len(self.incoming) < self.expected:
-            return [self._request(len(self.incoming))]
-        if self.ack == 0:
+            return [self._request(self.first + len(self.incoming))]
+        if self.ack == 0 and self.first:
+            self.items[self.first : self.first + self.expected] = self.incoming
+        elif self.ack == 0:
             self.items = self.incoming
         return [mavlink.MAVLink_mission_ack_message(1, 195, self.ack, 0)]
 

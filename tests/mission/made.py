@@ -84,8 +84,13 @@ class ScriptedLink:
         self._call("upload")
         return 0
 
-    async def download(self):
-        self._call("download")
+    async def write(self, items):
+        first = items[0].sequence
+        self.stored = (*self.stored[:first], *items, *self.stored[first + len(items) :])
+        self._call("write")
+
+    async def read_back(self):
+        self._call("read_back")
         return self.alter(self.stored)
 
     async def set_current(self, sequence, is_ahead=None):

@@ -33,8 +33,24 @@ def entered(link, entry=lambda: 3, may_act=lambda: True):
 def test_a_list_stored_as_sent():
     link = ScriptedLink()
     assert stored(link) == (None, "")
-    assert link.calls == ["upload", "download"]
+    assert link.calls == ["upload", "read_back"]
     assert link.stored == ITEMS
+
+
+def test_a_part_of_a_list_is_written_and_the_whole_is_read_back():
+    link = ScriptedLink()
+    link.stored = changed(3, altitude_m=1.0)
+    assert asyncio.run(store(link, MISSION, slice(3, 5))) == (None, "")
+    assert link.calls == ["write", "read_back"]
+    assert link.stored == ITEMS
+
+
+def test_a_part_beside_which_something_else_was_changed():
+    link = ScriptedLink()
+    link.stored = changed(1, altitude_m=1.0)
+    outcome, reason = asyncio.run(store(link, MISSION, slice(3, 5)))
+    assert outcome is SwapOutcome.DIFFERS
+    assert "item 1" in reason
 
 
 def test_a_refused_upload():
@@ -42,7 +58,7 @@ def test_a_refused_upload():
     outcome, reason = stored(link)
     assert outcome is SwapOutcome.REFUSED
     assert "TIMEOUT" in reason
-    assert link.calls == ["upload", "download"]
+    assert link.calls == ["upload", "read_back"]
 
 
 def test_a_lost_last_acknowledgement_is_seen_to_be_stored():
@@ -50,15 +66,15 @@ def test_a_lost_last_acknowledgement_is_seen_to_be_stored():
 
 
 def test_an_upload_that_broke_off_and_cannot_be_read_back():
-    outcome, reason = stored(ScriptedLink(upload="TIMEOUT", download="no answer"))
+    outcome, reason = stored(ScriptedLink(upload="TIMEOUT", read_back="no answer"))
     assert outcome is SwapOutcome.REFUSED
     assert "TIMEOUT" in reason
     assert "no answer" in reason
 
 
 def test_a_list_that_cannot_be_read_back_is_not_trusted():
-    outcome, reason = stored(ScriptedLink(download="TIMEOUT"))
-    assert (outcome, reason) == (SwapOutcome.REFUSED, "mission download: TIMEOUT")
+    outcome, reason = stored(ScriptedLink(read_back="TIMEOUT"))
+    assert (outcome, reason) == (SwapOutcome.REFUSED, "mission read_back: TIMEOUT")
 
 
 def test_a_list_stored_differently():
@@ -66,12 +82,12 @@ def test_a_list_stored_differently():
     assert stored(link) == (SwapOutcome.DIFFERS, "4 items instead of 5")
 
 
-@pytest.mark.parametrize("call", ["upload", "download"])
+@pytest.mark.parametrize("call", ["upload", "read_back"])
 def test_a_link_without_an_autopilot_refuses(call):
     outcome, reason = stored(ScriptedLink(**{call: NoAutopilotError("MAVSDK did not find the autopilot")}))
-    expected = SwapOutcome.REFUSED if call == "download" else None  # what was stored reads back as sent
+    expected = SwapOutcome.REFUSED if call == "read_back" else None  # what was stored reads back as sent
     assert outcome is expected
-    assert ("did not find" in reason) is (call == "download")
+    assert ("did not find" in reason) is (call == "read_back")
 
 
 @pytest.mark.parametrize(
