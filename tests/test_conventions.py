@@ -17,7 +17,7 @@ BROAD_EXCEPTS: dict[str, str] = {
 }
 
 # The only modules that know a library, so that the rest can be read without it.
-KEEPERS = {"pymavlink": "companion/link/codec.py", "mavsdk": "companion/link/autopilot.py"}
+KEEPERS = {"pymavlink": "companion/link/codec.py", "mavsdk": "companion/link/mavsdk_reader.py"}
 
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 

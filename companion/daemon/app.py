@@ -8,6 +8,7 @@ import logging
 import math
 from collections.abc import Awaitable, Callable
 
+from companion.assurance.emergency import EmergencyStep
 from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.daemon.cycle import Cycle
@@ -147,6 +148,11 @@ class App:
     def layout(self) -> Layout | None:
         """How the autopilot's list is laid out, None before it was read."""
         return self.handover.layout
+
+    @property
+    def emergency(self) -> EmergencyStep | None:
+        """The step of the emergency strategy being flown by, None while plans are."""
+        return self._loop.emergency
 
     @property
     def hears_autopilot(self) -> bool:

@@ -34,6 +34,7 @@ SUSPICION_S = 1.0  # soonest after a plan that signs of another uploader are loo
 RETRY_S = 3.0  # between plans while nothing safe is flown
 ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
 EARLY_REPLAN_S = 5.0  # soonest after a plan that news of threats makes another
+FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
 NO_PLAN_KINDS = frozenset({"no plan", "rejected"})
 PlanBy = Callable[[Start, Snapshot, Callable[[], bool]], Plan]
 
@@ -94,6 +95,11 @@ class PlanningLoop:
         The service.
     plans_inline : bool
         Plan in the event loop to an iteration budget instead of in a thread to a deadline.
+
+    Attributes
+    ----------
+    emergency : EmergencyStep or None
+        The step of the emergency strategy that was announced last; None once a plan is flown again.
     """
 
     def __init__(self, parts: Parts, pilot: Pilot, *, plans_inline: bool) -> None:
@@ -106,7 +112,8 @@ class PlanningLoop:
         self._plans_inline = plans_inline
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
         self._last_plan_s = -math.inf
-        self._emergency: EmergencyStep | None = None
+        self.emergency: EmergencyStep | None = None
+        self._num_failed_swaps = 0
         self._planned_for: tuple[int, tuple[str, ...]] = (0, ())
 
     def plan_at_once(self) -> None:
@@ -189,6 +196,8 @@ class PlanningLoop:
             self._pilot.decide(judgement.kind, judgement.text, plan_ms)
             if judgement.kind in NO_PLAN_KINDS:
                 await self._respond(plan, snapshot, track_s)
+            else:
+                self.emergency = None
             return
         waypoints, carried_s, violations = self._cycle.waypoints(plan.path, self._handover.room)
         if violations:
@@ -196,7 +205,6 @@ class PlanningLoop:
             self._pilot.decide("rejected", f"mission: {violations[0]}", plan_ms)
             await self._respond(plan, snapshot, track_s)
             return
-        self._emergency = None
         await self._swap(plan.path, waypoints, carried_s, judgement, plan_ms, track_s, start)
 
     async def _respond(self, failed: Plan, snapshot: Snapshot, track_s: float) -> None:
@@ -230,8 +238,8 @@ class PlanningLoop:
 
     def _announce(self, step: EmergencyStep, reason: str, kind: str) -> None:
         """Say a step of the emergency strategy, once until another is taken."""
-        if step is not self._emergency:
-            self._emergency = step
+        if step is not self.emergency:
+            self.emergency = step
             self._pilot.decide(kind, f"{step.value}: {reason}")
 
     async def _solved(
@@ -271,14 +279,30 @@ class PlanningLoop:
         if outcome is not SwapOutcome.FLOWN:
             self._recorder.num_rejected += 1
             self._pilot.decide("rejected", f"{outcome.value}: {reason}", plan_ms)
+            self._note_failed_swap(start)
             self._last_plan_s = self._clock.now_s() - float(self._mission.planning.time_horizon_s) + RETRY_S
             return
+        self._num_failed_swaps = 0
+        if judgement.kind != "emergency":
+            self.emergency = None
         now = self._clock.now_s()
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
         if latency is not None:
             self._recorder.track_to_mission_ms.append(latency)
         self._recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, judgement.kind))
         self._pilot.decide("swap", f"{judgement.kind}, {judgement.text}; {reason}", plan_ms, latency)
+
+    def _note_failed_swap(self, start: Start) -> None:
+        """Say that the aircraft is left with what it flies, once that looks like lasting."""
+        self._num_failed_swaps += 1
+        if self._num_failed_swaps != FAILED_SWAPS_TOLD or not self._pilot.may_act():
+            return
+        passes = flown_violations(self._cycle, start) == ()
+        reason = "it still passes" if passes else "nothing else reaches the autopilot"
+        self._announce(
+            EmergencyStep.KEEP_FLOWN, f"{reason}; {self._num_failed_swaps} swaps failed",
+            "keep" if passes else "emergency",
+        )  # fmt: skip
 
     async def _unless_withdrawn(
         self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]

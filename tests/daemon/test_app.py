@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import mission_from_text
 from companion.daemon.modes import Mode
 from companion.mission.swap import difference
+from companion.types.events import MissionCurrent
 from tests.daemon.deck import FIRST_FLIGHT, Deck
 
 VITAL_STREAMS = {33, 42, 74}  # position, current item, air data
@@ -205,13 +206,18 @@ def test_it_never_resumes_where_the_mission_file_says_so():
 
 
 def test_an_entry_whose_answer_is_lost_is_not_overwritten():
-    """Every acknowledgement of DO_SET_MISSION_CURRENT is lost; what is flown stays as it is."""
+    """No answer to DO_SET_MISSION_CURRENT is heard in time; what is flown stays as it is."""
     last, changed = [None], []
 
     def lose_answers(deck):
         link = deck.app.autopilot
         tell = type(link)._tell
-        link._tell = lambda what: None if getattr(what, "command", 0) == 224 else tell(link, what)
+
+        def told(what):
+            if getattr(what, "command", 0) != 224 and not isinstance(what, MissionCurrent):
+                tell(link, what)
+
+        link._tell = told
 
     def watch(deck):
         autopilot = deck.simulator.autopilot

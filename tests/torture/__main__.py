@@ -13,7 +13,8 @@ from sim.faults import Schedule
 from tests.torture import campaigns
 from tests.torture.harness import broken_after, fly, num_messages, random_flight
 
-EXCHANGE_S = {Dialect.ARDUPILOT: 16.0, Dialect.PX4: 34.0}  # in which the first mission is flown, and replaced
+# In which the first mission is flown, and replaced; on ArduPlane a second time, then by a part only.
+EXCHANGE_S = {Dialect.ARDUPILOT: 23.0, Dialect.PX4: 34.0}
 SILENT_S, AFTER_S = 8.0, 14.0
 
 

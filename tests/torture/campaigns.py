@@ -12,6 +12,7 @@ from sim.faults import Happening, LinkFaults, Schedule, random_schedule
 from tests.torture.harness import KINDS, TortureDeck, flown
 
 TO_THE_GOAL_S = 130.0
+OVER_LOSSES_S = 300.0
 LOSS = 0.2
 PILOT_MODES = {
     Dialect.ARDUPILOT: ("FBWA", "LOITER", "RTL", "MANUAL", "CRUISE"),
@@ -22,14 +23,14 @@ PILOT_MODES = {
 def lossy_schedule(dialect, seed):
     """A fifth of all frames lost all along, with the spells and events of a random schedule on top."""
     kinds = tuple(kind for kind in KINDS[dialect] if kind is not Happening.REBOOT)
-    made = random_schedule(seed, TO_THE_GOAL_S, kinds)
+    made = random_schedule(seed, OVER_LOSSES_S, kinds)
     spells, now = [], 0.0
     for begin, end, faults in made.spells:
         spells.append((now, begin, LinkFaults(loss=LOSS)))
         # A link that refuses everything or is seconds late for a minute is the torture's business.
         spells.append((begin, min(end, begin + 10.0), worse(faults)))
         now = min(end, begin + 10.0)
-    spells.append((now, 2.0 * TO_THE_GOAL_S, LinkFaults(loss=LOSS)))
+    spells.append((now, 2.0 * OVER_LOSSES_S, LinkFaults(loss=LOSS)))
     return Schedule(tuple(spells), made.events)
 
 
@@ -38,20 +39,22 @@ def worse(faults):
 
 
 def outcome(deck, verdict):
-    """How a flight ended: at the goal, on the way in a mission that passed, or badly."""
+    """How a flight ended: at the goal, in an announced step of the emergency strategy, or otherwise."""
     if verdict.collision:
         return "collision"
     if verdict.violations:
         return "violation"
     if deck.app.mode is Mode.ARRIVED:
         return "goal"
+    if deck.app.emergency is not None:
+        return f"emergency: {deck.app.emergency.value}"
     return f"flying ({deck.app.mode.name})"
 
 
 def lossy_flight(dialect, seed):
     """One flight over a link that loses a fifth."""
     deck = TortureDeck(dialect, seed, lossy_schedule(dialect, seed))
-    verdict = asyncio.run(flown(deck, TO_THE_GOAL_S))
+    verdict = asyncio.run(flown(deck, OVER_LOSSES_S))
     return outcome(deck, verdict), deck
 
 
@@ -108,7 +111,7 @@ def run_losses(number, first_seed, say):
             how, deck = lossy_flight(dialect, seed)
             counts[how] += 1
             swaps += deck.app.num_swaps
-            if how in ("collision", "violation"):
+            if how != "goal" and not how.startswith("emergency"):
                 bad += 1
                 say(f"  {dialect.value} seed {seed}: {how} {deck.verdict.violations[:2]}")
         say(f"{dialect.value}, 20 % loss and random faults: {dict(counts)}, {swaps} swaps")

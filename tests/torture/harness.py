@@ -27,7 +27,7 @@ from tests.sim.client import PLAIN
 from tests.support.timed_link import TimedLink
 
 DURATION_S = 45.0
-MARGIN_M = 2.0
+L1_DISTANCE_M = 0.75 * 17.0 * 25.0 / np.pi  # NAVL1_DAMPING · NAVL1_PERIOD · speed / π
 JUDGED_RULES = frozenset({"clearance", "bounds", "ending", "finite"})
 LOITERS = frozenset({17, 18, 19, 31})
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
@@ -98,9 +98,10 @@ class Judge:
         """Places flown from here on, and the loiter at the end; landings are the operator's."""
         autopilot, items = self._autopilot, self._autopilot.mission_items
         estimate = autopilot.flight.estimate
-        places = [(estimate.east_m, estimate.north_m, estimate.up_m), autopilot.telemetry.target]
-        current = autopilot.current_sequence
         steering = autopilot.flight.steering
+        here, target = (estimate.east_m, estimate.north_m, estimate.up_m), autopilot.telemetry.target
+        places = [here, *joining(here, steering), target]
+        current = autopilot.current_sequence
         if hasattr(steering, "radius_m"):
             return np.array(places), self._radius(steering.radius_m), np.array(places[-1]), True
         for item in items[current + 1 :]:
@@ -116,6 +117,29 @@ class Judge:
     @staticmethod
     def _radius(radius_m):
         return radius_m or 125.0
+
+
+def joining(here, steering):
+    """Where the leg that is tracked is joined: from a fly-by turn nobody flies straight to the next item.
+
+    L1 guidance steers for the point of the leg one L1 distance away, at 45 degrees where there is none.
+    """
+    if not hasattr(steering, "start"):
+        return []
+    start, end = np.array(steering.start), np.array(steering.end)
+    length = np.linalg.norm(end - start)
+    if length < 1.0:
+        return []
+    along = (end - start) / length
+    away = np.array(here[:2]) - start
+    progress, aside = away @ along, abs(away[0] * along[1] - away[1] * along[0])
+    ahead = max(aside, np.sqrt(max(L1_DISTANCE_M**2 - aside**2, 0.0)))
+    gap = np.linalg.norm(away)
+    if gap > L1_DISTANCE_M and progress < -np.sqrt(0.5) * gap:
+        return [(*start, here[2])]  # far before the leg it is begun at its start
+    if progress + ahead >= length:
+        return []
+    return [(*(start + (progress + ahead) * along), here[2])]
 
 
 class TortureDeck(Deck):

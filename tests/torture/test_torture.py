@@ -6,12 +6,17 @@ from companion.types.events import Dialect
 from sim.faults import Event, Happening, LinkFaults, Schedule, random_schedule
 from sim.mission_store import MissionKind
 from sim.px4_store import stored
+from tests.torture.campaigns import lossy_flight
 from tests.torture.harness import TortureDeck, broken_after, flown, fly, num_messages, random_flight
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
-# Within the first mission's upload, its reading back and entry, and within the next one's.
+# Within the first mission's upload, its reading back and entry, within the next one's, and within the
+# first that writes a part only.
 BREAKS = {
-    Dialect.ARDUPILOT: (8, 30, 60, 100, 111, 150, 185, 215, 260, 330),
+    Dialect.ARDUPILOT: (
+        *(8, 30, 60, 100, 111, 150, 185, 215, 260, 330),
+        *(346, 400, 435, 436, 455, 475, 476, 480, 530, 565, 566),
+    ),
     Dialect.PX4: (8, 14, 20, 30, 40, 44, 60, 80),
 }
 
@@ -66,6 +71,30 @@ def test_one_fault_all_along(dialect, faults):
     verdict, _ = fly(dialect, 1, Schedule(((5.0, 40.0, faults),)), duration_s=30.0)
     assert verdict.violations == []
     assert not verdict.collision
+
+
+@BOTH
+def test_the_goal_is_reached_over_a_link_that_loses_every_fifth_frame(dialect):
+    how, deck = lossy_flight(dialect, 1)
+    assert how == "goal"
+    assert deck.app.num_swaps >= 3
+
+
+@BOTH
+def test_swaps_that_keep_failing_are_announced_as_an_emergency_step(dialect):
+    # From 12 s on no item of ours gets through: the flown mission is kept, and the pilot told so, once.
+    def without_items(deck):
+        def watch(frame, is_from_client):
+            is_item = int.from_bytes(frame[7:10], "little") == 73
+            return not (is_item and is_from_client and deck.now_s > 12.0)
+
+        return watch
+
+    verdict, deck = fly(dialect, 1, Schedule(), without_items, duration_s=70.0)
+    said = [entry for entry in deck.recorder.decisions if "swaps failed" in entry.text]
+    assert len(said) == 1
+    assert deck.app.emergency is not None
+    assert verdict.violations == []
 
 
 @pytest.mark.parametrize("happening", [kind for kind in Happening if kind is not Happening.UPLOADER])
