@@ -42,8 +42,7 @@ OUTSIDE_S = 1.5  # at another item for so long, it is no report from before a sw
 UNDER_WAY_S = 4.0  # a command may still take effect, and a report from before still arrive, for so long
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
 RECEIVED = "Flight plan received"  # what ArduPlane tells everybody when an upload has ended
-ITEM_S = 0.02  # ArduPlane asks for an item every 20 ms (measured), and answers questions as fast
-TRANSFERS = 3.0  # of items in a swap on ArduPlane: reading, writing, reading back
+ITEM_S = 0.02  # for each of a list's: half are written, one in 20 ms, all are read twice, several at once
 EXCHANGE_EXTRA_S = 0.5
 EXCHANGE_MAX_S = 12.0  # believed at most: what is further ahead is flown by then
 EXCHANGES_KEPT = 3
@@ -157,7 +156,7 @@ class Handover:
     @property
     def exchange_s(self) -> float:
         """How long a swap lasts from a plan to its entry, by the list's length and the last few swaps [s]."""
-        expected = TRANSFERS * ITEM_S * self.num_items + EXCHANGE_EXTRA_S
+        expected = ITEM_S * self.num_items + EXCHANGE_EXTRA_S
         return min(EXCHANGE_MAX_S, max(expected, MARGIN_OF_EXCHANGES * max(self._lasted_s, default=0.0)))
 
     def _sending_s(self, mission: Mission) -> float:
