@@ -167,14 +167,9 @@ def run(
     record: Annotated[Path, typer.Option(help="Folder of the flights' recordings.")] = Path("flights"),
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
-    from companion.config import load_mission
     from companion.daemon.service import serve
 
-    config = load_mission(mission)
-    try:
-        asyncio.run(serve(config, link, record))
-    except KeyboardInterrupt:
-        _log.info("stopped; the autopilot keeps the mission it flies")
+    asyncio.run(serve(mission, link, record))
 
 
 def _without_simulator() -> None:

@@ -14,6 +14,7 @@ FUNCTION_LINES_MAX = 80
 BROAD_EXCEPTS: dict[str, str] = {
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
     "companion/daemon/app.py": "the top of each task: logs the fault with its trace, and raises it again",
+    "companion/daemon/watch.py": "the top of a thread: hands the fault to whoever awaits the thread",
 }
 
 # The only modules that know a library, so that the rest can be read without it.

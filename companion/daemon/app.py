@@ -19,12 +19,14 @@ from companion.daemon.modes import Mode, ModeEvent, next_mode
 from companion.daemon.picture import Picture
 from companion.daemon.planning_loop import Parts, PlanningLoop
 from companion.daemon.record import Recorder
+from companion.daemon.watch import Watch
 from companion.link.autopilot import AutopilotLink
 from companion.link.codec import Codec
 from companion.link.frame import Frame
 from companion.link.framing import frames_in
 from companion.link.identity import answer
 from companion.link.limits import SourceLimits
+from companion.link.mavsdk_reader import MISSION_MESSAGES
 from companion.link.signing import Signer
 from companion.link.streams import Streams
 from companion.link.transport import Transport
@@ -36,6 +38,7 @@ from companion.types.state import Ownship
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
 HOUSEKEEPING_S = 1.0
 STATE_S = 0.2
+FAREWELL_S = 0.2  # for the last words to leave before the link is closed
 SEVERITY = {
     "swap": 5,
     "suspended": 4,
@@ -44,6 +47,8 @@ SEVERITY = {
     "rejected": 4,
     "landing": 4,
     "emergency": 2,
+    "stopped": 4,
+    "reload": 5,
 }
 
 _log = logging.getLogger(__name__)
@@ -74,6 +79,8 @@ class App:
         Signs what is sent and verifies what comes in.
     link_kind : type
         What carries out mission transfers; tests put one in whose time is simulated, too.
+    watch : Watch, optional
+        Looks on.
     """
 
     def __init__(
@@ -88,6 +95,7 @@ class App:
         memory: Memory | None = None,
         signer: Signer | None = None,
         link_kind: type[AutopilotLink] = AutopilotLink,
+        watch: Watch | None = None,
     ) -> None:
         self.mode = Mode.WAITING
         self.autopilot_mode = ""
@@ -121,7 +129,10 @@ class App:
             mission, clock, self.picture, self.cycle, self.handover, self.fencing, self.autopilot, recorder,
             self._memory,
         )  # fmt: skip
-        self._loop = PlanningLoop(parts, self, plans_inline=plans_inline)
+        self._watch = watch or Watch()
+        self._loop = PlanningLoop(parts, self, plans_inline=plans_inline, watch=self._watch)
+        self._planning: asyncio.Task[None] | None = None
+        self._changed: MissionConfig | None = None
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -129,15 +140,37 @@ class App:
         await self._transport.open()
         try:
             async with asyncio.TaskGroup() as tasks:
-                for name, task in (
-                    ("housekeeping", self._housekeeping),
-                    ("states", self._states),
-                    ("planning", self._loop.run),
-                ):
+                for name, task in (("housekeeping", self._housekeeping), ("states", self._states)):
                     tasks.create_task(_guarded(name, task), name=name)
+                self._planning = tasks.create_task(_guarded("planning", self._loop.run), name="planning")
         finally:
             await self.autopilot.close()
             await self._transport.close()
+
+    async def withdraw(self) -> None:
+        """Plan no more, break off an exchange that is under way, and tell the pilot, before the end.
+
+        Wherever an exchange stands, the autopilot holds a whole mission that was checked.
+        """
+        self.may_plan = False
+        if self._planning is not None:
+            self._planning.cancel()
+            await asyncio.wait([self._planning])
+        self.decide("stopped", "the autopilot keeps its mission")
+        await self._clock.sleep_until(self._clock.now_s() + FAREWELL_S)
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from the next pause between two plans on."""
+        self._changed = mission
+
+    def renew(self) -> None:
+        """Take up a changed mission file; called between plans."""
+        mission, self._changed = self._changed, None
+        if mission is None:
+            return
+        self._mission = mission
+        for part in (self.cycle, self.picture, self.fencing, self.handover, self._loop):
+            part.adopt(mission)
 
     @property
     def num_swaps(self) -> int:
@@ -170,6 +203,8 @@ class App:
             self.recorder.frame(now, frame.raw)
             self._streams.note(frame, now)
             self.autopilot.receive(frame)
+            if self.autopilot.is_exchanging and frame.message_id in MISSION_MESSAGES:
+                self._watch.progress()
             reply = answer(frame, self.codec)
             if reply:
                 self._send(reply)

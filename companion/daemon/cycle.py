@@ -88,24 +88,35 @@ class Cycle:
     """
 
     def __init__(self, mission: MissionConfig, seed: int) -> None:
-        self._mission = mission
         self._seed = seed
-        self.vehicle = vehicle_of(mission)
-        self.settings = planner_settings_of(mission)
-        # With a flown path to improve on, a search that finds nothing is not worth the whole budget.
-        self._replan_settings = replace(
-            self.settings, max_iterations=int(REPLAN_SHARE * self.settings.max_iterations)
-        )
+        self._fences: tuple[Obstacle, ...] = ()
+        self._read(mission)
         self.goals = goals_of(mission)
-        self._obstacles = mission.obstacle_list
-        self.checker = Checker(self._obstacles, check_limits_of(mission))
         self.flown: Flown | None = None
         self.next_goal = 0
         self.num_plans = 0
         self.flies_by = True  # as ArduPlane does at its waypoints
         self.tail_enu_m: tuple[float, float, float] | None = None  # where the operator goes on after the goal
         self._actions: tuple[tuple[MissionItem, ...], ...] = ()
-        self._threat_trees: tuple[ThreatTree, ...] = ()
+
+    def _read(self, mission: MissionConfig) -> None:
+        """Take limits, settings and obstacles from a mission file."""
+        self._mission = mission
+        self.vehicle = vehicle_of(mission)
+        self.settings = planner_settings_of(mission)
+        # With a flown path to improve on, a search that finds nothing is not worth the whole budget.
+        self._replan_settings = replace(
+            self.settings, max_iterations=int(REPLAN_SHARE * self.settings.max_iterations)
+        )
+        self._obstacles = (*mission.obstacle_list, *self._fences)
+        self.checker = Checker(self._obstacles, check_limits_of(mission))
+        self._threat_trees: tuple[ThreatTree, ...] = ()  # they grew round other obstacles
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from now on; a changed list of goals begins at its first."""
+        self._read(mission)
+        if not mission.goals_from_autopilot and goals_of(mission) != self.goals:
+            self.goals, self.next_goal = goals_of(mission), 0
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
@@ -124,9 +135,8 @@ class Cycle:
 
     def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
         """Hold plans and missions to the autopilot's fences, besides the mission file's obstacles."""
-        self._obstacles = (*self._mission.obstacle_list, *fences)
-        self.checker = Checker(self._obstacles, self.checker.limits)
-        self._threat_trees = ()  # they grew round other obstacles
+        self._fences = fences
+        self._read(self._mission)
 
     def set_goals(self, goals: Sequence[OperatorGoal]) -> None:
         """Take the operator's goals in place of the mission file's; in the plane at the mission's level."""

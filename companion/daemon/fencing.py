@@ -60,8 +60,17 @@ class Fencing:
         if items == self._items:
             return
         self._items = items
+        self._apply()
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file's bounds from now on."""
+        self._bounds = bounds_of(mission)
+        if self._items:
+            self._apply()
+
+    def _apply(self) -> None:
         try:
-            fences = fences_of(items, self._frame)
+            fences = fences_of(self._items, self._frame)
         except FenceError as error:
             self._say("fence", f"not understood: {error}")
             return

@@ -264,6 +264,12 @@ class Handover:
         row = progress_on(path, state.position_enu_m).row
         self._cycle.flown = Flown(path, Mission(read, span[0], 0), until_s, row)
 
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from now on; with other goals the list is laid out anew."""
+        if mission.goals != self._mission.goals:
+            self.layout = None
+        self._mission = mission
+
     def forget(self) -> None:
         """Read the list anew before it is written to again: others may have used the pause."""
         if self._doubt is None:

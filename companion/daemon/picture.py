@@ -35,13 +35,27 @@ class Picture:
     """
 
     def __init__(self, mission: MissionConfig, seed: int) -> None:
+        self._fences: tuple[Obstacle, ...] = ()
+        self._read(mission)
+        self.ownship = OwnshipEstimator(mission.frame)
+        self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
+        self.newest_track_s = -math.inf
+
+    def _read(self, mission: MissionConfig) -> None:
+        """Take the world and the threat model from a mission file."""
         self._mission = mission
         self._snapshot = world_of(mission)
         self._horizon_m = float(mission.planning.sensing_horizon_m)
         self._model = planner_settings_of(mission).threat_model(vehicle_of(mission), float(mission.unit_m))
-        self.ownship = OwnshipEstimator(mission.frame)
-        self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
-        self.newest_track_s = -math.inf
+        self.set_fences(self._fences)
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from now on; radars that are as they were stay sensed."""
+        before, known = self._mission.radars, self._snapshot.threats.known
+        sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
+        self._read(mission)
+        kept = np.array([radar in sensed for radar in mission.radars], dtype=np.int64)
+        self._snapshot = self._snapshot.with_known(kept)
 
     def observe(self, event: Event, now_s: float) -> None:
         """Take one event."""
@@ -53,6 +67,7 @@ class Picture:
 
     def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
         """Take the autopilot's fences for obstacles; they hide no radar."""
+        self._fences = fences
         every = (*self._mission.obstacle_list, *fences)
         packed = packed_obstacles(every, self._snapshot.bounds)
         self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=every)

@@ -20,6 +20,7 @@ from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode, ModeEvent
 from companion.daemon.picture import Picture
 from companion.daemon.record import Recorder
+from companion.daemon.watch import Watch, in_thread
 from companion.errors import CompanionError
 from companion.link.autopilot import AutopilotLink
 from companion.mission.builder import Waypoints
@@ -83,6 +84,10 @@ class Pilot(Protocol):
         """Record a decision and tell the pilot."""
         ...
 
+    def renew(self) -> None:
+        """Take up what was changed in the meantime; called between plans."""
+        ...
+
 
 class PlanningLoop:
     """Plans every time horizon, and sooner on news; sooner still while nothing safe is flown.
@@ -95,6 +100,8 @@ class PlanningLoop:
         The service.
     plans_inline : bool
         Plan in the event loop to an iteration budget instead of in a thread to a deadline.
+    watch : Watch
+        Is told of each round, plan and exchange.
 
     Attributes
     ----------
@@ -102,7 +109,7 @@ class PlanningLoop:
         The step of the emergency strategy that was announced last; None once a plan is flown again.
     """
 
-    def __init__(self, parts: Parts, pilot: Pilot, *, plans_inline: bool) -> None:
+    def __init__(self, parts: Parts, pilot: Pilot, *, plans_inline: bool, watch: Watch) -> None:
         self._mission, self._clock = parts.mission, parts.clock
         self._picture, self._cycle = parts.picture, parts.cycle
         self._handover, self._fencing = parts.handover, parts.fencing
@@ -110,6 +117,7 @@ class PlanningLoop:
         self._memory = parts.memory
         self._pilot = pilot
         self._plans_inline = plans_inline
+        self._watch = watch
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
         self._last_plan_s = -math.inf
         self.emergency: EmergencyStep | None = None
@@ -120,6 +128,11 @@ class PlanningLoop:
         """Whatever was flown meanwhile, plan from here at once."""
         self._last_plan_s = -math.inf
 
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from now on, and plan by it at once."""
+        self._mission = mission
+        self.plan_at_once()
+
     def break_off(self) -> None:
         """End an exchange that is under way where it stands."""
         if self._exchanging is not None:
@@ -128,6 +141,7 @@ class PlanningLoop:
     async def run(self) -> None:
         """Run until cancelled."""
         while True:
+            self._round()
             if (
                 self._pilot.mode is Mode.STANDBY
                 and self._pilot.hears_autopilot
@@ -143,12 +157,18 @@ class PlanningLoop:
                 await self._plan_once()
             await self._next_occasion()
 
+    def _round(self) -> None:
+        """Between plans and exchanges."""
+        self._watch.progress()
+        self._pilot.renew()
+
     async def _next_occasion(self) -> None:
         """Sleep until the next plan is due."""
-        horizon = float(self._mission.planning.time_horizon_s)
         while True:
             now = self._clock.now_s()
             await self._clock.sleep_until(now + POLL_S)
+            self._round()
+            horizon = float(self._mission.planning.time_horizon_s)
             since = self._clock.now_s() - self._last_plan_s
             wanted = horizon if self._cycle.flies_to_goal else RETRY_S
             if self._handover.is_suspicious and since >= SUSPICION_S:
@@ -248,18 +268,17 @@ class PlanningLoop:
         """Plan within the budget; the plan and the computer's milliseconds it took."""
         plan_by = plan_by or self._cycle.plan
         began, due = time.perf_counter(), self._clock.now_s() + budget_s
+        self._watch.progress()
         if self._plans_inline:
             plan = plan_by(start, snapshot, lambda: False)
             took = 1e3 * (time.perf_counter() - began)
             await self._clock.sleep_until(due)
-            return plan, took
-        plan = await asyncio.to_thread(
-            plan_by,
-            start,
-            snapshot,
-            lambda: self._clock.now_s() >= due,
-        )
-        return plan, 1e3 * (time.perf_counter() - began)
+        else:
+            plan = await in_thread(plan_by, start, snapshot, lambda: self._clock.now_s() >= due)
+            took = 1e3 * (time.perf_counter() - began)
+        self._watch.progress()
+        self._watch.planned(plan, took)
+        return plan, took
 
     async def _swap(
         self,
@@ -276,6 +295,7 @@ class PlanningLoop:
         outcome, reason = await self._unless_withdrawn(
             self._handover.swap(path, waypoints, carried_s, enter_s)
         )
+        self._watch.exchanged(outcome)
         if outcome is not SwapOutcome.FLOWN:
             self._recorder.num_rejected += 1
             self._pilot.decide("rejected", f"{outcome.value}: {reason}", plan_ms)

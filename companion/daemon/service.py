@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import faulthandler
 import logging
 import math
+import os
+import signal
+import sys
 import time
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from companion.clock import WallClock
-from companion.config import MissionConfig
+from companion.clock import Clock, WallClock
+from companion.config import MissionConfig, load_mission
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.daemon.app import App
 from companion.daemon.memory import Memory
+from companion.daemon.notify import Notifier, watchdog_of
 from companion.daemon.record import Recorder
+from companion.daemon.reload import changed_mission
+from companion.daemon.supervision import Report, Supervision
+from companion.daemon.watch import Watch, in_thread
+from companion.errors import CompanionError, ConfigError
 from companion.link.codec import signer_of
 from companion.link.signing import Signer, Timestamps, read_key
 from companion.link.transport import transport_from_url
@@ -22,46 +33,168 @@ from companion.planning.problem import GoalRegion, Problem, StartState, initial_
 from companion.planning.solver import solve
 
 REPORT_SILENCE_S = 5.0
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 _log = logging.getLogger(__name__)
 
 
-async def serve(mission: MissionConfig, url: str, flights: Path) -> None:
-    """Run until cancelled; says within seconds when no autopilot is heard, and keeps trying."""
-    clock = WallClock()
-    transport = transport_from_url(url, clock)
-    timestamps, signer = _signing(mission)
-    name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
-    recorder = Recorder(flights / name, time.time() - clock.now_s())
-    app = App(
-        mission,
-        transport,
-        clock,
-        recorder,
-        seed=int(mission.planning.seed),
-        plans_inline=False,
-        memory=Memory(flights / mission.name),
-        signer=signer,
-    )
-    _log.info("listening on %s; recording to %s", url, flights / name)
-    try:
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(app.run())
-            tasks.create_task(_report_silence(app, clock, url))
-            tasks.create_task(_warm(app, mission))
-    finally:
-        recorder.close()
-        if timestamps is not None:
-            timestamps.close()
+class Service(Watch):
+    """One run of the service: the app, what supervises it, and what the operator may ask of it.
+
+    Parameters
+    ----------
+    file : Path
+        The mission file.
+    url : str
+        Where the autopilot is.
+    flights : Path
+        Folder of the recordings, and of what a restart needs to know.
+    environment : mapping of str to str
+        For what systemd tells by it.
+    """
+
+    def __init__(self, file: Path, url: str, flights: Path, environment: Mapping[str, str]) -> None:
+        self._file = file
+        self._url = url
+        self._mission = mission = load_mission(file)
+        self._clock = WallClock()
+        watchdog_s = watchdog_of(environment)
+        _check_budget(mission, file, watchdog_s)
+        state = _folder_of("STATE_DIRECTORY", environment)
+        self._timestamps, signer = _signing(mission, state)
+        name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
+        self._recorder = Recorder(flights / name, time.time() - self._clock.now_s())
+        self.app = App(
+            mission,
+            transport_from_url(url, self._clock),
+            self._clock,
+            self._recorder,
+            seed=int(mission.planning.seed),
+            plans_inline=False,
+            memory=Memory(flights / mission.name),
+            signer=signer,
+            watch=self,
+        )
+        self.app.may_plan = False
+        self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
+        self._supervision = Supervision(self._notifier, self._clock, self.report, watchdog_s)
+        _log.info("listening on %s; recording to %s", url, flights / name)
+
+    def progress(self) -> None:
+        """Pass it on to whoever supervises."""
+        self._supervision.progress()
+
+    def report(self) -> Report:
+        """What the service does now."""
+        app, decisions = self.app, self._recorder.decisions
+        last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
+        mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
+        return Report(app.may_plan, app.codec.vehicle_system_id is not None, mode, last)
+
+    async def run(self) -> None:
+        """Run until a signal to stop, then leave in order.
+
+        Raises
+        ------
+        LinkError
+            If the link's address cannot be used.
+        """
+        loop, stopping = asyncio.get_running_loop(), asyncio.Event()
+        for number in STOP_SIGNALS:
+            loop.add_signal_handler(number, stopping.set)
+        loop.add_signal_handler(signal.SIGHUP, self.reload)
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                running = [
+                    tasks.create_task(self.app.run()),
+                    tasks.create_task(_report_silence(self.app, self._clock, self._url)),
+                    tasks.create_task(_warm(self.app, self._mission)),
+                ]
+                await stopping.wait()
+                self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
+                await self.app.withdraw()
+                for task in running:
+                    task.cancel()
+        except* CompanionError as group:
+            raise _first(group) from None
+        finally:
+            for number in (*STOP_SIGNALS, signal.SIGHUP):
+                loop.remove_signal_handler(number)
+            self._recorder.close()
+            if self._timestamps is not None:
+                self._timestamps.close()
+            self._notifier.close()
+        _log.info("stopped; the autopilot keeps the mission it flies")
+
+    def reload(self) -> None:
+        """Read the mission file again; a bad one, or one that needs a restart, changes nothing."""
+        self._notifier.reloading()
+        try:
+            mission = changed_mission(self._mission, self._file)
+        except ConfigError as error:
+            _log.error("not reloaded: %s", error)
+            self.app.decide("reload", f"refused: {error.key}")
+        else:
+            self._mission = mission
+            self.app.adopt(mission)
+            self.app.decide("reload", f"{mission.name} is read again")
+        self._notifier.tell(READY=1, STATUS=str(self.report()))
 
 
-def _signing(mission: MissionConfig) -> tuple[Timestamps | None, Signer | None]:
-    """What signs and verifies, as the mission file says; nothing without a key."""
+async def serve(file: Path, url: str, flights: Path) -> None:
+    """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
+
+    Raises
+    ------
+    CompanionError
+        If it cannot begin.
+    """
+    with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+        await Service(file, url, flights, os.environ).run()
+
+
+@contextlib.contextmanager
+def _stacks_told(folder: Path | None) -> Iterator[None]:
+    """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a full disk, or nothing to write to
+            target = sys.stderr if folder is None else stack.enter_context((folder / "crash.log").open("a"))
+            faulthandler.enable(target)
+        stack.callback(faulthandler.disable)
+        yield
+
+
+def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:
+    """The first error of a group of them, or of groups."""
+    error = group.exceptions[0]
+    return _first(error) if isinstance(error, BaseExceptionGroup) else error
+
+
+def _folder_of(name: str, environment: Mapping[str, str]) -> Path | None:
+    """A folder that systemd made for the service; None without."""
+    value = environment.get(name, "").partition(":")[0]
+    return Path(value) if value else None
+
+
+def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) -> None:
+    """See that a plan is long done when the watchdog becomes impatient."""
+    budget = float(mission.planning.planning_budget_s)
+    if watchdog_s is not None and budget > 0.5 * watchdog_s:
+        expected = f"at most {0.5 * watchdog_s:g}, half of the unit's WatchdogSec"
+        raise ConfigError(str(file), None, "planning.planning_budget_s", f"{budget:g}", expected)
+
+
+def _signing(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
+    """What signs and verifies, as the mission file says; nothing without a key.
+
+    The times go beside the key, or to the state folder: configuration is read only under systemd.
+    """
     signing = mission.link.signing
     if signing is None:
         return None, None
     key_file = Path(signing.key_file)
-    times = signing.timestamp_file or f"{signing.key_file}.times"
+    beside = key_file if state is None else state / key_file.name
+    times = signing.timestamp_file or f"{beside}.times"
     timestamps = Timestamps(Path(times), time.time)
     signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
     return timestamps, signer
@@ -69,14 +202,13 @@ def _signing(mission: MissionConfig) -> tuple[Timestamps | None, Signer | None]:
 
 async def _warm(app: App, mission: MissionConfig) -> None:
     """Compile beside everything else; the first plan waits for it."""
-    app.may_plan = False
     _log.info("compiling the planner's kernels")
-    await asyncio.to_thread(warm_up, mission)
+    await in_thread(warm_up, mission)
     app.may_plan = True
     _log.info("ready to plan")
 
 
-async def _report_silence(app: App, clock: WallClock, url: str) -> None:
+async def _report_silence(app: App, clock: Clock, url: str) -> None:
     """Say every few seconds that no autopilot is heard, while that is so."""
     while True:
         await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)

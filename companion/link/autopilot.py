@@ -92,6 +92,11 @@ class AutopilotLink:
         return self._current
 
     @property
+    def is_exchanging(self) -> bool:
+        """Whether a mission or fence is on its way, in either direction."""
+        return self._turn.locked()
+
+    @property
     def pending_calls(self) -> int:
         """How many calls of MAVSDK are under way."""
         return self._mavsdk.pending_calls

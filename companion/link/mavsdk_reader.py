@@ -33,7 +33,7 @@ from companion.types.events import Heartbeat
 from companion.types.mission import MissionItem
 
 _HEARTBEAT, _MISSION_ACK = 0, 47
-_MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
+MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
 _DISCOVERY_S = 5.0
 _ACKNOWLEDGE_S = 0.5
 
@@ -98,7 +98,7 @@ class MavsdkReader:
         """Take a frame of the autopilot's."""
         if any(isinstance(event, Heartbeat) for event in frame.events):
             self._heartbeat = self._codec.unsigned(frame.raw)
-        is_awaited = self._pending_calls > 0 and frame.message_id in _MISSION_MESSAGES
+        is_awaited = self._pending_calls > 0 and frame.message_id in MISSION_MESSAGES
         if self._mavsdk is not None and (is_awaited or frame.message_id == _HEARTBEAT):
             self._is_our_turn = self._is_our_turn or is_awaited
             self._mavsdk.pass_received_raw_bytes(self._codec.unsigned(frame.raw))
@@ -161,7 +161,7 @@ class MavsdkReader:
         """Pass on what MAVSDK wants sent, in the loop."""
         frame = raw_frame(data)
         message_id = frame.message_id
-        if message_id in _MISSION_MESSAGES:
+        if message_id in MISSION_MESSAGES:
             # An acknowledgement ends a download: nothing answers it, and the call is about to return.
             self._is_our_turn = message_id == _MISSION_ACK
             self._send(self._codec.renumbered(data))

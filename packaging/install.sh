@@ -1,0 +1,143 @@
+#!/bin/sh
+# Installs the service on a Debian-like computer with systemd, or takes it away again.
+set -eu
+
+usage() {
+    cat <<'END'
+usage: install.sh [--uninstall [--purge]] [--dry-run] [--root DIR] [--python PROGRAM] [--no-program]
+
+Puts the program into /opt/companion, the unit, the user and the folders in place, and an environment
+file and a mission file to be edited into /etc/companion. It can be run again at any time: what the
+operator has edited is left alone, and what is as it should be is not touched.
+
+  --uninstall   take away what was installed; configuration, flights and the user stay
+  --purge       with --uninstall: these too
+  --dry-run     say what would be done, and do nothing
+  --root DIR    install below DIR, for an image; nothing is started, no user is made
+  --python P    the Python, 3.11 or newer, that the program will run on
+  --no-program  everything but the program itself
+END
+}
+
+action=install purge=no dry=no root="" python=python3 program=yes
+while [ $# -gt 0 ]; do
+    case $1 in
+        --uninstall) action=uninstall ;;
+        --purge) purge=yes ;;
+        --dry-run) dry=yes ;;
+        --root) root=${2:?--root needs a folder}; shift ;;
+        --python) python=${2:?--python needs a program}; shift ;;
+        --no-program) program=no ;;
+        -h | --help) usage; exit 0 ;;
+        *) echo "install.sh: unknown option $1" >&2; usage >&2; exit 2 ;;
+    esac
+    shift
+done
+
+here=$(cd "$(dirname "$0")" && pwd)
+source=$(dirname "$here")
+root=${root%/}
+if [ -z "$root" ] && [ "$dry" = no ] && [ "$(id -u)" != 0 ]; then
+    echo "install.sh: must be run as root, or with --root DIR or --dry-run" >&2
+    exit 1
+fi
+
+say() { echo "$*"; }
+run() {
+    say "+ $*"
+    [ "$dry" = yes ] || "$@"
+}
+
+# file SOURCE TARGET MODE: a file of ours, replaced when it differs.
+file() {
+    if cmp -s "$1" "$root$2"; then
+        return
+    fi
+    run install -D -m "$3" "$1" "$root$2"
+}
+
+# template SOURCE TARGET MODE: a file of the operator's, written once.
+template() {
+    if [ -e "$root$2" ]; then
+        return
+    fi
+    run install -D -m "$3" "$1" "$root$2"
+}
+
+# gone PATH: a file or folder of ours, removed where it is.
+gone() {
+    if [ -e "$root$1" ] || [ -L "$root$1" ]; then
+        run rm -rf "$root$1"
+    fi
+}
+
+has_systemd() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
+
+unit=/etc/systemd/system/companion.service
+users=/usr/lib/sysusers.d/companion.conf
+folders=/usr/lib/tmpfiles.d/companion.conf
+
+install_program() {
+    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
+        echo "install.sh: Python 3.11 or newer is needed; name it: --python /path/to/python3" >&2
+        exit 1
+    }
+    # The digest of what is installed says whether there is anything to do.
+    stamp=$root/opt/companion/installed
+    digest=$(cd "$source" && find companion constraints.txt pyproject.toml -type f ! -path '*/__pycache__/*' \
+        -exec sha256sum {} + | LC_ALL=C sort | sha256sum | cut -d ' ' -f 1)
+    if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$digest" ]; then
+        return
+    fi
+    [ -x "$root/opt/companion/bin/python" ] || run "$python" -m venv "$root/opt/companion"
+    run "$root/opt/companion/bin/python" -m pip install --quiet --disable-pip-version-check \
+        --force-reinstall --no-deps "$source"
+    run "$root/opt/companion/bin/python" -m pip install --quiet --disable-pip-version-check \
+        -c "$source/constraints.txt" "safe-rrt-companion[metrics,record] @ file://$source"
+    say "+ remember $digest"
+    [ "$dry" = yes ] || echo "$digest" > "$stamp"
+}
+
+install_all() {
+    [ "$program" = no ] || install_program
+    file "$source/README.md" /opt/companion/share/doc/README.md 0644
+    file "$here/99-companion.rules.example" /opt/companion/share/doc/99-companion.rules.example 0644
+    file "$here/companion.service" "$unit" 0644
+    file "$here/companion.sysusers" "$users" 0644
+    file "$here/companion.tmpfiles" "$folders" 0644
+    template "$here/environment.example" /etc/companion/environment 0640
+    template "$source/mission_configs/first-flight.yaml" /etc/companion/mission.yaml 0640
+    if [ -z "$root" ]; then
+        run systemd-sysusers "$users"
+        run chgrp -R companion /etc/companion
+        run systemd-tmpfiles --create "$folders"
+    fi
+    if has_systemd; then
+        run systemctl daemon-reload
+        say "Edit /etc/companion/environment and /etc/companion/mission.yaml, then:"
+        say "  systemctl enable --now companion && journalctl -fu companion"
+    fi
+}
+
+uninstall_all() {
+    if has_systemd; then
+        run systemctl disable --now companion.service || say "companion.service was not there"
+    fi
+    gone "$unit"
+    gone "$folders"
+    gone "$users"
+    gone /opt/companion
+    if has_systemd; then
+        run systemctl daemon-reload
+    fi
+    if [ "$purge" = yes ]; then
+        for folder in /etc/companion /var/lib/companion /var/cache/companion /var/log/companion; do
+            gone "$folder"
+        done
+        if [ -z "$root" ] && id companion > /dev/null 2>&1; then
+            run userdel companion
+        fi
+    fi
+}
+
+"${action}_all"
