@@ -58,6 +58,7 @@ class Service(Watch):
         self._url = url
         self._mission = mission = load_mission(file)
         self._clock = WallClock()
+        transport = transport_from_url(url, self._clock)
         watchdog_s = watchdog_of(environment)
         _check_budget(mission, file, watchdog_s)
         state = _folder_of("STATE_DIRECTORY", environment)
@@ -66,7 +67,7 @@ class Service(Watch):
         self._recorder = Recorder(flights / name, time.time() - self._clock.now_s())
         self.app = App(
             mission,
-            transport_from_url(url, self._clock),
+            transport,
             self._clock,
             self._recorder,
             seed=int(mission.planning.seed),
