@@ -46,6 +46,8 @@ REPLAN_SHARE = 0.3
 NARROWED = 0.6
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
 GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
+MENDED_RULES = frozenset({"corner", "climb"})
+MENDED_MAX = 4
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 
@@ -351,10 +353,14 @@ class Cycle:
             flown.positions_enu_m, float(part.courses_rad[-1]), radius, self._obstacles,
             self.checker.limits.bounds,
         )  # fmt: skip
-        legs: FloatArray = np.vstack([part.positions_enu_m[:1], flown.positions_enu_m])
-        violations = self.checker.check_legs(
-            legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
-        )
+
+        def wrong_with(waypoints: Waypoints) -> tuple[Violation, ...]:
+            legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
+            return self.checker.check_legs(
+                legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
+            )
+
+        flown, violations = _mended(flown, wrong_with)
         carried = replace(
             flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius,
             goes_on=end == len(path) - 1 and self._may_go_on(flown.positions_enu_m[-1]),
@@ -436,6 +442,35 @@ class Cycle:
         """The mission list with the waypoints in it, and the layout once they are flown."""
         ours = layout.items_for(waypoints, self._mission.frame)
         return layout.with_new(ours, self.num_plans)
+
+
+def _mended(
+    waypoints: Waypoints, wrong_with: Callable[[Waypoints], tuple[Violation, ...]]
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """Waypoints without those that stand too close for the turn or the climb between them.
+
+    Where two turns of a path nearly meet, so do their waypoints; the path flies it, legs may not.
+    """
+    violations = wrong_with(waypoints)
+    for _ in range(MENDED_MAX):
+        if not violations or any(entry.rule not in MENDED_RULES for entry in violations):
+            break
+        row = violations[0].row  # of the legs, which begin with the start: its waypoint is one less
+        tries = [_without(waypoints, n) for n in (row - 1, row) if 0 <= n < len(waypoints.distances_m) - 1]
+        judged = [(found, wrong_with(found)) for found in tries]
+        better = [entry for entry in judged if len(entry[1]) < len(violations)]
+        if not better:
+            break
+        waypoints, violations = min(better, key=lambda entry: len(entry[1]))
+    return waypoints, violations
+
+
+def _without(waypoints: Waypoints, number: int) -> Waypoints:
+    return replace(
+        waypoints,
+        positions_enu_m=np.delete(waypoints.positions_enu_m, number, axis=0),
+        distances_m=np.delete(waypoints.distances_m, number),
+    )
 
 
 def _actions_at(

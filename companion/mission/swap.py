@@ -27,7 +27,7 @@ ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
 FIRST_COMMAND_WITHOUT_PLACE = 100
 SPEED_TOLERANCE_M_S = 0.06
 UPLOAD_MAX_S = 60.0
-ACKNOWLEDGE_S = 0.05  # of the computer's time, for an acknowledgement that is still under way
+TURNS = 3  # of the event loop, in which an upload that was acknowledged in the same breath ends
 CONFIRM_S = 2.5  # PX4 tells its mission once a second, and checks a new one within a tenth of that
 # Parameters (by number, from 0) that ArduPlane does not store for a command: they read back as 0.
 DROPPED: dict[int, frozenset[int]] = {
@@ -262,8 +262,8 @@ async def _uploaded(
     )
     try:
         await asyncio.wait({upload, seen}, return_when=asyncio.FIRST_COMPLETED)
-        if not upload.done():
-            await asyncio.wait({upload}, timeout=ACKNOWLEDGE_S)
+        for _ in range(TURNS):
+            await asyncio.sleep(0)
         if not upload.done() and seen.done() and seen.result():
             return identity
         return await upload

@@ -6,15 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.daemon.cycle import Cycle, Flown, Start
+from companion.daemon.cycle import Cycle, Flown, Start, _mended
 from companion.mission.layout import new_banks
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
-from tests.mission.made import item, path_along
+from tests.mission.made import item, path_along, waypoints
 from tests.sim.client import PLAIN
 
 EAST = 0.5 * math.pi
@@ -342,3 +344,53 @@ def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_i
     assert len(turn) > 3
     assert turn[:, 0].max() > 320.0  # wider than the corner
     assert made._turn_at(legs, np.array([0.0, 20.0, 100.0])) is None
+
+
+def crowded(*places):
+    """Waypoints, and what the checker says of the legs to them from 300 m before the first."""
+    made, checker = waypoints(*places), cycle().checker
+
+    def wrong_with(found):
+        legs = np.vstack([np.asarray(places[0]) - [300.0, 0.0, 0.0], found.positions_enu_m])
+        return checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
+
+    return made, wrong_with
+
+
+def test_waypoints_too_close_for_their_turns_lose_one():
+    # Two corners of 40 degrees 12 m apart: each needs 125 m · tan(20°) = 45 m of the leg between them.
+    made, wrong_with = crowded((0, 0, 100), (200, 0, 100), (209, 8, 100), (350, 300, 100), (600, 800, 100))
+    assert {entry.rule for entry in wrong_with(made)} == {"corner"}
+    mended, violations = _mended(made, wrong_with)
+    assert violations == ()
+    assert len(mended.positions_enu_m) == len(mended.distances_m) == 4
+    assert (mended.positions_enu_m[[0, -1]] == made.positions_enu_m[[0, -1]]).all()
+
+
+def test_waypoints_through_a_wall_are_not_mended():
+    made, wrong_with = crowded((0, 0, 100), (900, 0, 100), (1300, 0, 100))
+    walled = cycle(WALL).checker
+
+    def wrong(found):
+        legs = np.vstack([[-300.0, 0.0, 100.0], found.positions_enu_m])
+        return walled.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
+
+    mended, violations = _mended(made, wrong)
+    assert wrong_with(made) == ()
+    assert {entry.rule for entry in violations} == {"clearance"}
+    assert mended is made
+
+
+@given(st.lists(st.tuples(st.floats(5, 300), st.floats(-1.2, 1.2)), min_size=3, max_size=8))
+def test_mending_never_claims_what_the_checker_denies(steps):
+    places, course = [(0.0, 0.0, 100.0)], EAST
+    for length, turn in steps:
+        course += turn
+        places.append(
+            (places[-1][0] + length * math.sin(course), places[-1][1] + length * math.cos(course), 100.0)
+        )
+    made, wrong_with = crowded(*places)
+    mended, violations = _mended(made, wrong_with)
+    assert violations == wrong_with(mended)
+    assert len(violations) <= len(wrong_with(made))
+    assert set(map(tuple, mended.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))
