@@ -66,7 +66,7 @@ class Picture:
             self.ownship.observe(event)
 
     def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
-        """Take the autopilot's fences for obstacles; they hide no radar."""
+        """Take the autopilot's fences for obstacles; they hide nothing, and stop no moving threat."""
         self._fences = fences
         every = (*self._mission.obstacle_list, *fences)
         packed = packed_obstacles(every, self._snapshot.bounds)
@@ -98,9 +98,7 @@ class Picture:
             if is_plane:
                 row[2] = z
             reach[radius] = track.max_threat_radius_m
-            row[3] = float(
-                not segment_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, self._snapshot.obstacles)
-            )
+            row[3] = float(not segment_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, self._snapshot.walls))
         everything = self._snapshot.threats._replace(known=np.ones_like(self._snapshot.threats.known))
         mu, nu = point_threat(
             x, y, z, direction_from_course(state.course_rad), state.flight_path_angle_rad,

@@ -41,7 +41,7 @@ def assess_rows(
         x, y, z = states[k, 0], states[k, 1], states[k, 2]
         deviation = position_deviation(errors[k], estimates[k], dimension)
         clear[k] = collision_free(clearance(x, y, z, scene.obstacles, FAR), deviation, dimension)
-        dt_positions(scene.pursuers, x, y, z, times[k], search.k_pursuer, scene.obstacles, points[k])
+        dt_positions(scene.pursuers, x, y, z, times[k], search.k_pursuer, scene.walls, points[k])
         if search.use_uncertainty == 1:
             position_factor(errors[k], estimates[k], dimension, factor)
         else:

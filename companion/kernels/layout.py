@@ -228,10 +228,14 @@ class Search(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What one sub task's search reads, in one piece."""
+    """What one sub task's search reads, in one piece.
+
+    ``obstacles`` the aircraft keeps clear of; ``walls``, those of them that hide and stop a DT, too.
+    """
 
     pursuers: Pursuers
     obstacles: Obstacles
+    walls: Obstacles
     threats: Threats
     model: ThreatModel
     limits: Limits

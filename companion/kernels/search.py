@@ -297,7 +297,7 @@ def drop_last(tree: Tree, parent: int) -> None:
 
 
 @nb.njit(cache=True, nogil=True)
-def inherit_threats(tree: Tree, i: int, parent: int, obstacles: Obstacles) -> None:
+def inherit_threats(tree: Tree, i: int, parent: int, walls: Obstacles) -> None:
     """A DT that could be somewhere for the parent can wait there for the child, if it sees it."""
     for d in range(tree.threat_point.shape[1]):
         point = tree.threat_point[parent, d]
@@ -308,7 +308,7 @@ def inherit_threats(tree: Tree, i: int, parent: int, obstacles: Obstacles) -> No
             tree.state[i, 0],
             tree.state[i, 1],
             tree.state[i, 2],
-            obstacles,
+            walls,
         ):
             tree.threat_point[i, d] = point
 
@@ -346,10 +346,10 @@ def grow(
     """
     threats, model, limits, search = scene.threats, scene.model, scene.limits, scene.search
     i = add_node(tree, q_n, state, control, dt, scene.obstacles, limits, scene.tables, search)
-    inherit_threats(tree, i, q_n, scene.obstacles)
+    inherit_threats(tree, i, q_n, scene.walls)
     num = estimate_reachability(
         tree, scene.pursuers, i, search.estimator, search.p_tid, search.k_pursuer, limits.bounds,
-        draws[4:7], scene.obstacles, changed,
+        draws[4:7], scene.walls, changed,
     )  # fmt: skip
     assess(tree, i, threats, reach, model, scene.tables.normals, search, limits.dimension, scratch, levels)
     if tree.level[i] > search.level_max and tree.level[i] >= tree.level[q_n]:

@@ -205,7 +205,7 @@ def is_clear(
 @nb.njit(cache=True, nogil=True)
 def path_cost(
     states: FloatArray, times: FloatArray, first: int, n: int, delta: float, pursuers: Pursuers,
-    obstacles: Obstacles, threats: Threats, model: ThreatModel, search: Search,
+    walls: Obstacles, threats: Threats, model: ThreatModel, search: Search,
 ) -> float:  # fmt: skip
     """Sum of (9) over the edges that end in rows ``first`` to ``n - 1``; infinite above the level limit."""
     scratch = np.empty((MAX_THREATS, 2))
@@ -214,7 +214,7 @@ def path_cost(
     total = 0.0
     for k in range(first, n):
         p, q = states[k - 1], states[k]
-        dt_positions(pursuers, q[0], q[1], q[2], times[k], search.k_pursuer, obstacles, points)
+        dt_positions(pursuers, q[0], q[1], q[2], times[k], search.k_pursuer, walls, points)
         chord = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
         level = line_threat(
             p[0], p[1], p[2], q[0], q[1], q[2], q[5], delta, threats, points, reach, model,

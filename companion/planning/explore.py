@@ -58,7 +58,7 @@ class Exploration:
         self.tables = _tables(problem.vehicle, settings.tau_s, snapshot.dimension)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
-            snapshot.tracks, snapshot.obstacles, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
+            snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
             with_corners=settings.strategies.estimator is Estimator.EX_RRT,
         )  # fmt: skip
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
@@ -156,8 +156,8 @@ class Exploration:
         snapshot = self.problem.snapshot
         guide = NO_GUIDE if sub_goal is None else self.guide_to(sub_goal)
         return Scene(
-            self.pursuers, snapshot.obstacles, self.threats, self.model, self.limits, self.tables,
-            self.problem.settings.search(self.limits, snapshot.unit_m, tolerance_m), guide,
+            self.pursuers, snapshot.obstacles, snapshot.walls, self.threats, self.model, self.limits,
+            self.tables, self.problem.settings.search(self.limits, snapshot.unit_m, tolerance_m), guide,
         )  # fmt: skip
 
     def nearest_node(self, point: FloatArray) -> int:

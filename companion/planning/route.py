@@ -107,7 +107,7 @@ def cost_between(exploration: Exploration, route: Route, first: int = 1, end: in
     return float(
         path_cost(
             route.states, route.times, first, len(route) if end is None else end,
-            float(exploration.tree.delta[0]), exploration.pursuers, problem.snapshot.obstacles,
+            float(exploration.tree.delta[0]), exploration.pursuers, problem.snapshot.walls,
             exploration.threats, exploration.model,
             problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0),
         )

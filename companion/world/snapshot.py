@@ -29,6 +29,9 @@ class Snapshot:
         East, north, up, each low and high [m].
     unit_m : float
         Metres in a planning unit.
+    obstacles, walls : Obstacles
+        What the aircraft keeps clear of, and what of that hides and stops moving threats: a fence does
+        not.
     tracks : tuple of TrackState
         Moving threats as tracked.
     threat_trees : tuple of ThreatTree
@@ -43,6 +46,7 @@ class Snapshot:
     obstacle_list: tuple[Obstacle, ...]
     radar_list: tuple[Radar, ...]
     obstacles: Obstacles
+    walls: Obstacles
     threats: Threats
     tracks: tuple[TrackState, ...] = ()
     threat_trees: tuple[ThreatTree, ...] = ()
@@ -88,5 +92,6 @@ def first_snapshot(
         obstacle_list=tuple(obstacles),
         radar_list=tuple(radars),
         obstacles=packed,
+        walls=packed,
         threats=threats,
     )
