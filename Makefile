@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: help venv fly test explore test-long torture campaigns bench reachability garbage lint format clean
+.PHONY: help venv fly test explore test-long torture campaigns bench reachability garbage docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -50,6 +50,9 @@ reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits agai
 
 garbage: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
 	$(BIN)/python -m tests.garbage.siege
+
+docs: $(STAMP) ## write docs/mission-file.md anew
+	$(BIN)/python -m companion.config.reference docs/mission-file.md
 
 lint: $(STAMP) ## check style, types and the layers
 	$(BIN)/ruff check .

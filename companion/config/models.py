@@ -31,123 +31,189 @@ SystemId = Annotated[int, Field(ge=1, le=255)]
 class Section(BaseModel):
     """What all sections share: strict, closed and frozen."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 class Origin(Section):
     """WGS84 point at which east, north and up are zero; altitude above mean sea level."""
 
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
+    """Of the origin, positive north."""
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    """Of the origin, positive east."""
     altitude_amsl_m: Annotated[float, Field(ge=-500.0, le=9_000.0)]
+    """Height of `up_m: 0` above mean sea level."""
 
 
 class Bounds(Section):
     """Box the aircraft stays in: lowest and highest east, north and up [m]."""
 
     east_m: tuple[Horizontal, Horizontal]
+    """Lowest and highest."""
     north_m: tuple[Horizontal, Horizontal]
+    """Lowest and highest."""
     up_m: tuple[Vertical, Vertical]
+    """Lowest and highest; plans keep between them."""
 
 
 class Start(Section):
     """Where an offline plan and the simulator begin; course clockwise from north."""
 
     east_m: Horizontal
+    """Where an offline plan and a simulated flight begin."""
     north_m: Horizontal
+    """The same, north."""
     up_m: Vertical
+    """The same; in the plane (`dimension: 2`) the height of the whole flight."""
     course_deg: CourseDegrees
+    """Clockwise from north."""
 
 
 class Goal(Section):
     """A point to reach, in the file's order; reached within the acceptance radius [m]."""
 
     east_m: Horizontal
+    """Of the point to reach."""
     north_m: Horizontal
+    """Of the point to reach."""
     up_m: Vertical
+    """Of the point to reach."""
     acceptance_radius_m: Length = 60.0
+    """Nearer than this it counts as reached."""
 
 
 class Vehicle(Section):
     """What the aircraft can do, and how well its motion and state are known (one sigma)."""
 
     airspeed_min_m_s: Speed
+    """Slowest that is planned, true airspeed."""
     airspeed_max_m_s: Speed
+    """Fastest that is planned."""
     airspeed_cruise_m_s: Speed
+    """What missions command."""
     acceleration_max_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
+    """Along the path."""
     turn_radius_min_m: Length
+    """Of the tightest turn at cruise that the autopilot flies without losing height."""
     straight_length_min_m: Annotated[float, Field(ge=0.0, le=100_000.0)]
+    """Between two turns (sl_min)."""
     penetration_speed_m_s: Speed
+    """v_p of the non-membership function: faster than this lowers a threat."""
     climb_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
+    """Steepest climb."""
     descent_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
+    """Steepest descent."""
     acceleration_std_m_s2: Annotated[float, Field(ge=0.0, le=20.0)] = 0.3
+    """How far the aircraft strays from the commanded acceleration."""
     course_rate_std_rad_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.02
+    """The same of its rate of turn."""
     climb_rate_std_rad_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
+    """The same of its rate of climb angle."""
     position_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
+    """How well the autopilot knows its place; its own figure is used where it tells one."""
     altitude_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
+    """How well it knows its height."""
     course_std_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 2.0
+    """How well it knows its course."""
     climb_std_deg: Annotated[float, Field(gt=0.0, le=45.0)] = 1.0
+    """How well it knows its climb angle."""
     initial_position_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
+    """At the start of an offline plan."""
 
 
 class PlanningConfig(Section):
     """How plans are made, and when the flown one is replaced."""
 
     sensing_horizon_m: Length
+    """How far threats are sensed; sub goals lie on this circle."""
     time_horizon_s: Seconds
+    """Of one sub task, and between two replans."""
     total_planning_time_s: Seconds
+    """Longest flight that is planned."""
     method: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z][a-z0-9-]*$")] = "safe-rrt"
+    """`safe-rrt` or a comparator; `companion plan --help` and its error list them."""
     certainty: Literal["shifted", "literal"] = "shifted"
+    """Form of the certainty factor in threat levels: `literal` as printed in the paper, or `shifted`."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
+    """Of all that is drawn at random."""
     planning_budget_s: Annotated[float, Field(gt=0.0, le=600.0)] = 1.0
+    """How long one plan may take in flight."""
     swap_margin_s: Annotated[float, Field(ge=0.0, le=600.0)] = 2.0
+    """Added to the time that planning and hand-over take: a plan begins that far ahead."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000_000)] = 60_000
+    """Iterations one plan may take, where no clock stops it."""
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
+    """Distance to keep from obstacles and fences."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """A path above this threat level is replaced; one through it is not planned."""
     swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
+    """Share by which a new path must be cheaper to replace one that still passes."""
 
 
 class RadarConfig(Section):
     """A static threat; the boundary coefficient is K_R of h_B = K_R·L² [1/m]."""
 
     name: Name
+    """Used in messages."""
     east_m: Horizontal
+    """Of the radar."""
     north_m: Horizontal
+    """Of the radar."""
     up_m: Vertical = 0.0
+    """Of the radar."""
     max_threat_radius_m: Length
+    """R_max: beyond it there is no threat."""
     boundary_coefficient_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """K_R of the lower boundary h_B = K_R·L²: below it the radar does not see."""
 
 
 class DynamicThreatConfig(Section):
     """A moving threat: where it starts, what it can do, and what the simulated one does."""
 
     name: Name
+    """Used in messages; tracks are told apart by their own identity."""
     east_m: Horizontal
+    """Where the simulated one starts."""
     north_m: Horizontal
+    """The same, north."""
     up_m: Vertical = 0.0
+    """The same, up."""
     speed_m_s: Annotated[float, Field(ge=0.0, le=340.0)]
+    """How fast it can drive."""
     max_threat_radius_m: Length
+    """RD_max: within it, and in sight, it is a threat."""
     turn_radius_m: Length = 15.0
+    """How tightly it turns."""
     behaviour: Literal["pursue", "stand"] = "pursue"
+    """What the simulated one does."""
 
 
 class ObstacleConfig(Section):
     """An upright prism: corners [m] in order, each once, between base and top [m, up]."""
 
     name: Name
+    """Used in messages."""
     polygon_enu_m: Annotated[
         tuple[tuple[Horizontal, Horizontal], ...], Field(min_length=3, max_length=10_000)
     ]
+    """Corners, east and north, in order, each once."""
     base_m: Vertical
+    """Height of its bottom."""
     top_m: Vertical
+    """Height of its top."""
 
 
 class Simulation(Section):
     """Weather of the simulator."""
 
     wind_speed_m_s: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
+    """Mean wind."""
     wind_from_deg: CourseDegrees = 0.0
+    """Where it comes from, clockwise from north."""
     turbulence: Literal["none", "light", "moderate"] = "none"
+    """Dryden turbulence on top."""
 
 
 class SigningConfig(Section):
@@ -157,9 +223,13 @@ class SigningConfig(Section):
     """
 
     key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
+    """32 bytes as 64 hexadecimal digits; the file must have mode 0600."""
     timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
+    """Where the last time stamps are kept; left out, the key file's name with `.times` behind it."""
     link_id: Annotated[int, Field(ge=0, le=255)] = 0
+    """Of our frames."""
     allow_unsigned: tuple[SystemId, ...] = ()
+    """Systems that are believed without a signature."""
 
 
 class LinkConfig(Section):
@@ -170,10 +240,15 @@ class LinkConfig(Section):
     """
 
     track_sources: tuple[SystemId, ...] | None = None
+    """Systems whose sightings are believed; left out, every one but the own."""
     systems: tuple[SystemId, ...] | None = None
+    """Systems that are listened to at all; left out, every one."""
     stream_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
+    """At which the autopilot is asked for its state."""
     source_rate_max_hz: Annotated[float, Field(gt=0.0, le=100_000.0)] = 200.0
+    """Messages taken of each source but the own autopilot."""
     signing: SigningConfig | None = None
+    """MAVLink 2 signing; left out, nothing is signed or verified."""
 
 
 class Authority(Section):
@@ -184,7 +259,9 @@ class Authority(Section):
     """
 
     resume: Literal["auto", "never"] = "auto"
+    """Whether the service goes on when the pilot, having left the mission mode, comes back to it."""
     allow_rtl: bool = False
+    """Whether the last step of the emergency strategy may select return to launch."""
 
 
 FROM_AUTOPILOT = "from_autopilot"
@@ -203,21 +280,37 @@ class MissionConfig(Section):
     """A whole mission file; ``goals`` is a list, or ``from_autopilot``."""
 
     name: Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+    """Names the flight and its folder."""
     description: Annotated[str, Field(max_length=500)] = ""
+    """For people."""
     dimension: Literal[2, 3]
+    """`2`: the plan stays at the start's height; `3`: it climbs and descends."""
     unit_m: Annotated[float, Field(gt=0.0, le=10_000.0)]
+    """Metres in one planning unit of the paper, to which the weights of its costs belong."""
     origin: Origin
+    """WGS84 point at which east, north and up are zero."""
     bounds: Bounds
+    """Box that plans stay in."""
     start: Start
+    """Where an offline plan and the simulator begin."""
     goals: Annotated[tuple[Goal, ...], Field(max_length=1_000), BeforeValidator(_goals)]
+    """A list, reached in its order, or `from_autopilot`: the waypoints of the mission in the autopilot."""
     vehicle: Vehicle
+    """What the aircraft can do."""
     planning: PlanningConfig
+    """How plans are made and replaced."""
     radars: tuple[RadarConfig, ...] = ()
+    """Static threats."""
     dynamic_threats: tuple[DynamicThreatConfig, ...] = ()
+    """Moving threats: what kinds there are, and where simulated ones start."""
     obstacles: tuple[ObstacleConfig, ...] = ()
+    """Upright prisms to stay clear of."""
     simulation: Simulation = Simulation()
+    """Weather of the simulator."""
     link: LinkConfig = LinkConfig()
+    """What is listened to."""
     authority: Authority = Authority()
+    """What the service may do without asking the pilot."""
 
     @property
     def goals_from_autopilot(self) -> bool:

@@ -1,0 +1,129 @@
+"""The mission file's reference page, from the models that validate it: ``make docs`` writes it."""
+
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from companion.config.models import MissionConfig, Section
+
+UNITS = {
+    "_m_s2": "m/s²", "_rad_s": "rad/s", "_per_m": "1/m", "_m_s": "m/s", "_hz": "Hz", "_deg": "°",
+    "_enu_m": "m", "_m": "m", "_s": "s",
+}  # fmt: skip
+INTRODUCTION = """\
+# The mission file
+
+One YAML file a mission: where the aircraft flies, what it can do, what threatens it, and what the service
+may do. `companion check FILE` validates it, tells what was understood and draws it with `--plot`; an error
+names the file, the line, the key, the value and what was expected. Keys carry their units; lengths are
+metres east, north and up of the origin, courses degrees clockwise from north. An unknown key is an error,
+so that a misspelt one cannot be passed over. `mission_configs/first-flight.yaml` is the one to copy.
+
+This page is made from the code that validates the file (`make docs`).
+"""
+
+
+def reference() -> str:
+    """The page, in Markdown."""
+    parts = [INTRODUCTION, *_section("", MissionConfig)]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _section(path: str, model: type[Section]) -> list[str]:
+    """Heading, words and table of a section, then of those inside it."""
+    words = " ".join((model.__doc__ or "").split()).replace("``", "`")
+    lines = [f"## {path}" if path else "## The file itself", "", words, ""]
+    lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
+    inner: list[tuple[str, type[Section]]] = []
+    for name, field in model.model_fields.items():
+        found = _model_in(field.annotation)
+        where = f"{path}.{name}" if path else name
+        if found is not None:
+            inner.append((where, found[0]))
+        meaning = " ".join((field.description or "").split())
+        cells = (f"`{name}`", _unit(name), _allowed(field, found, where), _default(field), meaning)
+        lines.append("| " + " | ".join(cells) + " |")
+    lines.append("")
+    for where, found_model in inner:
+        lines += _section(where, found_model)
+    return lines
+
+
+def _unit(name: str) -> str:
+    return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
+
+
+def _model_in(annotation: Any) -> tuple[type[Section], bool] | None:  # noqa: ANN401
+    """The section a key holds, and whether it is a list of them."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation, False
+    for inner in get_args(annotation):
+        found = _model_in(inner)
+        if found is not None:
+            return found[0], found[1] or get_origin(annotation) is tuple
+    return None
+
+
+def _allowed(field: FieldInfo, found: tuple[type[Section], bool] | None, where: str) -> str:
+    if found is not None:
+        anchor = where.replace(".", "")
+        return f"{'list of sections' if found[1] else 'section'}, see [{where}](#{anchor})"
+    return _type(field.annotation, list(field.metadata))
+
+
+def _type(annotation: Any, metadata: list[Any]) -> str:  # noqa: ANN401
+    """Words for what a key takes."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type(inner[0], [*inner[1:], *metadata])
+    if origin is Literal:
+        return " or ".join(f"`{value}`" for value in inner)
+    if origin in (Union, types.UnionType):
+        return _type(next(value for value in inner if value is not type(None)), metadata)
+    if origin is tuple:
+        words = _type(inner[0], [])
+        if len(inner) == 2 and inner[1] is Ellipsis:
+            return f"list of {words}" if get_origin(inner[0]) is not tuple else f"list of [{words}]"
+        return f"{len(inner)} × {words}"
+    names = {float: "number", int: "integer", str: "text", bool: "`true` or `false`"}
+    return " ".join(filter(None, (names[annotation], _range(metadata))))
+
+
+def _range(metadata: list[Any]) -> str:
+    """Bounds of a number or of a text's length."""
+    flat = [
+        entry for item in metadata for entry in (item.metadata if isinstance(item, FieldInfo) else [item])
+    ]
+    bounds = {
+        key: getattr(entry, key) for entry in flat for key in ("gt", "ge", "lt", "le") if hasattr(entry, key)
+    }
+    low = f"> {bounds['gt']:g}" if "gt" in bounds else f"≥ {bounds['ge']:g}" if "ge" in bounds else ""
+    high = f"≤ {bounds['le']:g}" if "le" in bounds else ""
+    longest = next((entry.max_length for entry in flat if hasattr(entry, "max_length")), None)
+    return ", ".join(filter(None, (low, high, f"up to {longest} characters" if longest else "")))
+
+
+def _default(field: FieldInfo) -> str:
+    if field.default is PydanticUndefined:
+        return "required"
+    value = field.default
+    if isinstance(value, Section):
+        return "its defaults"
+    if value is None or value == () or value == "":
+        return "none"
+    return f"`{str(value).lower() if isinstance(value, bool) else value}`"
+
+
+def main() -> None:
+    """Write the page to the file that is named."""
+    Path(sys.argv[1]).write_text(reference(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
