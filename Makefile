@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: help venv fly test explore test-long torture campaigns bench reachability garbage docs lint format clean
+.PHONY: help venv fly test explore test-long torture campaigns bench reachability garbage soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -9,6 +9,7 @@ STAMP := .venv/stamp
 MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
 N ?= 1000
+MINUTES ?= 120
 PINS ?= -c constraints.txt
 
 help: ## show this list
@@ -50,6 +51,9 @@ reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits agai
 
 garbage: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
 	$(BIN)/python -m tests.garbage.siege
+
+soak: $(STAMP) ## MINUTES of flights back to back, faults on: what grows?
+	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
 docs: $(STAMP) ## write docs/mission-file.md anew
 	$(BIN)/python -m companion.config.reference docs/mission-file.md

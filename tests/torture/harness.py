@@ -145,8 +145,8 @@ def joining(here, steering):
 class TortureDeck(Deck):
     """A deck over a faulty link, with transfers on simulated time."""
 
-    def __init__(self, dialect, seed, schedule, folder=None):
-        super().__init__(MISSION, seed=seed, dialect=dialect)
+    def __init__(self, dialect, seed, schedule, folder=None, mission=MISSION):
+        super().__init__(mission, seed=seed, dialect=dialect, folder=folder)
         self.dialect = dialect
         self.schedule = schedule
         self.link_kind = TimedLink
