@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import http.client
 import json
 import logging
 import sys
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -21,6 +24,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from companion import __version__
+from companion.daemon.logs import LogKind, set_up
 from companion.errors import CompanionError, ConfigError
 
 if TYPE_CHECKING:
@@ -30,6 +34,13 @@ EXIT_FAILED = 1
 EXTRA_COMMANDS = "companion.commands"
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
+MetricsPort = Annotated[
+    int | None,
+    typer.Option(
+        "--metrics", min=1, max=65535, envvar="COMPANION_METRICS",
+        help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
+    ),
+]  # fmt: skip
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 console = Console()
@@ -165,11 +176,33 @@ def run(
         typer.Option(help="serial:///dev/ttyAMA0:921600, udpin://host:port, udpout://… or tcp://…"),
     ],
     record: Annotated[Path, typer.Option(help="Folder of the flights' recordings.")] = Path("flights"),
+    metrics: MetricsPort = None,
+    log: Annotated[
+        LogKind, typer.Option(envvar="COMPANION_LOG", help="How lines of the log look.")
+    ] = LogKind.TEXT,
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
     from companion.daemon.service import serve
 
-    asyncio.run(serve(mission, link, record))
+    set_up(log)
+    asyncio.run(serve(mission, link, record, metrics))
+
+
+@app.command()
+def health(metrics: MetricsPort = None) -> None:
+    """Ask a running service on this computer how it is; exit 0 only if its planning loop comes round."""
+    if metrics is None:
+        raise ConfigError("command line", None, "--metrics", "nothing", "the port that the service tells on")
+    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with direct.open(f"http://127.0.0.1:{metrics}/healthz", timeout=3.0) as answer:
+            console.print(answer.read().decode().strip(), markup=False, soft_wrap=True)
+    except urllib.error.HTTPError as error:
+        console.print(error.read().decode().strip(), markup=False, soft_wrap=True)
+        raise typer.Exit(EXIT_FAILED) from None
+    except (OSError, http.client.HTTPException) as error:
+        console.print(f"no answer on port {metrics}: {error}", markup=False, soft_wrap=True)
+        raise typer.Exit(EXIT_FAILED) from None
 
 
 def _without_simulator() -> None:

@@ -6,7 +6,9 @@ import asyncio
 import contextlib
 import logging
 import math
+from collections import Counter
 from collections.abc import Awaitable, Callable
+from pathlib import Path as FilePath
 
 from companion.assurance.emergency import EmergencyStep
 from companion.clock import Clock
@@ -16,6 +18,7 @@ from companion.daemon.fencing import Fencing
 from companion.daemon.handover import Handover, Place
 from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode, ModeEvent, next_mode
+from companion.daemon.parameters import ENABLE, Parameters
 from companion.daemon.picture import Picture
 from companion.daemon.planning_loop import Parts, PlanningLoop
 from companion.daemon.record import Recorder
@@ -27,8 +30,10 @@ from companion.link.framing import frames_in
 from companion.link.identity import answer
 from companion.link.limits import SourceLimits
 from companion.link.mavsdk_reader import MISSION_MESSAGES
+from companion.link.quality import LinkQuality
 from companion.link.signing import Signer
 from companion.link.streams import Streams
+from companion.link.telemetry import AUTOPILOT_COMPONENT
 from companion.link.transport import Transport
 from companion.mission.layout import Layout
 from companion.types.events import Dialect, Event, Heartbeat, MissionCurrent, StatusText
@@ -49,6 +54,7 @@ SEVERITY = {
     "emergency": 2,
     "stopped": 4,
     "reload": 5,
+    "parameters": 4,
 }
 
 _log = logging.getLogger(__name__)
@@ -81,6 +87,8 @@ class App:
         What carries out mission transfers; tests put one in whose time is simulated, too.
     watch : Watch, optional
         Looks on.
+    parameters_file : Path, optional
+        Where parameters that a pilot sets are kept.
     """
 
     def __init__(
@@ -96,22 +104,25 @@ class App:
         signer: Signer | None = None,
         link_kind: type[AutopilotLink] = AutopilotLink,
         watch: Watch | None = None,
+        parameters_file: FilePath | None = None,
     ) -> None:
+        self.parameters = Parameters(mission, parameters_file, self._note_parameters)
+        mission = self.parameters.mission()
         self.mode = Mode.WAITING
         self.autopilot_mode = ""
-        self.may_plan = True
+        self.is_warm = True
         self.picture = Picture(mission, seed)
         self.cycle = Cycle(mission, seed)
         self.recorder = recorder
         link = mission.link
         limits = SourceLimits(float(link.source_rate_max_hz), link.systems)
         self.codec = Codec(track_sources=link.track_sources, signer=signer, limits=limits)
-        self.autopilot = link_kind(self.codec, clock, self._send)
+        self.autopilot = link_kind(self.codec, clock, self.send)
         self._mission = mission
-        self._transport = transport
+        self.transport = transport
         self._clock = clock
         self._memory = memory or Memory(None)
-        self._streams = Streams(float(mission.link.stream_rate_hz))
+        self.streams = Streams(float(mission.link.stream_rate_hz))
         self.handover = Handover(
             mission,
             self.cycle,
@@ -124,6 +135,8 @@ class App:
             memory=self._memory,
         )
         self.fencing = Fencing(mission, self.autopilot, self.cycle, self.picture, self.decide)
+        self.quality = LinkQuality()
+        self.decided: Counter[str] = Counter()
         self._heartbeat_s = -math.inf
         parts = Parts(
             mission, clock, self.picture, self.cycle, self.handover, self.fencing, self.autopilot, recorder,
@@ -136,8 +149,8 @@ class App:
 
     async def run(self) -> None:
         """Run until cancelled."""
-        self._transport.set_receiver(self.receive)
-        await self._transport.open()
+        self.transport.set_receiver(self.receive)
+        await self.transport.open()
         try:
             async with asyncio.TaskGroup() as tasks:
                 for name, task in (("housekeeping", self._housekeeping), ("states", self._states)):
@@ -145,14 +158,13 @@ class App:
                 self._planning = tasks.create_task(_guarded("planning", self._loop.run), name="planning")
         finally:
             await self.autopilot.close()
-            await self._transport.close()
+            await self.transport.close()
 
     async def withdraw(self) -> None:
         """Plan no more, break off an exchange that is under way, and tell the pilot, before the end.
 
         Wherever an exchange stands, the autopilot holds a whole mission that was checked.
         """
-        self.may_plan = False
         if self._planning is not None:
             self._planning.cancel()
             await asyncio.wait([self._planning])
@@ -161,7 +173,13 @@ class App:
 
     def adopt(self, mission: MissionConfig) -> None:
         """Go by another mission file from the next pause between two plans on."""
-        self._changed = mission
+        self._changed = self.parameters.set_mission(mission)
+
+    def _note_parameters(self) -> None:
+        """A pilot has set one: take it up like another mission file."""
+        self._changed = self.parameters.mission()
+        values = ", ".join(f"{name} {self.parameters.value(name):g}" for name in self.parameters.names)
+        self.decide("parameters", values.replace("SRRT_", ""))
 
     def renew(self) -> None:
         """Take up a changed mission file; called between plans."""
@@ -192,6 +210,11 @@ class App:
         """Whether a heartbeat came lately."""
         return self._clock.now_s() - self._heartbeat_s <= SILENT_S
 
+    @property
+    def may_plan(self) -> bool:
+        """Whether plans can be made, and are wanted."""
+        return self.is_warm and self.parameters.is_replanning
+
     def may_act(self) -> bool:
         """Whether the aircraft is left to us."""
         return self.mode is Mode.ACTIVE
@@ -201,13 +224,15 @@ class App:
         now = self._clock.now_s()
         for frame in self.codec.feed(data, now):
             self.recorder.frame(now, frame.raw)
-            self._streams.note(frame, now)
+            self.streams.note(frame, now)
+            if (frame.system_id, frame.component_id) == (self.codec.vehicle_system_id, AUTOPILOT_COMPONENT):
+                self.quality.note(frame.raw)
             self.autopilot.receive(frame)
             if self.autopilot.is_exchanging and frame.message_id in MISSION_MESSAGES:
                 self._watch.progress()
-            reply = answer(frame, self.codec)
+            reply = answer(frame, self.codec, self.parameters)
             if reply:
-                self._send(reply)
+                self.send(reply)
             for event in frame.events:
                 self._take(event, frame, now)
 
@@ -252,19 +277,23 @@ class App:
             else "mode"
         )
         self.decide(kind, f"{self.mode.value} ({self.autopilot_mode or 'no autopilot'})")
+        if self.mode is Mode.ACTIVE and not self.parameters.is_replanning:
+            self.decide("parameters", f"replanning is switched off by {ENABLE}")
 
     def decide(
         self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None
     ) -> None:
         """Record a decision and tell the pilot."""
+        self.decided[kind] += 1
         self.recorder.decide(self._clock.now_s(), kind, text, plan_ms, latency_ms)
         if self.codec.vehicle_system_id is not None:
-            self._send(self.codec.status_text(SEVERITY.get(kind, 6), f"Planner {kind}: {text}"[:50]))
+            self.send(self.codec.status_text(SEVERITY.get(kind, 6), f"Planner {kind}: {text}"[:50]))
 
-    def _send(self, data: bytes) -> None:
-        if self._transport.is_open and data:
+    def send(self, data: bytes) -> None:
+        """Send packed frames, signed where there is a key, and record them."""
+        if self.transport.is_open and data:
             data = self.codec.on_the_wire(data)
-            self._transport.send(data)
+            self.transport.send(data)
             for raw in frames_in(data):
                 self.recorder.frame(self._clock.now_s(), raw)
 
@@ -273,8 +302,8 @@ class App:
         while True:
             now = self._clock.now_s()
             if self.codec.vehicle_system_id is not None:
-                self._send(self.codec.heartbeat(is_active=self.mode is Mode.ACTIVE))
-                self._send(self._streams.due(self.codec, now))
+                self.send(self.codec.heartbeat(is_active=self.mode is Mode.ACTIVE))
+                self.send(self.streams.due(self.codec, now))
             if not self.hears_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)

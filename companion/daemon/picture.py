@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,7 @@ class Picture:
         self.ownship = OwnshipEstimator(mission.frame)
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
         self.newest_track_s = -math.inf
+        self.reports: Counter[str] = Counter()  # by the message they came in
 
     def _read(self, mission: MissionConfig) -> None:
         """Take the world and the threat model from a mission file."""
@@ -60,6 +62,7 @@ class Picture:
     def observe(self, event: Event, now_s: float) -> None:
         """Take one event."""
         if isinstance(event, TrackReport):
+            self.reports[event.source.partition(" ")[0]] += 1
             self.tracker.observe(event, now_s)
             self.newest_track_s = now_s
         else:

@@ -58,7 +58,10 @@ class Parts:
 class Pilot(Protocol):
     """Who says whether the loop may act, and hears what it decides."""
 
-    may_plan: bool
+    @property
+    def may_plan(self) -> bool:
+        """Whether plans can be made, and are wanted."""
+        ...
 
     @property
     def mode(self) -> Mode:

@@ -52,6 +52,11 @@ class Recorder:
                 raise RecordError(f"{self.folder}: {error.strerror}") from error
             self._tlog = TlogWriter(self.folder / "flight.tlog")
 
+    @property
+    def is_recording(self) -> bool:
+        """Whether the flight goes to a disk."""
+        return self._tlog is not None
+
     def frame(self, now_s: float, raw: bytes) -> None:
         """Write what was received or sent; a full disk ends the recording, not the flight."""
         if self._tlog is None:
@@ -87,7 +92,7 @@ class Recorder:
         track_to_mission_ms: float | None = None,
     ) -> None:  # fmt: skip
         """Add a decision."""
-        _log.info("%7.1f s  %s: %s", now_s, kind, text)
+        _log.info("%7.1f s  %s: %s", now_s, kind, text, extra={"decision": kind})
         self.decisions.append(Decision(now_s, kind, text, plan_ms, track_to_mission_ms))
 
     def record(self, summary: dict[str, float | int | bool | str]) -> FlightRecord:

@@ -20,17 +20,21 @@ from companion.config import MissionConfig, load_mission
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.daemon.app import App
 from companion.daemon.memory import Memory
+from companion.daemon.metrics import Endpoint, Metrics
 from companion.daemon.notify import Notifier, watchdog_of
 from companion.daemon.record import Recorder
 from companion.daemon.reload import changed_mission
+from companion.daemon.reporting import Reporting
 from companion.daemon.supervision import Report, Supervision
 from companion.daemon.watch import Watch, in_thread
 from companion.errors import CompanionError, ConfigError
 from companion.link.codec import signer_of
 from companion.link.signing import Signer, Timestamps, read_key
 from companion.link.transport import transport_from_url
+from companion.mission.swap import SwapOutcome
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.solver import solve
+from companion.types.plan import Plan
 
 REPORT_SILENCE_S = 5.0
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
@@ -51,9 +55,14 @@ class Service(Watch):
         Folder of the recordings, and of what a restart needs to know.
     environment : mapping of str to str
         For what systemd tells by it.
+    metrics_port : int, optional
+        Where metrics and health are told, to this computer alone.
     """
 
-    def __init__(self, file: Path, url: str, flights: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, file: Path, url: str, flights: Path, environment: Mapping[str, str],
+        metrics_port: int | None = None,
+    ) -> None:  # fmt: skip
         self._file = file
         self._url = url
         self._mission = mission = load_mission(file)
@@ -75,22 +84,39 @@ class Service(Watch):
             memory=Memory(flights / mission.name),
             signer=signer,
             watch=self,
+            parameters_file=flights / f"{mission.name}.parameters.json",
         )
-        self.app.may_plan = False
+        self.app.is_warm = False
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
         self._supervision = Supervision(self._notifier, self._clock, self.report, watchdog_s)
+        self._metrics = None if metrics_port is None else Metrics()
+        self._reporting = Reporting(self.app, self._clock, flights, self._metrics)
+        self._endpoint = None
+        if self._metrics is not None and metrics_port is not None:
+            self._endpoint = Endpoint(metrics_port, self._metrics, self._supervision)
         _log.info("listening on %s; recording to %s", url, flights / name)
 
     def progress(self) -> None:
         """Pass it on to whoever supervises."""
         self._supervision.progress()
 
+    def planned(self, plan: Plan, plan_ms: float) -> None:
+        """Pass it on to whoever reports."""
+        self._reporting.planned(plan, plan_ms)
+        if self._metrics is not None:
+            self._metrics.planned(plan, plan_ms)
+
+    def exchanged(self, outcome: SwapOutcome) -> None:
+        """Pass it on to whoever reports."""
+        if self._metrics is not None:
+            self._metrics.exchanged(outcome)
+
     def report(self) -> Report:
         """What the service does now."""
         app, decisions = self.app, self._recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
-        return Report(app.may_plan, app.codec.vehicle_system_id is not None, mode, last)
+        return Report(app.is_warm, app.codec.vehicle_system_id is not None, mode, last)
 
     async def run(self) -> None:
         """Run until a signal to stop, then leave in order.
@@ -108,6 +134,7 @@ class Service(Watch):
             async with asyncio.TaskGroup() as tasks:
                 running = [
                     tasks.create_task(self.app.run()),
+                    tasks.create_task(self._reporting.run()),
                     tasks.create_task(_report_silence(self.app, self._clock, self._url)),
                     tasks.create_task(_warm(self.app, self._mission)),
                 ]
@@ -125,6 +152,8 @@ class Service(Watch):
             if self._timestamps is not None:
                 self._timestamps.close()
             self._notifier.close()
+            if self._endpoint is not None:
+                self._endpoint.close()
         _log.info("stopped; the autopilot keeps the mission it flies")
 
     def reload(self) -> None:
@@ -142,7 +171,7 @@ class Service(Watch):
         self._notifier.tell(READY=1, STATUS=str(self.report()))
 
 
-async def serve(file: Path, url: str, flights: Path) -> None:
+async def serve(file: Path, url: str, flights: Path, metrics_port: int | None = None) -> None:
     """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
 
     Raises
@@ -151,7 +180,7 @@ async def serve(file: Path, url: str, flights: Path) -> None:
         If it cannot begin.
     """
     with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
-        await Service(file, url, flights, os.environ).run()
+        await Service(file, url, flights, os.environ, metrics_port).run()
 
 
 @contextlib.contextmanager
@@ -205,7 +234,7 @@ async def _warm(app: App, mission: MissionConfig) -> None:
     """Compile beside everything else; the first plan waits for it."""
     _log.info("compiling the planner's kernels")
     await in_thread(warm_up, mission)
-    app.may_plan = True
+    app.is_warm = True
     _log.info("ready to plan")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -218,6 +218,42 @@ class Codec:
         encoded = name.encode("ascii", "replace")[:10]
         return self._packed(mavlink.MAVLink_named_value_float_message(milliseconds, encoded, value))
 
+    def computer_status(
+        self,
+        uptime_s: float,
+        cores_percent: Sequence[float],
+        temperature_c: float | None,
+        memory_mb: tuple[float, float],
+        disk_mb: tuple[float, float],
+    ) -> bytes:
+        """ONBOARD_COMPUTER_STATUS: up to eight cores, memory and disk as used and total [MiB]."""
+        cores = [round(min(max(load, 0.0), 100.0)) for load in cores_percent[:8]]
+        celsius = 127 if temperature_c is None else round(min(max(temperature_c, -127.0), 126.0))
+        unknown, no_load, no_link = [2**32 - 1] * 3, [255] * 10, [2**32 - 1] * 6
+        message = mavlink.MAVLink_onboard_computer_status_message(
+            time_usec=0,
+            uptime=int(uptime_s * 1e3) % 2**32,
+            type=0,
+            cpu_cores=[*cores, *no_load][:8],
+            cpu_combined=no_load,
+            gpu_cores=no_load[:4],
+            gpu_combined=no_load,
+            temperature_board=127,
+            temperature_core=[celsius, *[127] * 7],
+            fan_speed=[2**15 - 1] * 4,
+            ram_usage=round(memory_mb[0]),
+            ram_total=round(memory_mb[1]),
+            storage_type=[0, *unknown],
+            storage_usage=[round(disk_mb[0]), *unknown],
+            storage_total=[round(disk_mb[1]), *unknown],
+            link_type=no_link,
+            link_tx_rate=no_link,
+            link_rx_rate=no_link,
+            link_tx_max=no_link,
+            link_rx_max=no_link,
+        )
+        return self._packed(message)
+
     def command_long(self, command: int, parameters: tuple[float, ...] = (), confirmation: int = 0) -> bytes:
         """COMMAND_LONG to the autopilot; parameters left out are 0."""
         filled = (*parameters, *(0.0,) * 7)[:7]
@@ -302,12 +338,20 @@ class Codec:
         cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled))
 
+    def parameter_value(self, name: str, value: float, index: int, count: int) -> bytes:
+        """PARAM_VALUE of a parameter of ours; the name has at most 16 characters."""
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        return self._packed(
+            mavlink.MAVLink_param_value_message(name.encode("ascii"), value, kind, count, index)
+        )
+
     def autopilot_version(self, version: int) -> bytes:
-        """AUTOPILOT_VERSION of this component: MAVLink 2, and a version as 0xMMmmpptt."""
+        """AUTOPILOT_VERSION of this component: MAVLink 2, parameters, and a version as 0xMMmmpptt."""
         nothing = [0] * 8
+        able = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
         return self._packed(
             mavlink.MAVLink_autopilot_version_message(
-                mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+                able, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
             )
         )
 
@@ -349,9 +393,11 @@ _REQUESTS: dict[str, Callable[[Any], Request]] = {
     "PING": lambda m: Request("ping", m.target_system, m.target_component, m.seq, (m.time_usec,)),
     "PARAM_REQUEST_LIST": lambda m: Request("parameter_list", m.target_system, m.target_component),
     "PARAM_REQUEST_READ": lambda m: Request(
-        "parameter_read", m.target_system, m.target_component, name=m.param_id
+        "parameter_read", m.target_system, m.target_component, m.param_index, name=m.param_id
     ),
-    "PARAM_SET": lambda m: Request("parameter_set", m.target_system, m.target_component, name=m.param_id),
+    "PARAM_SET": lambda m: Request(
+        "parameter_set", m.target_system, m.target_component, 0, (m.param_value,), m.param_id
+    ),
     "MISSION_REQUEST_LIST": lambda m: Request("mission_list", m.target_system, m.target_component),
     "MISSION_COUNT": lambda m: Request("mission_list", m.target_system, m.target_component),
 }

@@ -93,9 +93,10 @@ class Request:
         ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``, or
         ``mission_list``.
     number : int
-        The command, or the sequence number of a ping.
+        The command, the sequence number of a ping, or the index of a parameter, -1 for one by its name.
     parameters : tuple of float
-        Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds.
+        Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds; the
+        value that a parameter is to have.
     name : str
         Of a parameter.
     """

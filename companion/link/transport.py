@@ -36,6 +36,11 @@ class Transport(Protocol):
         """Whether bytes can be sent now."""
         ...
 
+    @property
+    def backlog_bytes(self) -> int:
+        """How much waits to leave."""
+        ...
+
     async def open(self) -> None:
         """Begin; returns when the line is up, or at once if it comes up by itself later."""
         ...
@@ -57,6 +62,11 @@ class _Base:
     def __init__(self) -> None:
         self._receiver: Receiver = lambda data: None
         self.dropped_bytes = 0
+
+    @property
+    def backlog_bytes(self) -> int:
+        """How much waits to leave."""
+        return 0
 
     def set_receiver(self, receiver: Receiver) -> None:
         """Set who takes what arrives, in the event loop."""
@@ -217,6 +227,11 @@ class _StreamTransport(_Base):
     def is_open(self) -> bool:
         """Whether the line is up."""
         return self._line is not None and not self._line.is_closing()
+
+    @property
+    def backlog_bytes(self) -> int:
+        """How much waits to leave."""
+        return 0 if self._line is None else self._line.get_write_buffer_size()
 
     async def open(self) -> None:
         """Begin connecting; the line may come up later."""

@@ -1,0 +1,72 @@
+"""What the service says, for people or for programs; on standard error, as journald likes it.
+
+Under journald each line begins with its priority in angle brackets, which journald takes off again
+(*sd-daemon(3)*): ``journalctl -p warning`` then shows what matters.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from datetime import UTC, datetime
+from enum import Enum
+
+
+class LogKind(Enum):
+    """How lines look."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+_PRIORITIES = ((logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
+_KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
+
+
+class JsonFormatter(logging.Formatter):
+    """One JSON object a line: ``time``, ``level``, ``logger``, ``message``, ``trace``, and what is added."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Make the line."""
+        line: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        line |= {key: value for key, value in vars(record).items() if key not in _KNOWN}
+        if record.exc_info:
+            line["trace"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str)
+
+
+class PriorityFormatter(logging.Formatter):
+    """Puts journald's priority before each line of another formatter's."""
+
+    def __init__(self, inner: logging.Formatter) -> None:
+        super().__init__()
+        self._inner = inner
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Make the lines."""
+        priority = next((number for level, number in _PRIORITIES if record.levelno >= level), 7)
+        return "\n".join(f"<{priority}>{line}" for line in self._inner.format(record).splitlines())
+
+
+def set_up(kind: LogKind) -> None:
+    """Send everything that is said to standard error."""
+    formatter = JsonFormatter() if kind is LogKind.JSON else logging.Formatter("%(message)s")
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(PriorityFormatter(formatter) if is_journal() else formatter)
+    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
+
+
+def is_journal() -> bool:
+    """Whether standard error is journald's, as ``JOURNAL_STREAM`` tells by device and inode."""
+    try:
+        status = os.fstat(sys.stderr.fileno())
+    except (OSError, ValueError):
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"

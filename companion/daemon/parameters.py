@@ -1,0 +1,162 @@
+"""What a pilot may change in the field, by the MAVLink parameter protocol.
+
+A value set here comes before the mission file's, outlives restarts, and takes effect between two
+plans. It is refused where the mission file would be refused with it.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from companion.config import MissionConfig, PlanningConfig
+from companion.config.checks import findings
+
+DIGITS = 6  # that a 32-bit float carries for certain
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter: its name of at most 16 characters, and the key of ``planning`` that it stands for.
+
+    ``key`` is empty for the switch, which no mission file has.
+    """
+
+    name: str
+    key: str
+
+
+ENABLE = "SRRT_ENABLE"
+TABLE = (
+    Parameter(ENABLE, ""),
+    Parameter("SRRT_HORIZON", "time_horizon_s"),
+    Parameter("SRRT_SWAP_GAIN", "swap_gain"),
+    Parameter("SRRT_SWAP_MARG", "swap_margin_s"),
+    Parameter("SRRT_THREAT_MAX", "threat_level_max"),
+)
+_BY_NAME = {entry.name: entry for entry in TABLE}
+
+
+class Parameters:
+    """The parameters' values.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file, for the values that were not set.
+    file : Path or None
+        Where values that were set are kept; None keeps none.
+    on_change : callable
+        Called when a value was set.
+    """
+
+    def __init__(
+        self, mission: MissionConfig, file: Path | None, on_change: Callable[[], None] = lambda: None
+    ) -> None:
+        self._mission = mission
+        self._file = file
+        self._on_change = on_change
+        self._set: dict[str, float] = {}
+        for name, value in self._kept().items():
+            reason = self._refusal(name, value)
+            if reason:
+                _log.warning("%s as kept in %s is not used: %s", name, file, reason)
+            else:
+                self._set[name] = value
+                _log.warning("%s is %g, as it was set before; the mission file does not count", name, value)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """In the order of their numbers."""
+        return tuple(_BY_NAME)
+
+    @property
+    def is_replanning(self) -> bool:
+        """Whether missions may be replaced at all."""
+        return self.value(ENABLE) != 0.0
+
+    def value(self, name: str) -> float:
+        """The value in force.
+
+        Raises
+        ------
+        KeyError
+            If there is no such parameter.
+        """
+        key = _BY_NAME[name].key
+        known = self._set.get(name)
+        if known is not None:
+            return known
+        return float(getattr(self._mission.planning, key)) if key else 1.0
+
+    def set(self, name: str, value: float) -> str:
+        """Set a value and keep it; returns why that was refused, '' if it was not."""
+        value = float(f"{value:.{DIGITS}g}") if math.isfinite(value) else value
+        reason = self._refusal(name, value)
+        if reason:
+            return reason
+        self._set[name] = value
+        self._keep()
+        self._on_change()
+        return ""
+
+    def set_mission(self, mission: MissionConfig) -> MissionConfig:
+        """Take another mission file, and return it with what was set; what contradicts it is dropped."""
+        self._mission = mission
+        for name, value in list(self._set.items()):
+            reason = self._refusal(name, value)
+            if reason:
+                del self._set[name]
+                _log.warning("%s is the mission file's again: %s", name, reason)
+        return self.mission()
+
+    def mission(self) -> MissionConfig:
+        """The mission file with what was set."""
+        return self._with(self._set)
+
+    def _with(self, values: dict[str, float]) -> MissionConfig:
+        keys = {_BY_NAME[name].key: value for name, value in values.items() if _BY_NAME[name].key}
+        if not keys:
+            return self._mission
+        planning = PlanningConfig.model_validate(self._mission.planning.model_dump() | keys)
+        return self._mission.model_copy(update={"planning": planning})
+
+    def _refusal(self, name: str, value: float) -> str:
+        if name not in _BY_NAME:
+            return "no such parameter"
+        if name == ENABLE:
+            return "" if value in (0.0, 1.0) else "0 or 1"
+        try:
+            changed = self._with({**self._set, name: value})
+        except ValidationError as error:
+            return str(error.errors(include_url=False)[0]["msg"])
+        return next((expected for path, expected in findings(changed) if path[0] == "planning"), "")
+
+    def _kept(self) -> dict[str, float]:
+        if self._file is None or not self._file.exists():
+            return {}
+        try:
+            kept = json.loads(self._file.read_text(encoding="utf-8"))
+            return {str(name): float(value) for name, value in kept.items()}
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            _log.warning("parameters are the mission file's: %s: %s", self._file, error)
+            return {}
+
+    def _keep(self) -> None:
+        if self._file is None:
+            return
+        part = self._file.with_name(self._file.name + ".part")
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            part.write_text(json.dumps(self._set, indent=1) + "\n", encoding="utf-8")
+            part.replace(self._file)
+        except OSError as error:
+            _log.error("parameters are not kept: %s", error)
