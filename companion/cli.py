@@ -198,7 +198,8 @@ def health(metrics: MetricsPort = None) -> None:
         with direct.open(f"http://127.0.0.1:{metrics}/healthz", timeout=3.0) as answer:
             console.print(answer.read().decode().strip(), markup=False, soft_wrap=True)
     except urllib.error.HTTPError as error:
-        console.print(error.read().decode().strip(), markup=False, soft_wrap=True)
+        with error:
+            console.print(error.read().decode().strip(), markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_FAILED) from None
     except (OSError, http.client.HTTPException) as error:
         console.print(f"no answer on port {metrics}: {error}", markup=False, soft_wrap=True)

@@ -30,6 +30,14 @@ def get(url):
         return answer.read().decode()
 
 
+def refused(url):
+    """The code that a request is refused with."""
+    with pytest.raises(urllib.error.HTTPError) as error:
+        get(url)
+    error.value.close()
+    return error.value.code
+
+
 @pytest.fixture
 def endpoint():
     clock = ManualClock()
@@ -109,14 +117,10 @@ def test_health_follows_the_planning_loop(endpoint):
     supervision.progress()
     assert json.loads(get(url)) == {"ready": True, "status": "planning (AUTO)"}
     clock.advance_to(31.0)
-    with pytest.raises(urllib.error.HTTPError) as refused:
-        get(url)
-    assert refused.value.code == 503
+    assert refused(url) == 503
     supervision.progress()
     assert json.loads(get(url))["ready"] is True
-    with pytest.raises(urllib.error.HTTPError) as missing:
-        get(f"http://127.0.0.1:{served.port}/else")
-    assert missing.value.code == 404
+    assert refused(f"http://127.0.0.1:{served.port}/else") == 404
 
 
 def test_the_endpoint_is_for_this_computer_alone_and_says_when_its_port_is_taken(endpoint):
