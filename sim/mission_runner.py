@@ -79,11 +79,6 @@ class MissionRunner:
             return MissionState.COMPLETE
         return MissionState.ACTIVE if self._is_running else MissionState.NOT_STARTED
 
-    @property
-    def is_running(self) -> bool:
-        """Whether items are being flown."""
-        return self._is_running
-
     def stop(self) -> None:
         """Stop, as the mode was left: keep the index, forget the copy."""
         self._is_running = False

@@ -15,7 +15,6 @@ _REPLAN_US = 1_000_000
 _SPACING_M = 40.0
 _ARRIVED_M = 8.0
 _PIVOT_RAD_S = 0.8
-_LOOKAHEAD_RADII = 1.2
 
 
 @dataclass(frozen=True, slots=True)

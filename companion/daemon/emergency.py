@@ -26,7 +26,8 @@ from companion.types.path import Path
 from companion.types.plan import Plan
 
 AHEAD_ROWS = 24  # of straight flight, tried where no plan leads anywhere
-ROWS_TO_LOITER = 4  # at least, and between the places tried
+ROWS_TO_LOITER = 4  # at least
+ROWS_BETWEEN = 2  # places that are tried
 ROW_S = 1.0
 
 
@@ -136,7 +137,8 @@ def _places(cycle: Cycle, start: Start, paths: Sequence[Path | None]) -> list[tu
             continue
         hard = [entry.row for entry in cycle.checker.check_path(path) if not keeps_hard_constraints([entry])]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
-        places += [(float(path.threat_levels[row]), path, row) for row in range(ROWS_TO_LOITER, last + 1, 2)]
+        rows = range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN)
+        places += [(float(path.threat_levels[row]), path, row) for row in rows]
     return sorted(places, key=lambda place: (place[0], place[2]))
 
 

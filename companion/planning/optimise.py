@@ -15,7 +15,7 @@ from companion.kernels.search import grow
 from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
 from companion.kernels.threat import MAX_THREATS
 from companion.planning.explore import Exploration
-from companion.planning.route import Route, cost_between, route_from_tree, visits_goals
+from companion.planning.route import Route, branch_to, cost_between, route_from_tree, visits_goals
 
 SPARE_ROWS = 64
 
@@ -74,12 +74,7 @@ def free_node(exploration: Exploration, goal: int, flown_meanwhile_s: float) -> 
 
 def _with_last_edge(exploration: Exploration, scene: Scene, route: Route, end: int) -> int:
     """Hang the rows of a route that the tree does not hold below it; the last one's node, or -1."""
-    tree, rows = exploration.tree, []
-    node = end
-    while node >= 0:
-        rows.append(node)
-        node = int(tree.parent[node])
-    rows.reverse()
+    tree, rows = exploration.tree, branch_to(exploration, end)
     same = 0
     while same < min(len(rows), len(route)) and np.array_equal(tree.state[rows[same]], route.states[same]):
         same += 1

@@ -31,13 +31,18 @@ class Route:
         return Route(self.states[: row + 1], self.times[: row + 1], self.rates[: row + 1])
 
 
-def route_from_tree(exploration: Exploration, node: int) -> Route:
-    """The branch from the root to a node."""
-    tree, rows = exploration.tree, []
+def branch_to(exploration: Exploration, node: int) -> list[int]:
+    """Rows of the tree from the root to a node."""
+    rows = []
     while node >= 0:
         rows.append(node)
-        node = int(tree.parent[node])
-    index = np.array(rows[::-1])
+        node = int(exploration.tree.parent[node])
+    return rows[::-1]
+
+
+def route_from_tree(exploration: Exploration, node: int) -> Route:
+    """The branch from the root to a node."""
+    tree, index = exploration.tree, np.array(branch_to(exploration, node))
     return Route(tree.state[index].copy(), tree.time[index].copy(), tree.rate[index].copy())
 
 

@@ -16,6 +16,9 @@ CONFIGS = Path(__file__).parents[2] / "mission_configs"
 COMPANION = mavlink.MAV_COMP_ID_PATHPLANNER
 WAYPOINT, LOITER, TURNS, TIME = 16, 17, 18, 19
 RTL, TAKEOFF, JUMP, SPEED, LAND_START = 20, 22, 177, 178, 189
+AHEAD = (600.0, 0.0)
+ACCEPTED, ERROR, UNSUPPORTED, NO_SPACE = 0, 1, 3, 4
+INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 PLAIN = """
@@ -62,14 +65,16 @@ def route(*places: tuple[float, float], loiter: tuple[float, float] | None = Non
 
 
 class Client:
-    def __init__(self, simulator: Simulator, system: int = 1, component: int = COMPANION) -> None:
-        self.simulator = simulator
+    def __init__(
+        self, simulator: Simulator | None = None, system: int = 1, component: int = COMPANION
+    ) -> None:
+        self.simulator = simulator or Simulator(plain_mission(), seed=1)
         self.mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self.mav.robust_parsing = True
         self.log: list[tuple[float, Any]] = []
         self._cursor = 0
-        self._send = simulator.receive
-        self._take = simulator.take_outgoing
+        self._send = self.simulator.receive
+        self._take = self.simulator.take_outgoing
 
     @classmethod
     def on_new_channel(cls, simulator: Simulator, system: int, component: int) -> Client:
@@ -78,6 +83,12 @@ class Client:
         client._send = lambda data: simulator.receive_on(channel, data)
         client._take = channel.take
         return client
+
+    def depart(self) -> None:
+        """Fly to item 1 of a mission of its own, 600 m ahead."""
+        items = route(AHEAD, (1200.0, 300.0), (1800.0, 0.0), loiter=(2400.0, 0.0))
+        assert self.upload(items) == ACCEPTED
+        assert self.set_current(1) == ACCEPTED
 
     def send(self, message: Any) -> None:
         self._send(message.pack(self.mav))
@@ -202,3 +213,8 @@ class Client:
 
     def steers_to(self, east_m: float, north_m: float) -> bool:
         return math.dist(self.target(), (east_m, north_m)) < 1.0
+
+
+def autopilot(client: Client) -> Any:
+    """The one it is connected to."""
+    return client.simulator.autopilot

@@ -45,6 +45,11 @@ class Px4Client(Client):
             simulator or Simulator(plain_mission(), seed=1, dialect=Dialect.PX4), system, component
         )
 
+    def depart(self) -> None:
+        """Fly to item 1 of a mission of its own, 600 m ahead."""
+        assert self.upload(px4_route(AHEAD, SECOND, THIRD, current=1)) == ACCEPTED
+        self.step(0.2)
+
     def item_message(self, sequence, entry, kind=0):
         message = super().item_message(sequence, entry, kind)
         if entry.get("is_bare"):

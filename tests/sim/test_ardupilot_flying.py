@@ -7,8 +7,10 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.simulator import Simulator
 from tests.sim.client import (
+    ACCEPTED,
+    AHEAD,
+    ERROR,
     JUMP,
     LAND_START,
     LOITER,
@@ -18,35 +20,10 @@ from tests.sim.client import (
     TURNS,
     WAYPOINT,
     Client,
+    autopilot,
     item,
-    plain_mission,
     route,
 )
-
-ACCEPTED, ERROR, UNSUPPORTED, NO_SPACE = 0, 1, 3, 4
-INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
-AHEAD = (600.0, 0.0)
-
-
-@pytest.fixture
-def client():
-    client = Client(Simulator(plain_mission(), seed=1))
-    client.step(0.1)
-    return client
-
-
-@pytest.fixture
-def flying(client):
-    """In AUTO on the way to item 1 of a mission of its own, 600 m ahead."""
-    items = route(AHEAD, (1200.0, 300.0), (1800.0, 0.0), loiter=(2400.0, 0.0))
-    assert client.upload(items) == ACCEPTED
-    assert client.set_current(1) == ACCEPTED
-    return client
-
-
-def autopilot(client):
-    return client.simulator.autopilot
-
 
 # --- flying items
 

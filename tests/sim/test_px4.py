@@ -32,19 +32,7 @@ from tests.sim.px4_client import (
 RECORDED = Path(__file__).parents[1] / "data" / "px4-1.17dev-replace.tlog"
 
 
-@pytest.fixture
-def client():
-    client = Px4Client()
-    client.step(0.1)
-    return client
-
-
-@pytest.fixture
-def flying(client):
-    """In AUTO.MISSION on the way to item 1 of a mission of its own, 600 m ahead."""
-    assert client.upload(px4_route(AHEAD, SECOND, THIRD, current=1)) == ACCEPTED
-    client.step(0.2)
-    return client
+CLIENT = Px4Client
 
 
 def recorded_uploads():

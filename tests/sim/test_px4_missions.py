@@ -17,19 +17,7 @@ SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 LEFT, FAR_LEFT = (600.0, 400.0), (900.0, 500.0)
 
 
-@pytest.fixture
-def client():
-    client = Px4Client()
-    client.step(0.1)
-    return client
-
-
-@pytest.fixture
-def flying(client):
-    """In AUTO.MISSION on the way to item 1 of a mission of its own, 600 m ahead."""
-    assert client.upload(px4_route(AHEAD, SECOND, THIRD, current=1)) == ACCEPTED
-    client.step(0.2)
-    return client
+CLIENT = Px4Client
 
 
 def state(client):

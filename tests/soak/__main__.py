@@ -1,7 +1,8 @@
 """``make soak``: flights back to back in one process, faults on, and what grew meanwhile.
 
 Each flight is a whole one, recorded to disk, with the real link and so MAVSDK's threads, on ArduPlane
-and PX4 in turn. Memory, descriptors and threads are read after each; the first flights warm up and do not count.
+and PX4 in turn. Memory, descriptors and threads are read after each; the first flights warm up and do
+not count.
 """
 
 import argparse
