@@ -180,12 +180,15 @@ def run(
     log: Annotated[
         LogKind, typer.Option(envvar="COMPANION_LOG", help="How lines of the log look.")
     ] = LogKind.TEXT,
+    record_max_mb: Annotated[
+        int, typer.Option(min=1, help="What the recordings may take; the oldest flights go first.")
+    ] = 2_000,
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
     from companion.daemon.service import serve
 
     set_up(log)
-    asyncio.run(serve(mission, link, record, metrics))
+    asyncio.run(serve(mission, link, record, metrics, record_max_mb * 1_000_000))
 
 
 @app.command()
@@ -204,6 +207,43 @@ def health(metrics: MetricsPort = None) -> None:
     except (OSError, http.client.HTTPException) as error:
         console.print(f"no answer on port {metrics}: {error}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_FAILED) from None
+
+
+@app.command()
+def replay(
+    log: Annotated[
+        Path, typer.Argument(exists=True, dir_okay=False, help="A tlog; the mcap beside it is read, too.")
+    ],
+    mission: MissionFile,
+    expect: Annotated[
+        Path | None,
+        typer.Option(
+            exists=True, file_okay=False, help="A flight's folder; exit 1 if decisions or missions differ."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of plans; else the recorded one.")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Feed a recorded flight through the same code: the same missions, or what would be decided instead."""
+    from companion.config import load_mission
+    from companion.daemon.comparison import document_of, first_difference
+    from companion.daemon.record import TLOG
+    from companion.daemon.recording import load_recording
+    from companion.daemon.replaying import beside, replayed, show
+
+    recording, config = load_recording(log), load_mission(mission)
+    expected = None if expect is None else load_recording(expect / TLOG)
+    logging.getLogger("companion.daemon").setLevel(logging.WARNING)
+    screen = Console(stderr=json_file is not None and str(json_file) == "-")
+    result = replayed(recording, config, seed, screen)
+    if expected is not None:
+        recording, result = expected, beside(expected, result)
+    if json_file is not None:
+        write_json(json_file, document_of(recording, result))
+    differs = first_difference(recording, result)
+    show(recording, result, differs, screen)
+    if expected is not None and differs is not None:
+        raise typer.Exit(EXIT_FAILED)
 
 
 def _without_simulator() -> None:

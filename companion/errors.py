@@ -7,7 +7,7 @@
     ├── LinkError          no link, or the link failed                exit 3
     │   ├── NoAutopilotError   nothing that is an autopilot is heard
     │   └── TransferError      a mission transfer failed; the autopilot may hold a mix
-    └── RecordError        a recording cannot be read or written
+    └── RecordError        a recording cannot be read or written      exit 2
 
 Solvers do not raise for "no path": they return a status.
 """
@@ -85,3 +85,5 @@ class TransferError(LinkError):
 
 class RecordError(CompanionError):
     """A recording cannot be read or written."""
+
+    exit_code = 2

@@ -56,7 +56,10 @@ def sitl(
     if not headless:
         console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")
     warm_up(config)
-    flight = Flight(config, seed, folder, autopilot, speed if speed > 0.0 else float("inf"))
+    flight = Flight(
+        config, seed, folder, autopilot, speed if speed > 0.0 else float("inf"),
+        mission_text=mission.read_text(encoding="utf-8-sig"),
+    )  # fmt: skip
     if headless:
         logging.getLogger("companion.daemon.record").setLevel(logging.WARNING)
         asyncio.run(flight.fly())

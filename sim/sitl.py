@@ -1,8 +1,7 @@
 """A whole flight in one process: simulator, link and service on simulated time.
 
-The two talk MAVLink bytes, as over a wire. Simulated time moves in steps of 20 ms and stands still
-while it is the service's turn to speak: while it plans, and while MAVSDK's threads prepare an answer.
-A flight so runs as fast as the computer can, and the same seed gives the same flight.
+The two talk MAVLink bytes, as over a wire, in the steps of :mod:`companion.daemon.stepping`: the same
+seed gives the same flight.
 """
 
 from __future__ import annotations
@@ -21,7 +20,8 @@ from companion.clock import ManualClock
 from companion.config import MissionConfig
 from companion.daemon.app import App, stop
 from companion.daemon.modes import Mode
-from companion.daemon.record import Recorder
+from companion.daemon.record import About, Recorder
+from companion.daemon.stepping import STEP_S, TURN_TIMEOUT_S, step
 from companion.errors import NoAutopilotError
 from companion.link.transport import MemoryTransport
 from companion.types.events import Dialect
@@ -29,9 +29,6 @@ from companion.types.record import FlightRecord
 from sim.faults import FaultyLink
 from sim.simulator import Simulator
 
-STEP_S = 0.02
-SETTLE_TURNS = 10  # event-loop turns in which the service's tasks take what a step brought
-TURN_TIMEOUT_S = 5.0  # wall clock, for MAVSDK's next word; far beyond what a busy computer needs
 SILENT_S = 10.0
 LINGER_S = 2.0  # flown on after the goal
 EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the simulated flights' day
@@ -55,6 +52,8 @@ class Flight:
         Simulated seconds a second.
     turn_timeout_s : float
         How long MAVSDK is waited for, by the computer's clock.
+    mission_text : str
+        The mission file, for the recording.
 
     Attributes
     ----------
@@ -69,13 +68,15 @@ class Flight:
     speed: float = math.inf
     wall_s: float = 0.0
     turn_timeout_s: float = TURN_TIMEOUT_S
+    mission_text: str = ""
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
     app: App = field(init=False)
 
     def __post_init__(self) -> None:
-        self.recorder = Recorder(self.folder, EPOCH_S)
+        about = About(self.mission, self.seed, self.mission_text, STEP_S)
+        self.recorder = Recorder(self.folder, EPOCH_S, about)
         self.simulator = Simulator(self.mission, seed=self.seed, dialect=self.dialect)
         self.wire = self.simulator
 
@@ -137,32 +138,9 @@ class Flight:
         """Advance simulated time once, and let the service act on it."""
         self.wire.step(STEP_S)
         data = self.wire.take_outgoing()
-        if data:
-            theirs.send(data)
-        clock.advance_to(self.simulator.now_s)
-        while await self._is_waited_for():
-            pass
+        await step(self.app, clock, theirs, data, self.simulator.now_s, self.turn_timeout_s)
         if running.done():
             await running
-
-    async def _is_waited_for(self) -> bool:
-        """Let the service take what it has; then, if it is MAVSDK's turn, wait for its word.
-
-        Returns whether it was: what it said may have begun its next call, which must not begin a step
-        later on a slower computer.
-        """
-        for _ in range(SETTLE_TURNS):
-            await asyncio.sleep(0)
-        waited_from = time.perf_counter()
-        was_waited_for = self.app.autopilot.is_our_turn
-        # Its threads cannot tell when they are about to speak, so their turn is polled.
-        while self.app.autopilot.is_our_turn:
-            if time.perf_counter() - waited_from > self.turn_timeout_s:
-                # Over a bad link what MAVSDK was passed may call for no word: a repetition, say.
-                self.app.autopilot.give_up_turn()
-                return False
-            await asyncio.sleep(0.0002)
-        return was_waited_for
 
     def summary(self) -> dict[str, float | int | bool | str]:
         """The measures of ``sitl --json``, but for the paths."""

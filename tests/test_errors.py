@@ -18,7 +18,7 @@ CODES = {
     LinkError: 3,
     NoAutopilotError: 3,
     TransferError: 3,
-    RecordError: 4,
+    RecordError: 2,
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import yaml
 from pydantic import ValidationError
 
 from companion.config.checks import findings
@@ -53,3 +54,8 @@ def mission_from_text(text: str, file: str) -> MissionConfig:
     for path, expected in findings(config):
         raise document.error(path, expected)
     return config
+
+
+def text_of(config: MissionConfig) -> str:
+    """A mission file that means the same, for a mission that came from none."""
+    return yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)

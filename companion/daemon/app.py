@@ -7,7 +7,7 @@ import contextlib
 import logging
 import math
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path as FilePath
 
 from companion.assurance.emergency import EmergencyStep
@@ -18,6 +18,7 @@ from companion.daemon.fencing import Fencing
 from companion.daemon.handover import Handover, Place
 from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode, ModeEvent, next_mode
+from companion.daemon.pace import InStep, InThread, Pace
 from companion.daemon.parameters import ENABLE, Parameters
 from companion.daemon.picture import Picture
 from companion.daemon.planning_loop import Parts, PlanningLoop
@@ -57,6 +58,8 @@ SEVERITY = {
     "parameters": 4,
 }
 
+LinkKind = Callable[[Codec, Clock, Callable[[bytes], None]], AutopilotLink]
+
 _log = logging.getLogger(__name__)
 
 
@@ -83,12 +86,15 @@ class App:
         Of the flight, for a restart in it.
     signer : Signer, optional
         Signs what is sent and verifies what comes in.
-    link_kind : type
-        What carries out mission transfers; tests put one in whose time is simulated, too.
+    link_kind : callable
+        Makes what carries out mission transfers, as ``AutopilotLink`` is made; tests put one in whose
+        time is simulated, too, and a replay one that goes on where the recorded autopilot does not answer.
     watch : Watch, optional
         Looks on.
     parameters_file : Path, optional
         Where parameters that a pilot sets are kept.
+    pace : Pace, optional
+        How long plans may take, where it is neither of the two that ``plans_inline`` chooses from.
     """
 
     def __init__(
@@ -102,9 +108,10 @@ class App:
         plans_inline: bool,
         memory: Memory | None = None,
         signer: Signer | None = None,
-        link_kind: type[AutopilotLink] = AutopilotLink,
+        link_kind: LinkKind = AutopilotLink,
         watch: Watch | None = None,
         parameters_file: FilePath | None = None,
+        pace: Pace | None = None,
     ) -> None:
         self.parameters = Parameters(mission, parameters_file, self._note_parameters)
         mission = self.parameters.mission()
@@ -138,17 +145,24 @@ class App:
         self.quality = LinkQuality()
         self.decided: Counter[str] = Counter()
         self._heartbeat_s = -math.inf
+        self._said_failure = False
         parts = Parts(
             mission, clock, self.picture, self.cycle, self.handover, self.fencing, self.autopilot, recorder,
             self._memory,
         )  # fmt: skip
         self._watch = watch or Watch()
-        self._loop = PlanningLoop(parts, self, plans_inline=plans_inline, watch=self._watch)
+        self._loop = PlanningLoop(
+            parts, self, pace or (InStep() if plans_inline else InThread()), self._watch
+        )
         self._planning: asyncio.Task[None] | None = None
         self._changed: MissionConfig | None = None
 
     async def run(self) -> None:
         """Run until cancelled."""
+        places = [goal.position_enu_m for goal in self.cycle.goals]
+        self.recorder.begin(self._clock.now_s(), {
+            "goals_reached": self._memory.reached(places), "parameters": self.parameters.values_set,
+        })  # fmt: skip
         self.transport.set_receiver(self.receive)
         await self.transport.open()
         try:
@@ -281,13 +295,14 @@ class App:
             self.decide("parameters", f"replanning is switched off by {ENABLE}")
 
     def decide(
-        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None
-    ) -> None:
+        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None,
+        why: Mapping[str, object] | None = None,
+    ) -> None:  # fmt: skip
         """Record a decision and tell the pilot."""
         self.decided[kind] += 1
-        self.recorder.decide(self._clock.now_s(), kind, text, plan_ms, latency_ms)
+        decision = self.recorder.decide(self._clock.now_s(), kind, text, plan_ms, latency_ms, why)
         if self.codec.vehicle_system_id is not None:
-            self.send(self.codec.status_text(SEVERITY.get(kind, 6), f"Planner {kind}: {text}"[:50]))
+            self.send(self.codec.status_text(SEVERITY.get(kind, 6), decision.spoken))
 
     def send(self, data: bytes) -> None:
         """Send packed frames, signed where there is a key, and record them."""
@@ -306,7 +321,26 @@ class App:
                 self.send(self.streams.due(self.codec, now))
             if not self.hears_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
+            self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
+
+    def _note_link(self, now: float) -> None:
+        """Record how the link is, and tell once that the recording ended."""
+        dialect = self.autopilot.dialect
+        self.recorder.link(
+            now,
+            {
+                "mode": self.mode.value,
+                "autopilot_mode": self.autopilot_mode,
+                "dialect": None if dialect is None else dialect.value,
+                "vehicle_system_id": self.codec.vehicle_system_id,
+                "counters": {**self.codec.counters, **self.autopilot.counters},
+                "missing_streams": self.streams.missing,
+            },
+        )
+        if self.recorder.failure and not self._said_failure:
+            self._said_failure = True
+            self.decide("recording", f"stopped, flight goes on: {self.recorder.failure}")
 
     async def _states(self) -> None:
         """Record the flight, and notice the goal."""

@@ -14,6 +14,7 @@ import numpy as np
 from companion.assurance.checker import Checker, Violation
 from companion.config import MissionConfig
 from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
+from companion.daemon.judgement import Judgement
 from companion.frames import FloatArray, direction_from_course
 from companion.mission.builder import Waypoints, waypoints_from_path
 from companion.mission.layout import Layout
@@ -36,6 +37,7 @@ LAST_LEG_S = 10.0
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 SHORTEST_ROWS = 12
+VIOLATIONS_TOLD = 5
 WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
 ENTRY_ROWS = 8  # of a new path in which the aircraft is looked for when it is entered
 ENTRY_AHEAD_M = 30.0
@@ -59,15 +61,6 @@ class Flown:
     mission: Mission
     carried_until_s: float
     row: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """What a cycle decided, and in words why."""
-
-    swap: bool
-    kind: str
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,29 +269,46 @@ class Cycle:
         It does when nothing is flown yet, when the rest of the flown path fails the check or its
         threat level passes the limit, or when it is cheaper by the mission file's ``swap_gain``.
         """
+        planning = self._mission.planning
+        gain_min, level_max = float(planning.swap_gain), float(planning.threat_level_max)
+        why: dict[str, object] = {
+            "status": plan.status.value,
+            "cost": plan.measures.path_cost,
+            "flown_cost": plan.flown_cost,
+            "flown_threat": plan.flown_threat,
+            "swap_gain": gain_min,
+            "threat_level_max": level_max,
+        }
         if plan.path is None or not plan.reaches_goal:
-            return Judgement(False, "no plan", f"{plan.status.value}; {'; '.join(plan.notes)}")
+            return Judgement(False, "no plan", f"{plan.status.value}; {'; '.join(plan.notes)}", why)
+        threat = float(plan.path.threat_levels.max())
+        why["threat"] = threat
         violations = self.check(plan.path)
         if plan.path.threat_levels[0] > self.checker.limits.threat_level_max:
             # Already under the threat: a way out begins above the limit.
             violations = tuple(entry for entry in violations if entry.rule != "threat")
         if violations:
-            return Judgement(False, "rejected", f"{violations[0]} ({len(violations)} violations)")
+            why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_TOLD]]
+            return Judgement(False, "rejected", f"{violations[0]} ({len(violations)} violations)", why)
         cost = plan.measures.path_cost
         flown = () if start.rest is None else self.check(start.rest)
         if flown:
-            return Judgement(True, "unsafe", f"flown plan: {flown[0]}")
+            why["flown_violations"] = [str(entry) for entry in flown[:VIOLATIONS_TOLD]]
+            return Judgement(True, "unsafe", f"flown plan: {flown[0]}", why)
         if start.rest is None or plan.flown_cost is None:
-            return Judgement(True, "first plan", f"cost {cost:.1f}")
-        level, limit = plan.flown_threat or 0.0, float(self._mission.planning.threat_level_max)
-        if level > limit and float(plan.path.threat_levels.max()) < level:
-            return Judgement(True, "threat", f"level {level:.2f} on the flown plan")
+            return Judgement(True, "first plan", f"cost {cost:.1f}", why)
+        level = plan.flown_threat or 0.0
+        if level > level_max and threat < level:
+            return Judgement(True, "threat", f"level {level:.2f} on the flown plan", why)
         gain = 1.0 - cost / plan.flown_cost if plan.flown_cost > 0.0 else 0.0
-        if gain >= float(self._mission.planning.swap_gain):
-            return Judgement(True, "better", f"cost {cost:.1f} instead of {plan.flown_cost:.1f}")
-        if self._carried_s(start) < EXTENDED_HORIZONS * float(self._mission.planning.time_horizon_s):
-            return Judgement(True, "extend", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}")
-        return Judgement(False, "keep", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}")
+        carried_s, wanted_s = self._carried_s(start), EXTENDED_HORIZONS * float(planning.time_horizon_s)
+        why |= {"gain": gain, "carried_s": carried_s, "carried_min_s": wanted_s}
+        if gain >= gain_min:
+            return Judgement(True, "better", f"cost {cost:.1f} instead of {plan.flown_cost:.1f}", why)
+        is_short = carried_s < wanted_s
+        return Judgement(
+            is_short, "extend" if is_short else "keep", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}", why
+        )
 
     def _carried_s(self, start: Start) -> float:
         """How long the mission in the autopilot still carries on from a start [s]; to the goal: endless."""

@@ -104,6 +104,8 @@ class Handover:
     ----------
     layout : Layout or None
         How the list is laid out, None before it was read.
+    offered : Mission or None
+        The mission that was handed over last, whatever came of it.
     found_flown : bool
         Whether the autopilot was flying a mission of ours when its list was first read: the service was
         restarted in flight.
@@ -124,6 +126,7 @@ class Handover:
     ) -> None:
         self.layout: Layout | None = None
         self.found_flown = False
+        self.offered: Mission | None = None
         self.operator: Operator | None = None
         self._mission = mission
         self._cycle = cycle
@@ -172,6 +175,11 @@ class Handover:
     def is_suspicious(self) -> bool:
         """Whether something was heard that another uploader would explain."""
         return bool(self._suspected)
+
+    @property
+    def suspected(self) -> str:
+        """What was heard that another uploader would explain, '' if nothing."""
+        return self._suspected
 
     @property
     def place(self) -> Place:
@@ -369,6 +377,7 @@ class Handover:
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
         mission, after = self._cycle.mission_for(waypoints, layout)
+        self.offered = mission
         flown = Flown(path, mission, carried_s)
         identity = mission_id(mission.items)
         self._is_exchanging = True

@@ -79,6 +79,11 @@ class Parameters:
         return tuple(_BY_NAME)
 
     @property
+    def values_set(self) -> dict[str, float]:
+        """What was set, by name."""
+        return dict(self._set)
+
+    @property
     def is_replanning(self) -> bool:
         """Whether missions may be replaced at all."""
         return self.value(ENABLE) != 0.0

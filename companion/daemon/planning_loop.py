@@ -4,30 +4,31 @@ from __future__ import annotations
 
 import asyncio
 import math
-import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from companion.assurance.emergency import EmergencyStep
 from companion.clock import Clock
 from companion.config import MissionConfig
-from companion.daemon.cycle import Cycle, Judgement, Start
+from companion.daemon.cycle import Cycle, Start
 from companion.daemon.emergency import flown_violations, respond
 from companion.daemon.fencing import Fencing
 from companion.daemon.handover import Handover, Reading
+from companion.daemon.judgement import Judgement
 from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode, ModeEvent
+from companion.daemon.pace import Pace, Paced
 from companion.daemon.picture import Picture
 from companion.daemon.record import Recorder
-from companion.daemon.watch import Watch, in_thread
+from companion.daemon.watch import Watch
 from companion.errors import CompanionError
 from companion.link.autopilot import AutopilotLink
 from companion.mission.builder import Waypoints
 from companion.mission.swap import SwapOutcome
 from companion.types.path import Path
 from companion.types.plan import Plan
-from companion.types.record import UploadedMission
+from companion.types.record import PlanRecord, SwapRecord, UploadedMission
 from companion.world.snapshot import Snapshot
 
 POLL_S = 0.2  # between looks at whether a plan is due
@@ -82,8 +83,9 @@ class Pilot(Protocol):
         ...
 
     def decide(
-        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None
-    ) -> None:
+        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None,
+        why: Mapping[str, object] | None = None,
+    ) -> None:  # fmt: skip
         """Record a decision and tell the pilot."""
         ...
 
@@ -101,8 +103,8 @@ class PlanningLoop:
         What it works with.
     pilot : Pilot
         The service.
-    plans_inline : bool
-        Plan in the event loop to an iteration budget instead of in a thread to a deadline.
+    pace : Pace
+        How long plans may take.
     watch : Watch
         Is told of each round, plan and exchange.
 
@@ -112,14 +114,17 @@ class PlanningLoop:
         The step of the emergency strategy that was announced last; None once a plan is flown again.
     """
 
-    def __init__(self, parts: Parts, pilot: Pilot, *, plans_inline: bool, watch: Watch) -> None:
+    def __init__(self, parts: Parts, pilot: Pilot, pace: Pace, watch: Watch) -> None:
         self._mission, self._clock = parts.mission, parts.clock
         self._picture, self._cycle = parts.picture, parts.cycle
         self._handover, self._fencing = parts.handover, parts.fencing
         self._autopilot, self._recorder = parts.autopilot, parts.recorder
         self._memory = parts.memory
         self._pilot = pilot
-        self._plans_inline = plans_inline
+        self._pace = pace
+        self._occasion = "the mission is flown"
+        self._retry = ""
+        self._num_plans = 0
         self._watch = watch
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
         self._last_plan_s = -math.inf
@@ -130,6 +135,7 @@ class PlanningLoop:
     def plan_at_once(self) -> None:
         """Whatever was flown meanwhile, plan from here at once."""
         self._last_plan_s = -math.inf
+        self._occasion = "the mission is flown"
 
     def adopt(self, mission: MissionConfig) -> None:
         """Go by another mission file from now on, and plan by it at once."""
@@ -174,25 +180,37 @@ class PlanningLoop:
             horizon = float(self._mission.planning.time_horizon_s)
             since = self._clock.now_s() - self._last_plan_s
             wanted = horizon if self._cycle.flies_to_goal else RETRY_S
+            if since == math.inf:
+                return
+            news = self._has_news() if since >= EARLY_REPLAN_S else ""
             if self._handover.is_suspicious and since >= SUSPICION_S:
-                return
-            if since >= wanted or (since >= EARLY_REPLAN_S and self._has_news()):
-                return
+                self._occasion = f"another uploader? {self._handover.suspected}"
+            elif news:
+                self._occasion = news
+            elif since >= wanted:
+                self._occasion = self._retry or f"{wanted:g} s since the last plan"
+            else:
+                continue
+            return
 
     def _news(self) -> tuple[int, tuple[str, ...]]:
         identities = tuple(track.identity for track in self._picture.tracker.tracks(self._clock.now_s()))
         return self._picture.num_known_threats, identities
 
-    def _has_news(self) -> bool:
-        """Whether a threat is known that the last plan did not know."""
+    def _has_news(self) -> str:
+        """Which threat is known that the last plan did not know; '' if none is."""
         known, identities = self._news()
-        return known > self._planned_for[0] or not set(identities) <= set(self._planned_for[1])
+        fresh = sorted(set(identities) - set(self._planned_for[1]))
+        if fresh:
+            return f"news of {', '.join(fresh)}"
+        return "news of a static threat" if known > self._planned_for[0] else ""
 
     async def _plan_once(self) -> None:
         """One cycle: plan, judge, and swap if it is worth it."""
         now = self._clock.now_s()
-        self._last_plan_s = now
+        self._last_plan_s, self._retry = now, ""
         if not self._handover.is_settled():
+            self._retry = "it was not known what is flown"
             self._last_plan_s = now - float(self._mission.planning.time_horizon_s) + SUSPICION_S
             return
         if not await self._knows_mission():
@@ -211,12 +229,11 @@ class PlanningLoop:
         start = self._cycle.start_after(state, lead)
         budget = float(self._mission.planning.planning_budget_s)
         plan, plan_ms = await self._solved(start, snapshot, budget)
-        self._recorder.plan_ms.append(plan_ms)
         if self._pilot.mode is not Mode.ACTIVE:
             return
         judgement = self._cycle.judge(plan, start)
         if not judgement.swap or plan.path is None:
-            self._pilot.decide(judgement.kind, judgement.text, plan_ms)
+            self._decide(judgement.kind, judgement.text, plan_ms, why=judgement.why)
             if judgement.kind in NO_PLAN_KINDS:
                 await self._respond(plan, snapshot, track_s)
             else:
@@ -225,7 +242,7 @@ class PlanningLoop:
         waypoints, carried_s, violations = self._cycle.waypoints(plan.path, self._handover.room)
         if violations:
             self._recorder.num_rejected += 1
-            self._pilot.decide("rejected", f"mission: {violations[0]}", plan_ms)
+            self._decide("rejected", f"mission: {violations[0]}", plan_ms, why=judgement.why)
             await self._respond(plan, snapshot, track_s)
             return
         await self._swap(plan.path, waypoints, carried_s, judgement, plan_ms, track_s, start)
@@ -269,19 +286,42 @@ class PlanningLoop:
         self, start: Start, snapshot: Snapshot, budget_s: float, plan_by: PlanBy | None = None
     ) -> tuple[Plan, float]:
         """Plan within the budget; the plan and the computer's milliseconds it took."""
-        plan_by = plan_by or self._cycle.plan
-        began, due = time.perf_counter(), self._clock.now_s() + budget_s
+        search = plan_by or self._cycle.plan
+        begun_s = self._clock.now_s()
+        self._num_plans += 1
+        number = self._num_plans
         self._watch.progress()
-        if self._plans_inline:
-            plan = plan_by(start, snapshot, lambda: False)
-            took = 1e3 * (time.perf_counter() - began)
-            await self._clock.sleep_until(due)
-        else:
-            plan = await in_thread(plan_by, start, snapshot, lambda: self._clock.now_s() >= due)
-            took = 1e3 * (time.perf_counter() - began)
+        paced = await self._pace.run(
+            lambda should_stop: search(start, snapshot, should_stop), self._clock, budget_s, number
+        )
         self._watch.progress()
-        self._watch.planned(plan, took)
-        return plan, took
+        self._watch.planned(paced.plan, paced.plan_ms)
+        self._record(paced, start, snapshot, begun_s, "plan" if plan_by is None else "least threat")
+        return paced.plan, paced.plan_ms
+
+    def _record(self, paced: Paced, start: Start, snapshot: Snapshot, begun_s: float, purpose: str) -> None:
+        """Write a plan down, with why it was made and from where."""
+        now, state = self._clock.now_s(), start.state
+        begin = {
+            "stamp_s": state.stamp_s,
+            "position_enu_m": state.position_enu_m,
+            "direction_rad": state.direction_rad,
+            "climb_rad": state.climb_rad,
+            "airspeed_m_s": state.airspeed_m_s,
+            "is_on_flown_path": start.rest is not None,
+        }
+        made = PlanRecord(
+            self._num_plans, self._occasion, purpose, begin, paced.plan, paced.asked, paced.is_stopped,
+            begun_s, now - begun_s, paced.plan_ms,
+        )  # fmt: skip
+        self._recorder.plan(now, made, snapshot)
+
+    def _decide(
+        self, kind: str, text: str, plan_ms: float | None = None, latency_ms: float | None = None,
+        why: Mapping[str, object] | None = None,
+    ) -> None:  # fmt: skip
+        """Say what came of a plan, and why it was made."""
+        self._pilot.decide(kind, text, plan_ms, latency_ms, {"occasion": self._occasion, **(why or {})})
 
     async def _swap(
         self,
@@ -295,25 +335,34 @@ class PlanningLoop:
     ) -> None:
         """Hand a mission over when the aircraft is where it begins."""
         enter_s = start.state.stamp_s - ENTER_EARLY_S if self._cycle.flown is not None else 0.0
+        begun_s = self._clock.now_s()
         outcome, reason = await self._unless_withdrawn(
             self._handover.swap(path, waypoints, carried_s, enter_s)
         )
         self._watch.exchanged(outcome)
+        now, mission = self._clock.now_s(), self._handover.offered
+        if mission is not None:
+            places = waypoints.positions_enu_m
+            self._recorder.swap(
+                now,
+                SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
+            )
         if outcome is not SwapOutcome.FLOWN:
             self._recorder.num_rejected += 1
-            self._pilot.decide("rejected", f"{outcome.value}: {reason}", plan_ms)
+            self._decide("rejected", f"{outcome.value}: {reason}", plan_ms, why=judgement.why)
             self._note_failed_swap(start)
+            self._retry = "the last mission was not entered"
             self._last_plan_s = self._clock.now_s() - float(self._mission.planning.time_horizon_s) + RETRY_S
             return
         self._num_failed_swaps = 0
         if judgement.kind != "emergency":
             self.emergency = None
-        now = self._clock.now_s()
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
         if latency is not None:
             self._recorder.track_to_mission_ms.append(latency)
         self._recorder.missions.append(UploadedMission(now, waypoints.positions_enu_m, judgement.kind))
-        self._pilot.decide("swap", f"{judgement.kind}, {judgement.text}; {reason}", plan_ms, latency)
+        text = f"{judgement.kind}, {judgement.text}; {reason}"
+        self._decide("swap", text, plan_ms, latency, judgement.why)
 
     def _note_failed_swap(self, start: Start) -> None:
         """Say that the aircraft is left with what it flies, once that looks like lasting."""

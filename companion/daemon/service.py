@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
@@ -22,9 +23,10 @@ from companion.daemon.app import App
 from companion.daemon.memory import Memory
 from companion.daemon.metrics import Endpoint, Metrics
 from companion.daemon.notify import Notifier, watchdog_of
-from companion.daemon.record import Recorder
+from companion.daemon.record import About, Recorder
 from companion.daemon.reload import changed_mission
 from companion.daemon.reporting import Reporting
+from companion.daemon.retention import FLIGHTS_MAX_BYTES, keep_pruned
 from companion.daemon.supervision import Report, Supervision
 from companion.daemon.watch import Watch, in_thread
 from companion.errors import CompanionError, ConfigError
@@ -57,12 +59,19 @@ class Service(Watch):
         For what systemd tells by it.
     metrics_port : int, optional
         Where metrics and health are told, to this computer alone.
+    flights_max_bytes : int
+        What the recordings may take; the oldest flights go first.
     """
 
     def __init__(
-        self, file: Path, url: str, flights: Path, environment: Mapping[str, str],
+        self,
+        file: Path,
+        url: str,
+        flights: Path,
+        environment: Mapping[str, str],
         metrics_port: int | None = None,
-    ) -> None:  # fmt: skip
+        flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+    ) -> None:
         self._file = file
         self._url = url
         self._mission = mission = load_mission(file)
@@ -73,13 +82,16 @@ class Service(Watch):
         state = _folder_of("STATE_DIRECTORY", environment)
         self._timestamps, signer = _signing(mission, state)
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
-        self._recorder = Recorder(flights / name, time.time() - self._clock.now_s())
+        seed, epoch_s = int(mission.planning.seed), time.time() - self._clock.now_s()
+        about = About(mission, seed, file.read_text(encoding="utf-8-sig"))
+        self._recorder = Recorder(flights / name, epoch_s, about)
+        self._pruning = partial(keep_pruned, flights, flights_max_bytes, flights / name, self._clock, epoch_s)
         self.app = App(
             mission,
             transport,
             self._clock,
             self._recorder,
-            seed=int(mission.planning.seed),
+            seed=seed,
             plans_inline=False,
             memory=Memory(flights / mission.name),
             signer=signer,
@@ -137,6 +149,7 @@ class Service(Watch):
                     tasks.create_task(self._reporting.run()),
                     tasks.create_task(_report_silence(self.app, self._clock, self._url)),
                     tasks.create_task(_warm(self.app, self._mission)),
+                    tasks.create_task(self._pruning()),
                 ]
                 await stopping.wait()
                 self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
@@ -171,7 +184,13 @@ class Service(Watch):
         self._notifier.tell(READY=1, STATUS=str(self.report()))
 
 
-async def serve(file: Path, url: str, flights: Path, metrics_port: int | None = None) -> None:
+async def serve(
+    file: Path,
+    url: str,
+    flights: Path,
+    metrics_port: int | None = None,
+    flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+) -> None:
     """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
 
     Raises
@@ -180,7 +199,7 @@ async def serve(file: Path, url: str, flights: Path, metrics_port: int | None = 
         If it cannot begin.
     """
     with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
-        await Service(file, url, flights, os.environ, metrics_port).run()
+        await Service(file, url, flights, os.environ, metrics_port, flights_max_bytes).run()
 
 
 @contextlib.contextmanager

@@ -323,6 +323,16 @@ class AutopilotLink:
         )
         _require_success("set_mode", answer)
 
+    def abandon(self) -> None:
+        """Fail whatever is under way, at once."""
+        self._mavsdk.abandon()
+        if self._moving is not None:
+            self._moving[0].failure = "ABANDONED"
+            self._moved.set()
+        for _, future in self._waiters:
+            if not future.done():
+                future.set_result(None)
+
     async def close(self) -> None:
         """End MAVSDK; a call of it under way fails."""
         await self._mavsdk.close()

@@ -23,7 +23,15 @@ from companion.link.frame import (
     Reply,
     Request,
 )
-from companion.link.framing import Framer, RawFrame, raw_frame, renumbered
+from companion.link.framing import (
+    MAGIC_V2,
+    SIGNATURE,
+    Framer,
+    RawFrame,
+    checksum,
+    raw_frame,
+    renumbered,
+)
 from companion.link.items import item_of
 from companion.link.limits import SourceLimits
 from companion.link.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
@@ -44,6 +52,15 @@ def signer_of(
 ) -> Signer:
     """Signer that knows the checksums of all messages of the dialect."""
     return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned)
+
+
+def is_intact(raw: bytes) -> bool:
+    """Whether a frame's checksum fits; of messages that the dialect does not know it cannot be told."""
+    extra = _EXTRAS.get(raw_frame(raw).message_id)
+    if extra is None:
+        return True
+    body = len(raw) - 2 - (SIGNATURE if raw[0] == MAGIC_V2 and raw[2] & 1 else 0)
+    return checksum(raw[1:body], extra) == int.from_bytes(raw[body : body + 2], "little")
 
 
 class Codec:

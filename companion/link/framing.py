@@ -17,7 +17,7 @@ from dataclasses import dataclass
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
 _CHECKSUM = 2
-_SIGNATURE = 13
+SIGNATURE = 13
 _SIGNED = 0x01
 
 
@@ -85,7 +85,7 @@ def frames_in(data: bytes) -> Iterator[bytes]:
     while start < len(data):
         length = _HEADERS[data[start]] + data[start + 1] + _CHECKSUM
         if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
-            length += _SIGNATURE
+            length += SIGNATURE
         yield data[start : start + length]
         start += length
 
@@ -149,7 +149,7 @@ class Framer:
             if buffer[start + 2] & ~_SIGNED:
                 self._count("incompatible", is_counted)
                 return None, False
-            length += _SIGNATURE if buffer[start + 2] & _SIGNED else 0
+            length += SIGNATURE if buffer[start + 2] & _SIGNED else 0
         end = start + length
         if end > len(buffer):
             return None, True

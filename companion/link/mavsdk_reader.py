@@ -116,8 +116,12 @@ class MavsdkReader:
         instance, self._mavsdk, self._missions = self._mavsdk, None, None
         if instance is not None:
             await asyncio.to_thread(instance.destroy)
+        self.abandon()  # nobody else will
+
+    def abandon(self) -> None:
+        """Fail a call that is under way."""
         if self._under_way is not None:
-            _settle(self._under_way, None)  # nobody else will
+            _settle(self._under_way, None)
 
     async def _downloaded(self, operation: str, chosen: Callable[[Any], Any]) -> tuple[MissionItem, ...]:
         missions = await self._connected()

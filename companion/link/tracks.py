@@ -98,7 +98,8 @@ class Tracks:
             For values that cannot be true, unlisted sources and echoes.
         """
         decoder = self._decoders.get(kind)
-        is_own = frame.system_id == self._telemetry.vehicle_system_id
+        # Until it is known which vehicle is the own one, none may be taken for another.
+        is_own = self._telemetry.vehicle_system_id in (None, frame.system_id)
         if decoder is None or (
             is_own and kind in ("GLOBAL_POSITION_INT", "UTM_GLOBAL_POSITION", "FOLLOW_TARGET")
         ):

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from companion.frames import FloatArray
+from companion.types.mission import MissionItem
+from companion.types.plan import Plan
+
+SPOKEN, SPOKEN_CHARACTERS = "Planner ", 50  # of a STATUSTEXT
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,7 +17,7 @@ class Decision:
     """One line of the decision table.
 
     ``plan_ms`` is the computing time of the plan behind it, ``track_to_mission_ms`` the time from the
-    newest track to the mission that answers it being flown.
+    newest track to the mission that answers it being flown. ``why`` has the numbers that led to it.
     """
 
     stamp_s: float
@@ -20,6 +25,12 @@ class Decision:
     text: str
     plan_ms: float | None = None
     track_to_mission_ms: float | None = None
+    why: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def spoken(self) -> str:
+        """What the pilot is told of it."""
+        return f"{SPOKEN}{self.kind}: {self.text}"[:SPOKEN_CHARACTERS]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +40,57 @@ class UploadedMission:
     stamp_s: float
     positions_enu_m: FloatArray
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRecord:
+    """A plan as it was made.
+
+    Parameters
+    ----------
+    number : int
+        Counts the plans of a flight from 1.
+    occasion : str
+        Why it was made now.
+    purpose : str
+        ``plan``, or ``least threat`` in an emergency.
+    start : mapping
+        Where it begins, and from where the aircraft was when it was made.
+    plan : Plan
+        The planner's answer.
+    asked : int
+        How often the search asked whether to stop.
+    is_stopped : bool
+        Whether it was told to: a wall clock decided, not the iteration budget.
+    begun_s, took_s : float
+        By the service's clock [s].
+    plan_ms : float
+        Of the computer's time.
+    """
+
+    number: int
+    occasion: str
+    purpose: str
+    start: Mapping[str, object]
+    plan: Plan
+    asked: int
+    is_stopped: bool
+    begun_s: float
+    took_s: float
+    plan_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class SwapRecord:
+    """A mission handed to the autopilot: how that ended, and when it began and ended by the clock."""
+
+    outcome: str
+    reason: str
+    begun_s: float
+    ended_s: float
+    plan_number: int
+    items: tuple[MissionItem, ...]
+    waypoints_enu_m: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

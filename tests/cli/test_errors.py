@@ -123,7 +123,7 @@ def test_a_target_that_cannot_be_written(companion, tmp_path, option, place):
 
 
 def test_link_failures_exit_with_three(companion, monkeypatch):
-    async def refused(*_):
+    async def refused(*_, **__):
         raise LinkError("udpin://0.0.0.0:14540: address in use")
 
     monkeypatch.setattr("companion.daemon.service.serve", refused)

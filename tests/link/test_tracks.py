@@ -294,3 +294,11 @@ def test_the_memory_for_echoes_has_a_limit_in_a_flood():
     newest = ECHO_IDENTITIES_MAX + 99
     assert reports(codec, adsb(system=1, component=1, ICAO_address=newest), 10.1) == []
     assert len(reports(codec, adsb(system=1, component=1, ICAO_address=1), 10.1)) == 1  # forgotten
+
+
+def test_before_the_own_vehicle_is_known_none_is_taken_for_another():
+    codec = Codec()
+    assert reports(codec, position()) == []
+    codec.feed(heartbeat(), 10.0)
+    assert reports(codec, position(2_000)) == []
+    assert len(reports(codec, position(3_000, system=42))) == 1
