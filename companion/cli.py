@@ -15,6 +15,7 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -244,6 +245,28 @@ def replay(
     show(recording, result, differs, screen)
     if expected is not None and differs is not None:
         raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def doctor(
+    mission: Annotated[Path | None, typer.Argument(help="A mission file; its needs are looked at.")] = None,
+    link: Annotated[
+        str | None, typer.Option(help="Where the autopilot is; the service must not run meanwhile.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="How long rates are measured.")] = 10.0,
+    record: Annotated[Path, typer.Option(help="Folder that recordings would go to.")] = Path("flights"),
+    json_file: JsonFile = None,
+) -> None:
+    """Look for what would keep the service from working; exit 1 for a failure, 3 without an autopilot."""
+    from companion.daemon.examination import examined, findings_table
+
+    findings, code = asyncio.run(examined(mission, link, seconds, record))
+    if json_file is not None:
+        write_json(json_file, [asdict(entry) | {"verdict": entry.verdict.value} for entry in findings])
+    if json_file is None or str(json_file) != "-":
+        console.print(findings_table(findings))
+    if code:
+        raise typer.Exit(code)
 
 
 def _without_simulator() -> None:

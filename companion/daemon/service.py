@@ -80,7 +80,7 @@ class Service(Watch):
         watchdog_s = watchdog_of(environment)
         _check_budget(mission, file, watchdog_s)
         state = _folder_of("STATE_DIRECTORY", environment)
-        self._timestamps, signer = _signing(mission, state)
+        self._timestamps, signer = signing_of(mission, state)
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
         seed, epoch_s = int(mission.planning.seed), time.time() - self._clock.now_s()
         about = About(mission, seed, file.read_text(encoding="utf-8-sig"))
@@ -233,7 +233,7 @@ def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) 
         raise ConfigError(str(file), None, "planning.planning_budget_s", f"{budget:g}", expected)
 
 
-def _signing(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
+def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
     """What signs and verifies, as the mission file says; nothing without a key.
 
     The times go beside the key, or to the state folder: configuration is read only under systemd.

@@ -20,8 +20,10 @@ from companion.link.frame import (
     MissionCount,
     MissionQuestion,
     MissionTold,
+    ParameterTold,
     Reply,
     Request,
+    VersionTold,
 )
 from companion.link.framing import (
     MAGIC_V2,
@@ -355,6 +357,12 @@ class Codec:
         cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled))
 
+    def parameter_question(self, name: str) -> bytes:
+        """PARAM_REQUEST_READ of a parameter of the autopilot's, by its name."""
+        return self._packed(
+            mavlink.MAVLink_param_request_read_message(self.own_ids[0], 1, name.encode("ascii"), -1)
+        )
+
     def parameter_value(self, name: str, value: float, index: int, count: int) -> bytes:
         """PARAM_VALUE of a parameter of ours; the name has at most 16 characters."""
         kind = mavlink.MAV_PARAM_TYPE_REAL32
@@ -380,6 +388,13 @@ def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | No
         payload = raw.payload.ljust(8, b"\0")  # opaque_id is younger than the dialect
         opaque = int.from_bytes(payload[4:8], "little")
         return MissionAck(stamp_s, message.type, message.mission_type, opaque)
+    if kind == "PARAM_VALUE":
+        bits = int.from_bytes(raw.payload[:4].ljust(4, b"\0"), "little", signed=True)
+        is_whole = message.param_type <= mavlink.MAV_PARAM_TYPE_INT32
+        return ParameterTold(message.param_id, message.param_value, bits, is_whole)
+    if kind == "AUTOPILOT_VERSION":
+        major, minor, patch, release = message.flight_sw_version.to_bytes(4, "big")
+        return VersionTold((major, minor, patch), release)
     if kind in _TRANSFERS and message.target_component in (0, COMPONENT_ID):
         return _TRANSFERS[kind](message)
     return None

@@ -80,7 +80,29 @@ class MissionTold:
     mission_type: int
 
 
-Reply = CommandAck | MissionAck | MissionQuestion | MissionCount | MissionTold
+@dataclass(frozen=True, slots=True)
+class ParameterTold:
+    """PARAM_VALUE: the value as a float, and the same 32 bits as a whole number.
+
+    ArduPilot sends whole numbers as floats, PX4 as they lie in memory; ``is_whole`` tells of which the
+    parameter is.
+    """
+
+    name: str
+    value: float
+    bits: int
+    is_whole: bool
+
+
+@dataclass(frozen=True, slots=True)
+class VersionTold:
+    """AUTOPILOT_VERSION: major, minor and patch number, and the release type (255 released)."""
+
+    numbers: tuple[int, int, int]
+    release: int
+
+
+Reply = CommandAck | MissionAck | MissionQuestion | MissionCount | MissionTold | ParameterTold | VersionTold
 
 
 @dataclass(frozen=True, slots=True)

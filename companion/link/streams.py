@@ -58,6 +58,11 @@ class Streams:
             if stream.is_vital and stream.asked_s is not None and stream.heard_s <= stream.asked_s
         )
 
+    @property
+    def wanted(self) -> dict[int, float]:
+        """Rates that the vital messages are asked for at [Hz]."""
+        return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
+
     def note(self, frame: Frame, stamp_s: float) -> None:
         """Take note of a received frame."""
         for event in frame.events:

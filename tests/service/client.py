@@ -10,11 +10,23 @@ from companion.types.mission import MissionItem
 PATIENCE_S = 30.0
 
 
+def connected(port):
+    """A connection, as soon as somebody listens."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return socket.create_connection(("127.0.0.1", port))
+        except ConnectionRefusedError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.05)
+
+
 class Client:
     """MAVLink over TCP, from another component."""
 
     def __init__(self, port, component=190):
-        self._line = socket.create_connection(("127.0.0.1", port))
+        self._line = connected(port)
         self._line.settimeout(PATIENCE_S)
         self._mavlink = mavlink.MAVLink(None, srcSystem=255, srcComponent=component)
         self._mavlink.robust_parsing = True
