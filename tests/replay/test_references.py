@@ -15,20 +15,34 @@ from companion.config import load_mission
 from companion.daemon.comparison import lines_of
 from companion.daemon.recording import load_recording
 from companion.daemon.replay import Replay
-from tests.replay.corruptions import DATA, RECORDINGS, mission_for
+from companion.link.tlog import read_tlog
+from tests.replay.corruptions import DATA, RECORDINGS
 from tests.replay.renew import FLIGHTS, FOLDER
 
-
-def cases():
-    for name in FLIGHTS:
-        yield name, FOLDER / f"{name}.tlog", None
-    for name in RECORDINGS:
-        yield name.removesuffix(".tlog"), DATA / name, name
+# Of the recordings of others a part, as of a service that is started in mid-flight: with the upload that
+# is broken off, its repair and the replacement; and with the two replacements on PX4.
+PARTS_S = {"arduplane-4.7dev-replace": (64.0, 92.0), "px4-1.17dev-replace": (88.0, 110.0)}
 
 
-@pytest.mark.parametrize(("name", "log", "foreign"), list(cases()), ids=[case[0] for case in cases()])
-def test_replays_as_before(name, log, foreign, request):
-    mission = mission_for(foreign) if foreign else load_mission(FOLDER / f"{name}.yaml")
+def part_of(name, file):
+    """The part of a recording between two instants, as a log of its own."""
+    entries = list(read_tlog(DATA / f"{name}.tlog"))
+    first, last = (entries[0].time_s + edge for edge in PARTS_S[name])
+    file.write_bytes(
+        b"".join(
+            round(1e6 * entry.time_s).to_bytes(8, "big") + entry.raw
+            for entry in entries
+            if first <= entry.time_s <= last
+        )
+    )
+    return file
+
+
+@pytest.mark.parametrize("name", [*FLIGHTS, *PARTS_S])
+def test_replays_as_before(name, request, tmp_path):
+    is_ours = name in FLIGHTS
+    log = FOLDER / f"{name}.tlog" if is_ours else part_of(name, tmp_path / "part.tlog")
+    mission = load_mission(FOLDER / f"{name}.yaml" if is_ours else DATA / RECORDINGS[f"{name}.tlog"])
     result = asyncio.run(Replay(load_recording(log), mission).run())
     lines = [f"said as in flight until {result.apart_s:.2f} s" if result.apart else "said as in flight"]
     lines += lines_of(result.decisions, result.uploads)
