@@ -269,6 +269,20 @@ def doctor(
         raise typer.Exit(code)
 
 
+@app.command()
+def report(
+    flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
+) -> None:
+    """Make the report of a flight from its recording alone."""
+    from companion.daemon.flight_record import flight_of
+    from companion.ui.report import write_report
+
+    mission, world, record = flight_of(flight)
+    with _writing(flight, "report"):
+        page, picture = write_report(flight, mission, world, record)
+    console.print(f"report: {page}\npicture: {picture}", soft_wrap=True)
+
+
 def _without_simulator() -> None:
     """Say what is missing."""
     raise ConfigError(

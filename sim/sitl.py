@@ -11,7 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -183,15 +183,10 @@ class Flight:
         """The record for the report, with the true paths in place of those known on board."""
         truth = self.simulator.truth
         known = self.recorder.record(self.summary())
-        return FlightRecord(
+        return replace(
+            known,
             flown=np.array(truth.path),
             dt_paths=tuple(np.array(rows) for rows in truth.threat_paths.values()),
-            dt_tracks=known.dt_tracks,
-            missions=known.missions,
-            decisions=known.decisions,
-            threat=known.threat,
-            plan_ms=known.plan_ms,
-            summary=known.summary,
         )
 
 

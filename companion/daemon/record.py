@@ -236,6 +236,7 @@ class Recorder:
             threat=np.array(self.threat, dtype=np.float64).reshape(-1, 2),
             plan_ms=tuple(self.plan_ms),
             summary=summary,
+            epoch_s=self.epoch_s or None,
         )
 
     def close(self) -> None:

@@ -120,7 +120,7 @@ def load_recording(log: Path) -> Recording:
     about = documents.get(channels.MISSION, [{}])[0]
     frames = [raw_frame(entry.raw) for entry in entries]
     vehicle = _vehicle_of(frames)
-    epoch_s = _number(about.get("epoch_s"))
+    epoch_s = number(about.get("epoch_s"))
     if epoch_s is None:
         epoch_s = entries[0].time_s if entries else 0.0
     heard = tuple(
@@ -128,18 +128,18 @@ def load_recording(log: Path) -> Recording:
         for at, frame in zip(_straightened(entries, epoch_s, counters), frames, strict=True)
     )
     decisions = (
-        tuple(_decision_of(document) for document in documents.get(channels.DECISION, []))
+        tuple(decision_of(document) for document in documents.get(channels.DECISION, []))
         if about
         else told_decisions(heard)
     )
     taken = {
-        int(number): _taken_of(document)
+        int(count): _taken_of(document)
         for document in documents.get(channels.PLAN, [])
-        if (number := _number(document.get("number"))) is not None
+        if (count := number(document.get("number"))) is not None
     }
     until_s = math.inf
     if counters["mcap_ends_early"] and heard:
-        stamps = [_number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
+        stamps = [number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
         until_s = min(heard[-1].at_us * 1e-6, max(stamps, default=0.0))
     return Recording(log.name, heard, vehicle, epoch_s, about, decisions, taken, counters, until_s)
 
@@ -206,26 +206,28 @@ def _document_of(message: Message, counters: Counter[str]) -> Document | None:
     return document
 
 
-def _number(value: object) -> float | None:
+def number(value: object) -> float | None:
+    """A number of a document, None for anything else."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def _decision_of(document: Document) -> Decision:
+def decision_of(document: Document) -> Decision:
+    """A decision as it was written down."""
     why = document.get("why")
     return Decision(
-        _number(document.get("stamp_s")) or 0.0,
+        number(document.get("stamp_s")) or 0.0,
         str(document.get("kind", "")),
         str(document.get("text", "")),
-        _number(document.get("plan_ms")),
-        _number(document.get("track_to_mission_ms")),
+        number(document.get("plan_ms")),
+        number(document.get("track_to_mission_ms")),
         why if isinstance(why, dict) else {},
     )
 
 
 def _taken_of(document: Document) -> Taken:
-    asked = _number(document.get("asked"))
+    asked = number(document.get("asked"))
     is_stopped = document.get("is_stopped") is True and asked is not None
-    return Taken(int(asked or 0) if is_stopped else None, max(0.0, _number(document.get("took_s")) or 0.0))
+    return Taken(int(asked or 0) if is_stopped else None, max(0.0, number(document.get("took_s")) or 0.0))
 
 
 def told_decisions(frames: Sequence[Heard]) -> tuple[Decision, ...]:

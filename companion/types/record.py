@@ -113,6 +113,10 @@ class FlightRecord:
         Computing time of every plan [ms].
     summary : dict
         Shown as a table.
+    epoch_s : float, optional
+        UTC at time 0 [s].
+    note : str
+        What is to be known of where the record comes from.
     """
 
     flown: FloatArray
@@ -123,3 +127,5 @@ class FlightRecord:
     threat: FloatArray
     plan_ms: tuple[float, ...]
     summary: dict[str, float | int | bool | str]
+    epoch_s: float | None = None
+    note: str = ""

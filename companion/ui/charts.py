@@ -74,6 +74,24 @@ def threat_chart(record: FlightRecord, start_s: float) -> Figure:
     return figure
 
 
+def decision_chart(record: FlightRecord, start_s: float) -> Figure:
+    """Return when which kind of decision was made."""
+    figure, axes = _new_chart()
+    kinds = list(dict.fromkeys(entry.kind for entry in record.decisions))
+    times = [entry.stamp_s - start_s for entry in record.decisions]
+    axes.scatter(
+        times, [kinds.index(entry.kind) for entry in record.decisions], s=34, color=style.FLOWN, zorder=3,
+        label="decision",
+    )  # fmt: skip
+    if record.missions:
+        axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
+    axes.set_yticks(range(len(kinds)), kinds)
+    axes.set_ylim(max(len(kinds), 1) - 0.5, -0.5)
+    axes.margins(x=0.02)
+    _finish(axes, record, start_s, "Decisions")
+    return figure
+
+
 def latency_chart(record: FlightRecord) -> Figure:
     """Return how long each plan took, with median and 95th percentile."""
     figure, axes = _new_chart()

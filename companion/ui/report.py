@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from companion.config.models import MissionConfig
 from companion.types.record import Decision, FlightRecord
 from companion.ui import style
-from companion.ui.charts import altitude_chart, latency_chart, threat_chart
+from companion.ui.charts import altitude_chart, decision_chart, latency_chart, threat_chart
 from companion.ui.plots import flight_map, flight_start
 from companion.world.snapshot import Snapshot
 
@@ -46,7 +46,8 @@ th, td { text-align: left; vertical-align: top; padding: .38rem .7rem; border-bo
 thead th { position: sticky; top: 0; background: var(--soft); white-space: nowrap; }
 td.number, th.number { text-align: right; white-space: nowrap; }
 td.kind { white-space: nowrap; font-weight: 600; }
-td.text { overflow-wrap: anywhere; min-width: 18rem; }
+td.text { overflow-wrap: anywhere; min-width: 14rem; }
+td.why { color: var(--muted); font-size: .85rem; }
 tbody tr:hover { background: var(--soft); }
 .scroll { overflow: auto; max-height: 36rem; border: 1px solid var(--line); border-radius: 6px; }
 .summary { display: grid; grid-template-columns: repeat(auto-fit, minmax(15rem, 1fr)); gap: 0 2rem;
@@ -85,6 +86,14 @@ def write_report(
         flight_map(mission, snapshot, record).savefig(picture, dpi=style.DPI)
         altitude, threat = altitude_chart(mission, snapshot, record, start_s), threat_chart(record, start_s)
         charts = [
+            (
+                _svg(
+                    decision_chart(record, start_s),
+                    "decisions",
+                    "Timeline of the decisions, one row a kind, over flight time",
+                ),
+                "When something was decided; the table below says what and why.",
+            ),
             (
                 _svg(altitude, "altitude", "Altitude over flight time, between floor and ceiling"),
                 "Height along the flown path.",
@@ -127,6 +136,7 @@ def _page(
 <header>
 <h1>{escape(title)}</h1>
 <p class="lead">{escape(_lead(mission, record, start_s))}</p>
+{f'<p class="lead">{escape(record.note)}</p>' if record.note else ""}
 </header>
 <h2>Summary</h2>
 {_summary(record)}
@@ -139,7 +149,7 @@ def _page(
 <h2>Over the flight</h2>
 {figures}
 <h2>Decisions</h2>
-{_decisions(record.decisions, start_s)}
+{_decisions(record, start_s)}
 </main>
 </body>
 </html>
@@ -210,12 +220,15 @@ def _value(key: str, value: float | int | bool | str) -> str:
     return f"{value:.{min(digits, 4)}f}{unit}"
 
 
-def _decisions(decisions: tuple[Decision, ...], start_s: float) -> str:
+def _decisions(record: FlightRecord, start_s: float) -> str:
+    decisions = record.decisions
     if not decisions:
         return "<p>No decision was recorded.</p>"
     rows = "\n".join(
         f'<tr><td class="number">{style.clock_text(entry.stamp_s - start_s)}</td>'
+        f'<td class="number">{style.day_time_text(record.epoch_s, entry.stamp_s)}</td>'
         f'<td class="kind">{escape(entry.kind)}</td><td class="text">{escape(entry.text)}</td>'
+        f'<td class="text why">{_why(entry)}</td>'
         f'<td class="number">{_milliseconds(entry.plan_ms)}</td>'
         f'<td class="number">{_milliseconds(entry.track_to_mission_ms)}</td></tr>'
         for entry in decisions
@@ -223,7 +236,8 @@ def _decisions(decisions: tuple[Decision, ...], start_s: float) -> str:
     return f"""<div class="scroll" tabindex="0" role="region" aria-label="Decisions">
 <table>
 <thead><tr>
-<th scope="col" class="number">Time [mm:ss]</th><th scope="col">Kind</th><th scope="col">Decision</th>
+<th scope="col" class="number">Time [mm:ss]</th><th scope="col" class="number">UTC</th>
+<th scope="col">Kind</th><th scope="col">Decision</th><th scope="col">Why</th>
 <th scope="col" class="number">Plan [ms]</th><th scope="col" class="number">Track to mission [ms]</th>
 </tr></thead>
 <tbody>
@@ -231,6 +245,18 @@ def _decisions(decisions: tuple[Decision, ...], start_s: float) -> str:
 </tbody>
 </table>
 </div>"""
+
+
+def _why(decision: Decision) -> str:
+    """Why a plan was made, and the numbers that led to what came of it."""
+    why = dict(decision.why)
+    parts = [escape(str(why.pop("occasion")))] if "occasion" in why else []
+    for key, value in why.items():
+        if isinstance(value, list):
+            parts += [escape(str(entry)) for entry in value]
+        elif isinstance(value, bool | int | float | str):
+            parts.append(f"{escape(_key_text(key))} {_value(key, value)}")
+    return "; ".join(parts) or "–"
 
 
 def _milliseconds(value: float | None) -> str:

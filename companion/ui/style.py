@@ -97,6 +97,14 @@ def round_step(span: float, num_max: int) -> float:
     )
 
 
+def day_time_text(epoch_s: float | None, stamp_s: float) -> str:
+    """Return the time of day of a stamp, UTC; a dash where it is not known."""
+    if epoch_s is None or not math.isfinite(epoch_s + stamp_s):
+        return "–"
+    seconds = math.floor(epoch_s + stamp_s) % 86_400
+    return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
 def time_step(span_s: float, num_max: int) -> float:
     """Return a step that reads well on a clock [s]."""
     steps = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)

@@ -18,11 +18,11 @@ class Result:
     err: str
 
 
-def in_a_process(*arguments):
+def in_a_process(*arguments, timeout_s=120):
     """The installed entry, in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "companion.cli", *map(str, arguments)],
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=timeout_s, check=False,
     )  # fmt: skip
     return Result(done.returncode, done.stdout, done.stderr)
 

@@ -130,7 +130,8 @@ def test_nothing_hangs_on_the_process_its_folder_or_its_cache(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("PYTHONHASHSEED", "4711")
-    done = in_a_process("replay", folder / "flight.tlog", folder / "mission.yaml", "--expect", folder)
+    log, mission = folder / "flight.tlog", folder / "mission.yaml"
+    done = in_a_process("replay", log, mission, "--expect", folder, timeout_s=1_800)
     assert done.code == 0, done.out + done.err
 
 

@@ -65,7 +65,7 @@ def test_every_picture_says_what_it_shows(written):
     elements = Page(written[0]).attributes
     pictures = [attributes.get("alt") for tag, attributes in elements if tag == "img"]
     pictures += [attributes.get("aria-label") for tag, attributes in elements if tag == "svg"]
-    assert len(pictures) == 4
+    assert len(pictures) == 5
     assert all(len(text) > 20 for text in pictures)
 
 
