@@ -124,7 +124,9 @@ class Upload:
 
     def note_question(self, question: MissionQuestion, now_s: float) -> None:
         """The autopilot asks for an item."""
-        if self.failure is not None or not self._first <= question.sequence <= self._last:
+        if self.failure is not None or question.mission_type != 0:
+            return
+        if not self._first <= question.sequence <= self._last:
             return
         before = OPENING if question.sequence == self._first else question.sequence - 1
         if before in self._sent_s and before not in self._repeated and question.sequence not in self._sent_s:

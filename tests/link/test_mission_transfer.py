@@ -284,6 +284,8 @@ def test_an_acknowledgement_from_before_ends_nothing():
 def test_fences_and_rallies_of_others_are_no_concern():
     upload = Upload(ITEMS, RoundTrip(), 0.0)
     upload.due(0.0)
+    upload.note_question(MissionQuestion(0, 1), 0.1)
+    assert upload.due(0.1) == []
     upload.note_ack(MissionAck(0.1, 14, 1, 0), 0.1)
     assert upload.failure is None
     upload.note_ack(MissionAck(0.1, 14, 0, 0), 0.1)
