@@ -60,6 +60,8 @@ docs: $(STAMP) ## write docs/mission-file.md anew
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
 	$(BIN)/python -m tests.replay.corruptions -n $(N)
+image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
+	$(PYTHON) packaging/prove_image.py
 
 lint: $(STAMP) ## check style, types and the layers
 	$(BIN)/ruff check .

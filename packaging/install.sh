@@ -13,7 +13,8 @@ operator has edited is left alone, and what is as it should be is not touched.
   --uninstall   take away what was installed; configuration, flights and the user stay
   --purge       with --uninstall: these too
   --dry-run     say what would be done, and do nothing
-  --root DIR    install below DIR, for an image; nothing is started, no user is made
+  --root DIR    install below DIR, for an image; nothing is started, no user is made, and the program
+                itself is left out: it does not move, so run this in the image for it
   --python P    the Python, 3.11 or newer, that the program will run on
   --no-program  everything but the program itself
 END
@@ -25,7 +26,7 @@ while [ $# -gt 0 ]; do
         --uninstall) action=uninstall ;;
         --purge) purge=yes ;;
         --dry-run) dry=yes ;;
-        --root) root=${2:?--root needs a folder}; shift ;;
+        --root) root=${2:?--root needs a folder}; program=no; shift ;;
         --python) python=${2:?--python needs a program}; shift ;;
         --no-program) program=no ;;
         -h | --help) usage; exit 0 ;;
@@ -83,17 +84,17 @@ install_program() {
         exit 1
     }
     # The digest of what is installed says whether there is anything to do.
-    stamp=$root/opt/companion/installed
+    stamp=/opt/companion/installed
     digest=$(cd "$source" && find companion constraints.txt pyproject.toml -type f ! -path '*/__pycache__/*' \
         -exec sha256sum {} + | LC_ALL=C sort | sha256sum | cut -d ' ' -f 1)
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$digest" ]; then
         return
     fi
-    [ -x "$root/opt/companion/bin/python" ] || run "$python" -m venv "$root/opt/companion"
-    run "$root/opt/companion/bin/python" -m pip install --quiet --disable-pip-version-check \
+    [ -x /opt/companion/bin/python ] || run "$python" -m venv /opt/companion
+    run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
         --force-reinstall --no-deps "$source"
-    run "$root/opt/companion/bin/python" -m pip install --quiet --disable-pip-version-check \
-        -c "$source/constraints.txt" "safe-rrt-companion[metrics,record] @ file://$source"
+    run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
+        -c "$source/constraints.txt" "safe-rrt-companion[metrics] @ file://$source"
     say "+ remember $digest"
     [ "$dry" = yes ] || echo "$digest" > "$stamp"
 }

@@ -171,7 +171,8 @@ class Service(Watch):
 
     def reload(self) -> None:
         """Read the mission file again; a bad one, or one that needs a restart, changes nothing."""
-        self._notifier.reloading()
+        if self._supervision.is_ready:  # else the READY=1 that ends it would say too much
+            self._notifier.reloading()
         try:
             mission = changed_mission(self._mission, self._file)
         except ConfigError as error:
@@ -181,7 +182,8 @@ class Service(Watch):
             self._mission = mission
             self.app.adopt(mission)
             self.app.decide("reload", f"{mission.name} is read again")
-        self._notifier.tell(READY=1, STATUS=str(self.report()))
+        if self._supervision.is_ready:
+            self._notifier.tell(READY=1, STATUS=str(self.report()))
 
 
 async def serve(

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from tests.sim.client import CONFIGS
@@ -48,7 +49,8 @@ class Manager:
         return words
 
     def hear_until(self, is_it):
-        while (words := self.hear()) is not None:
+        end_s = time.monotonic() + PATIENCE_S
+        while (left_s := end_s - time.monotonic()) > 0.0 and (words := self.hear(left_s)) is not None:
             if is_it(words):
                 return words
         raise AssertionError(f"never said; last: {self.words[-3:]}")
