@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions help venv fly test explore test-long torture campaigns bench reachability garbage soak docs lint format clean
+.PHONY: corruptions image help venv fly test explore test-long torture campaigns bench reachability garbage soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -60,6 +60,7 @@ docs: $(STAMP) ## write docs/mission-file.md anew
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
 	$(BIN)/python -m tests.replay.corruptions -n $(N)
+
 image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
 	$(PYTHON) packaging/prove_image.py
 
