@@ -113,7 +113,7 @@ class App:
         parameters_file: FilePath | None = None,
         pace: Pace | None = None,
     ) -> None:
-        self.parameters = Parameters(mission, parameters_file, self._note_parameters)
+        self.parameters = Parameters(mission, parameters_file, self._note_parameter)
         mission = self.parameters.mission()
         self.mode = Mode.WAITING
         self.autopilot_mode = ""
@@ -189,11 +189,10 @@ class App:
         """Go by another mission file from the next pause between two plans on."""
         self._changed = self.parameters.set_mission(mission)
 
-    def _note_parameters(self) -> None:
+    def _note_parameter(self, name: str) -> None:
         """A pilot has set one: take it up like another mission file."""
         self._changed = self.parameters.mission()
-        values = ", ".join(f"{name} {self.parameters.value(name):g}" for name in self.parameters.names)
-        self.decide("parameters", values.replace("SRRT_", ""))
+        self.decide("parameters", f"{name} is {self.parameters.value(name):g}")
 
     def renew(self) -> None:
         """Take up a changed mission file; called between plans."""

@@ -55,11 +55,11 @@ class Parameters:
     file : Path or None
         Where values that were set are kept; None keeps none.
     on_change : callable
-        Called when a value was set.
+        Called with the name when a value was set.
     """
 
     def __init__(
-        self, mission: MissionConfig, file: Path | None, on_change: Callable[[], None] = lambda: None
+        self, mission: MissionConfig, file: Path | None, on_change: Callable[[str], None] = lambda name: None
     ) -> None:
         self._mission = mission
         self._file = file
@@ -110,7 +110,7 @@ class Parameters:
             return reason
         self._set[name] = value
         self._keep()
-        self._on_change()
+        self._on_change(name)
         return ""
 
     def set_mission(self, mission: MissionConfig) -> MissionConfig:

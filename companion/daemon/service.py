@@ -77,8 +77,8 @@ class Service(Watch):
         self._mission = mission = load_mission(file)
         self._clock = WallClock()
         transport = transport_from_url(url, self._clock)
-        watchdog_s = watchdog_of(environment)
-        _check_budget(mission, file, watchdog_s)
+        self._watchdog_s = watchdog_of(environment)
+        _check_budget(mission, file, self._watchdog_s)
         state = _folder_of("STATE_DIRECTORY", environment)
         self._timestamps, signer = signing_of(mission, state)
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
@@ -100,7 +100,7 @@ class Service(Watch):
         )
         self.app.is_warm = False
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
-        self._supervision = Supervision(self._notifier, self._clock, self.report, watchdog_s)
+        self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
         self._metrics = None if metrics_port is None else Metrics()
         self._reporting = Reporting(self.app, self._clock, flights, self._metrics)
         self._endpoint = None
@@ -175,6 +175,7 @@ class Service(Watch):
             self._notifier.reloading()
         try:
             mission = changed_mission(self._mission, self._file)
+            _check_budget(mission, self._file, self._watchdog_s)
         except ConfigError as error:
             _log.error("not reloaded: %s", error)
             self.app.decide("reload", f"refused: {error.key}")

@@ -24,7 +24,7 @@ class Station:
 
     def __init__(self, file=None):
         self.changes = []
-        self.parameters = Parameters(MISSION, file, lambda: self.changes.append(1))
+        self.parameters = Parameters(MISSION, file, self.changes.append)
         self.codec = Codec(1)
         self._ours = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._theirs = mavlink.MAVLink(None)
@@ -83,7 +83,7 @@ def test_a_value_that_is_set_is_told_counts_and_outlives_a_restart(tmp_path, nam
     station = Station(tmp_path / "state" / "parameters.json")
     told = station.set(name, value)
     assert [(entry.param_id, entry.param_value) for entry in told] == [(name, pytest.approx(value))]
-    assert station.changes == [1]
+    assert station.changes == [name]
     again = Station(tmp_path / "state" / "parameters.json")
     assert again.parameters.value(name) == value
     key = {entry.name: entry.key for entry in TABLE}[name]
@@ -171,4 +171,4 @@ def test_replanning_is_switched_off_and_on_in_flight():
     assert any(stamp < 6.0 for stamp in plans)
     assert [stamp for stamp in plans if 8.0 < stamp < 20.0] == []
     assert any(stamp > 20.0 for stamp in plans)
-    assert any("ENABLE 0" in text for text in deck.texts("parameters"))
+    assert any("SRRT_ENABLE is 0" in text for text in deck.texts("parameters"))

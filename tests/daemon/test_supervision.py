@@ -2,13 +2,17 @@
 
 import socket
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.clock import ManualClock
+from companion.config import mission_from_text
 from companion.daemon.notify import Notifier, watchdog_of
 from companion.daemon.supervision import EXTENSION_S, WARM_UP_MAX_S, Report, Supervision
+from companion.types.events import Dialect
+from tests.daemon.deck import FIRST_FLIGHT, Deck
 
 COLD = Report(False, False, "")
 DEAF = Report(True, False, "")
@@ -87,6 +91,17 @@ def test_the_words_change_when_what_is_done_does():
     assert [words["STATUS"] for words in told.words if "STATUS" in words] == [
         "planning (AUTO); last: keep: cost 2", "suspended by the pilot (FBWA)",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+def test_in_flight_there_is_progress_far_more_often_than_the_watchdog_asks_for_it(dialect):
+    stamps = []
+
+    def on_step(deck):
+        deck.app._watch.progress = lambda: stamps.append(deck.now_s)
+
+    Deck(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), dialect=dialect).fly(25.0, on_step)
+    assert max(np.diff([0.0, *stamps, 25.0])) < 10.0
 
 
 @pytest.mark.parametrize("kind", ["path", "abstract"])

@@ -88,8 +88,9 @@ def test_a_bad_mission_file_is_named_with_its_key_and_the_old_one_stays(flight):
     assert all("READY" in words[n + 1] for n in reloads)
 
 
-def test_a_planner_that_does_not_return_stops_the_watchdog(tmp_path):
-    port, manager = free_port(), Manager(tmp_path, watchdog_s=3.0)
+@pytest.mark.slow  # as the next one, which is enough for every day
+def test_the_managers_signal_leaves_the_stack_that_hangs_in_the_journal(tmp_path):
+    port, manager = free_port(), Manager(tmp_path, watchdog_s=2.0)
     with (
         simulator(port),
         service(port, tmp_path, environment=manager.environment, before=WEDGED) as running,
@@ -104,8 +105,8 @@ def test_a_planner_that_does_not_return_stops_the_watchdog(tmp_path):
     manager.close()
 
 
-def test_sigterm_ends_it_even_with_a_planner_that_does_not_return(tmp_path):
-    port, manager = free_port(), Manager(watchdog_s=3.0)
+def test_a_planner_that_does_not_return_stops_the_watchdog_and_sigterm_still_ends_it(tmp_path):
+    port, manager = free_port(), Manager(watchdog_s=2.0)
     with (
         simulator(port),
         service(port, tmp_path, environment=manager.environment, before=WEDGED) as running,
