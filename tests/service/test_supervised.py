@@ -1,6 +1,8 @@
 """Under a service manager: the real process, a real notify socket, and the simulator over TCP."""
 
 import signal
+import urllib.error
+import urllib.request
 
 import pytest
 
@@ -9,11 +11,24 @@ from companion.types.mission import Command
 from tests.service.client import Client
 from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, service, simulator
 
-WEDGED = """
+HANG = """
 import threading
 from companion.daemon.cycle import Cycle
-Cycle.plan = lambda *parts: threading.Event().wait()
+def hang(*parts):
+    threading.Event().wait()
 """
+WEDGED = f"{HANG}Cycle.plan = hang"  # in a thread of its own
+STANDING = f"{HANG}Cycle.judge = hang"  # in the event loop
+
+
+def is_healthy(port):
+    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with direct.open(f"http://127.0.0.1:{port}/healthz", timeout=10.0) as answer:
+            return answer.status == 200
+    except urllib.error.HTTPError as error:
+        error.close()
+        return False
 
 
 def is_flying(words):
@@ -88,20 +103,23 @@ def test_a_bad_mission_file_is_named_with_its_key_and_the_old_one_stays(flight):
     assert all("READY" in words[n + 1] for n in reloads)
 
 
-@pytest.mark.slow  # as the next one, which is enough for every day
-def test_the_managers_signal_leaves_the_stack_that_hangs_in_the_journal(tmp_path):
-    port, manager = free_port(), Manager(tmp_path, watchdog_s=2.0)
+@pytest.mark.slow  # the test below is enough for every day
+@pytest.mark.parametrize("stuck", [WEDGED, STANDING], ids=["planner", "loop"])
+def test_whatever_hangs_is_unhealthy_and_its_stack_is_told_at_the_managers_signal(tmp_path, stuck):
+    port, told, manager = free_port(), free_port(), Manager(tmp_path, watchdog_s=2.0)
     with (
         simulator(port),
-        service(port, tmp_path, environment=manager.environment, before=WEDGED) as running,
+        service(port, tmp_path, "--metrics", told, environment=manager.environment, before=stuck) as running,
     ):
         manager.hear_until(lambda words: "WATCHDOG" in words)
+        assert is_healthy(told)
         while manager.hear(manager.watchdog_s) is not None:
-            pass  # as systemd does: the process is given up when nothing comes within the time
-        assert running.poll() is None
+            pass
+        assert manager.hear(manager.watchdog_s) is None  # progress is not told each time it is made
+        assert not is_healthy(told)
         code, said = ended(running, signal.SIGABRT)
         assert code == -signal.SIGABRT
-        assert "wait" in said  # the stack that hangs is told
+        assert "in hang" in said
     manager.close()
 
 
