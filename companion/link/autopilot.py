@@ -123,6 +123,8 @@ class AutopilotLink:
         if frame.reply is not None:
             self._tell(frame.reply)
             self._move_on(frame.reply)
+            if isinstance(frame.reply, MissionQuestion) and not self._is_uploading:
+                self._free()  # nobody uploads: it was begun by a count that came late
         self._mavsdk.receive(frame)
 
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
@@ -244,6 +246,10 @@ class AutopilotLink:
             self._send(frame_of(number))
         if transfer.failure is not None:
             self._moved.set()
+
+    @property
+    def _is_uploading(self) -> bool:
+        return self._moving is not None and isinstance(self._moving[0], Upload)
 
     async def download(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's mission back; on ArduPlane with the home slot as item 0.

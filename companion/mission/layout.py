@@ -31,6 +31,7 @@ from companion.types.mission import Command, Frame, Mission, MissionItem
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
 BANK_EXTRAS = 3  # the airspeed, a jump, and the loiter at the end
 WHOLE_WAYPOINTS_MAX = 200
+WHOLE_ITEMS_MIN, WHOLE_SHARE = 16, 1.5  # of the first mission, with room for longer ones
 _FOR_EVER = -1.0
 _HALF_CENTIMETRE_M = 0.004
 
@@ -117,11 +118,16 @@ class Whole:
         The operator's items before ours and behind them.
     flown : tuple of MissionItem or None
         Ours, as sent; None before the first.
+    size : int
+        Items that ours always take: the last one is repeated up to it. A PX4 overlooks that a count has
+        changed when it comes before any item (read in its source), so that a count which a bad link
+        has kept for a while could cut a longer list off; lists of one length cannot be.
     """
 
     head: tuple[MissionItem, ...]
     tail: tuple[MissionItem, ...]
     flown: tuple[MissionItem, ...] | None = None
+    size: int = 0
 
     @property
     def room(self) -> int:
@@ -148,15 +154,18 @@ class Whole:
         """Our part, for waypoints: at its end a loiter, or the airspeed twice and what follows the goal."""
         items = path_items(waypoints, frame)
         if waypoints.goes_on and self.tail:
-            return (*items, *(speed_item(waypoints, frame),) * 2)
-        return (*items, loiter_item(waypoints, frame))
+            ours = (*items, *(speed_item(waypoints, frame),) * 2)
+        else:
+            ours = (*items, loiter_item(waypoints, frame))
+        size = max(self.size or int(WHOLE_SHARE * len(ours)), len(self.flown or ()), WHOLE_ITEMS_MIN)
+        return ours + ours[-1:] * (size - len(ours))
 
     def with_new(self, ours: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, Whole]:
         """The list with another part of ours, and the layout once that is flown."""
         behind, by = len(self.head), len(ours)
         items = [*shifted_jumps(self.head, behind, by), *ours, *shifted_jumps(self.tail, behind, by)]
         numbered = tuple(replace(item, sequence=n, is_current=n == behind) for n, item in enumerate(items))
-        return Mission(numbered, behind, plan_number), replace(self, flown=ours)
+        return Mission(numbered, behind, plan_number), replace(self, flown=ours, size=len(ours))
 
 
 Layout = Banks | Whole

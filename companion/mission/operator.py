@@ -188,11 +188,21 @@ def span_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
     """Where our part of a PX4's list begins and ends; None without one."""
     for first in starts_of_ours(items):
         for index in range(first + 2, len(items)):
-            if items[index].command == Command.NAV_LOITER_UNLIM:
-                return first, index + 1
-            if is_speed_of_ours(items[index]) and is_speed_of_ours(items[index - 1]):
-                return first, index + 1
+            is_end = items[index].command == Command.NAV_LOITER_UNLIM or (
+                is_speed_of_ours(items[index]) and is_speed_of_ours(items[index - 1])
+            )
+            if is_end:
+                return first, _end_of_repetition(items, index)
     return None
+
+
+def _end_of_repetition(items: Sequence[MissionItem], index: int) -> int:
+    """Index behind the last of equal items in a row; a PX4 marks the one that it flies."""
+    same = replace(items[index], sequence=0, is_current=False)
+    end = index + 1
+    while end < len(items) and replace(items[end], sequence=0, is_current=False) == same:
+        end += 1
+    return end
 
 
 def without_ours(items: Sequence[MissionItem], dialect: Dialect) -> tuple[MissionItem, ...]:

@@ -318,3 +318,17 @@ def test_the_time_to_repeat_stays_within_its_limits(answers):
     for took_s in answers:
         trip.note(took_s)
         assert REPEAT_MIN_S <= trip.repeat_s <= REPEAT_MAX_S
+
+
+def test_a_count_that_came_late_is_cancelled_and_cuts_no_longer_list_off():
+    # A PX4 takes a count before any item for a repetition, and overlooks that it is another.
+    async def body():
+        bench = Bench(Px4(), 1, **GOOD)
+        with_list(bench, ITEMS[:6])
+        bench.there.put(0.0, bench.codec.mission_opening(0, 6, is_part=False))
+        for step in range(1, 20):
+            bench.step(step * STEP_S)
+        await bench.until_done(bench.link.upload(ITEMS))
+        assert not difference(ITEMS, bench.autopilot.items)
+
+    asyncio.run(body())

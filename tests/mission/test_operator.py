@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.mission.layout import (
     Banks,
@@ -185,9 +187,10 @@ def test_on_px4_ours_stand_between_the_operators_way_and_landing():
     assert isinstance(layout, Whole)
     mission, after = layout.with_new(layout.items_for(PATH, FRAME), 3)
     commands = [entry.command for entry in mission.items]
-    assert commands == [22, 16, CAMERA, 16, 16, 178, 16, 17, 189, 31, 21]
-    assert (mission.entry, after.flown_span) == (4, (4, 8))
-    assert [entry.sequence for entry in mission.items] == list(range(11))
+    ours = [16, 178, 16, *(17,) * 13]
+    assert commands == [22, 16, CAMERA, 16, *ours, 189, 31, 21]
+    assert (mission.entry, after.flown_span) == (4, (4, 20))
+    assert [entry.sequence for entry in mission.items] == list(range(23))
     again, _ = after.with_new(after.items_for(PATH, FRAME), 4)
     assert again.items == mission.items  # the list does not grow
     assert [entry.sequence for entry in marked(mission, 6) if entry.is_current] == [6]
@@ -196,7 +199,7 @@ def test_on_px4_ours_stand_between_the_operators_way_and_landing():
 def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
     layout = whole()
     mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=True), FRAME), 3)
-    assert [entry.command for entry in mission.items][4:] == [16, 178, 16, 178, 178, 189, 31, 21]
+    assert [entry.command for entry in mission.items][4:] == [16, 178, 16, *(178,) * 13, 189, 31, 21]
     alone = whole(tail=False)
     ours = alone.items_for(replace(PATH, goes_on=True), FRAME)
     assert ours[-1].command == Command.NAV_LOITER_UNLIM
@@ -206,9 +209,27 @@ def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
 def test_on_px4_ours_are_found_again(goes_on):
     layout = whole()
     mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=goes_on), FRAME), 3)
-    assert span_in(mission.items) == (4, 4 + (5 if goes_on else 4))
-    kept = without_ours(mission.items, Dialect.PX4)
-    assert [entry.command for entry in kept] == [entry.command for entry in OPERATOR[1:]]
+    for flown in (4, 7, 12):  # the one that a PX4 marks in a list it tells
+        read = marked(mission, flown)
+        assert span_in(read) == (4, 20)
+        kept = without_ours(read, Dialect.PX4)
+        assert [entry.command for entry in kept] == [entry.command for entry in OPERATOR[1:]]
+
+
+@given(st.lists(st.integers(1, 40), min_size=2, max_size=6), st.booleans())
+def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes_on):
+    layout, sizes = whole(), []
+    for length in lengths:
+        path = waypoints(*((100.0 * n, 0.0, 100.0) for n in range(length)), goes_on=goes_on)
+        before = layout.size
+        mission, layout = layout.with_new(layout.items_for(path, FRAME), 1)
+        sizes.append(len(mission.items))
+        needed = length + (3 if goes_on else 2)
+        assert layout.size >= needed
+        if before:
+            assert layout.size == max(before, needed)
+        assert span_in(mission.items) == layout.flown_span
+    assert sizes == sorted(sizes)
 
 
 def test_on_ardupilot_a_mission_that_reaches_the_goal_jumps_to_what_follows_it():
