@@ -27,7 +27,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parents[1]
-MIRROR = "http://deb.debian.org/debian"
 BASE = re.compile(r"python:3\.11-slim-(?P<release>bookworm)")  # whose python3 is 3.11, too
 PACKAGES = "python3,python3-venv,ca-certificates"
 KNOWN = ["FROM", "WORKDIR", "COPY", "RUN", "ENV", "USER", "HEALTHCHECK", "STOPSIGNAL", "ENTRYPOINT", "CMD"]
@@ -93,6 +92,13 @@ def instructions(text: str) -> list[Instruction]:
     return found
 
 
+def mirror(release: str) -> list[str]:
+    """Where this computer itself gets its Debian from; nothing leaves it to debootstrap."""
+    asked = ["apt-get", "indextargets", "--format", "$(REPO_URI)", f"Codename: {release}"]
+    told = subprocess.run(asked, check=False, capture_output=True, text=True).stdout.split()
+    return told[:1]
+
+
 def debian(cache: Path, release: str) -> Path:
     """An archive of a minimal Debian with Python; made once."""
     archive = cache / f"{release}-{platform.machine()}.tar"
@@ -101,7 +107,7 @@ def debian(cache: Path, release: str) -> Path:
         root = cache / "new"
         shutil.rmtree(root, ignore_errors=True)
         subprocess.run(
-            ["debootstrap", "--variant=minbase", f"--include={PACKAGES}", release, root, MIRROR],
+            ["debootstrap", "--variant=minbase", f"--include={PACKAGES}", release, root, *mirror(release)],
             check=True, stdout=subprocess.DEVNULL,
         )  # fmt: skip
         for name in ("python", "python3"):  # where the base image has them
