@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
 from companion.daemon.modes import Mode
-from companion.daemon.service import _signing
+from companion.daemon.service import signing_of
 from companion.errors import ConfigError
 from companion.link.codec import signer_of
 from companion.link.signing import Timestamps
@@ -89,7 +89,7 @@ def signing(tmp_path, mode=0o600):
 
 
 def test_the_mission_file_names_the_key(tmp_path):
-    timestamps, signer = _signing(signing(tmp_path))
+    timestamps, signer = signing_of(signing(tmp_path), None)
     assert signer is not None
     timestamps.next()
     assert (tmp_path / "key.times").stat().st_mode & 0o777 == 0o600
@@ -97,11 +97,11 @@ def test_the_mission_file_names_the_key(tmp_path):
 
 def test_a_key_that_others_may_read_ends_the_start(tmp_path):
     with pytest.raises(ConfigError, match="key_file"):
-        _signing(signing(tmp_path, 0o644))
+        signing_of(signing(tmp_path, 0o644), None)
 
 
 def test_without_a_key_nothing_is_signed():
-    assert _signing(mission_from_text(FIRST_FLIGHT, "first-flight.yaml")) == (None, None)
+    assert signing_of(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), None) == (None, None)
 
 
 @pytest.mark.parametrize(
