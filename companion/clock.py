@@ -22,11 +22,11 @@ class Clock(Protocol):
 
 
 class WallClock:
-    """The computer's monotonic clock."""
+    """The computer's monotonic clock, in whole microseconds: as recordings have them, for their replay."""
 
     def now_s(self) -> float:
         """Seconds of the monotonic clock."""
-        return time.monotonic()
+        return round(time.monotonic(), 6)
 
     async def sleep_until(self, instant_s: float) -> None:
         """Sleep in the event loop until the instant."""

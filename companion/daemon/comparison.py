@@ -14,6 +14,7 @@ from companion.link.overheard import Upload
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
+FROM_OUTSIDE = frozenset({"stopped", "reload", "recording"})  # signals and disks, which no tlog knows of
 Stamped = TypeVar("Stamped", Decision, Upload)
 
 
@@ -47,7 +48,11 @@ def first_difference(recording: Recording, result: Replayed) -> Difference | Non
 
 
 def _of_decisions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
-    for flown, now in _pairs(result.flown_decisions, result.decisions, recording.until_s):
+    flown_decisions, decisions = (
+        [entry for entry in entries if entry.kind not in FROM_OUTSIDE]
+        for entries in (result.flown_decisions, result.decisions)
+    )
+    for flown, now in _pairs(flown_decisions, decisions, recording.until_s):
         if flown is not None and now is not None and _is_same(flown, now, recording):
             continue
         stamp = min(entry.stamp_s for entry in (flown, now) if entry is not None)

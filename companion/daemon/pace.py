@@ -11,6 +11,9 @@ from companion.clock import Clock
 from companion.daemon.watch import in_thread
 from companion.types.plan import Plan
 
+POLL_S = 0.2  # between looks at whether a plan is due
+NEAR_S = 2.0
+
 Search = Callable[[Callable[[], bool]], Plan]  # takes a stopping rule
 
 
@@ -37,7 +40,15 @@ class Paced:
 
 
 class Pace(Protocol):
-    """Runs a search."""
+    """Says when plans are made, and runs the search."""
+
+    def next_look_s(self, now_s: float) -> float:
+        """When to look next whether a plan is due."""
+        ...
+
+    async def until_begun(self, clock: Clock, number: int) -> None:
+        """Wait until the plan of this number is to be made."""
+        ...
 
     async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
         """Run the search for the plan of this number within a budget of the clock's time."""
@@ -53,8 +64,9 @@ class _Rule:
         self._is_over = is_over
 
     def __call__(self) -> bool:
-        self.asked += 1
-        self.is_stopped = self.is_stopped or self._is_over(self.asked)
+        if not self.is_stopped:
+            self.asked += 1
+            self.is_stopped = self._is_over(self.asked)
         return self.is_stopped
 
 
@@ -64,7 +76,18 @@ def _searched(search: Search, rule: _Rule) -> Paced:
     return Paced(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
 
 
-class InStep:
+class _Live:
+    """A plan is made once it is due."""
+
+    def next_look_s(self, now_s: float) -> float:
+        """After a short while."""
+        return now_s + POLL_S
+
+    async def until_begun(self, clock: Clock, number: int) -> None:
+        """Begin at once."""
+
+
+class InStep(_Live):
     """In the event loop, to the iteration budget; the plan takes its budget of a clock that others move."""
 
     async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
@@ -75,7 +98,7 @@ class InStep:
         return paced
 
 
-class InThread:
+class InThread(_Live):
     """In a thread, until the clock says that the budget is spent."""
 
     async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
@@ -86,10 +109,22 @@ class InThread:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What a recorded plan took: the question at which it was told to stop, None if never, and its time."""
+    """A recorded plan.
+
+    Parameters
+    ----------
+    stopped_at : int or None
+        The question at which it was told to stop; None if it never was.
+    took_s : float
+        By the clock.
+    due_s, seen_s : float or None
+        When it was found to be due, and when the world was seen that it was made in.
+    """
 
     stopped_at: int | None
     took_s: float
+    due_s: float | None = None
+    seen_s: float | None = None
 
 
 class AsRecorded:
@@ -103,6 +138,18 @@ class AsRecorded:
 
     def __init__(self, taken: Mapping[int, Taken]) -> None:
         self._taken = taken
+
+    def next_look_s(self, now_s: float) -> float:
+        """After a short while, or when a plan was found to be due."""
+        due = [entry.due_s for entry in self._taken.values() if entry.due_s is not None]
+        return min([now_s + POLL_S, *(at for at in due if at > now_s)])
+
+    async def until_begun(self, clock: Clock, number: int) -> None:
+        """Begin when it was begun, unless that is far off: then it is another plan."""
+        taken = self._taken.get(number)
+        seen_s = None if taken is None else taken.seen_s
+        if seen_s is not None and 0.0 < seen_s - clock.now_s() < NEAR_S:
+            await clock.sleep_until(seen_s)
 
     async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
         """Run the search as it was run in flight."""

@@ -31,7 +31,6 @@ from companion.types.plan import Plan
 from companion.types.record import PlanRecord, SwapRecord, UploadedMission
 from companion.world.snapshot import Snapshot
 
-POLL_S = 0.2  # between looks at whether a plan is due
 SUSPICION_S = 1.0  # soonest after a plan that signs of another uploader are looked into
 RETRY_S = 3.0  # between plans while nothing safe is flown
 ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
@@ -124,6 +123,7 @@ class PlanningLoop:
         self._pace = pace
         self._occasion = "the mission is flown"
         self._retry = ""
+        self._due_s = 0.0
         self._num_plans = 0
         self._watch = watch
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
@@ -174,8 +174,7 @@ class PlanningLoop:
     async def _next_occasion(self) -> None:
         """Sleep until the next plan is due."""
         while True:
-            now = self._clock.now_s()
-            await self._clock.sleep_until(now + POLL_S)
+            await self._clock.sleep_until(self._pace.next_look_s(self._clock.now_s()))
             self._round()
             horizon = float(self._mission.planning.time_horizon_s)
             since = self._clock.now_s() - self._last_plan_s
@@ -209,6 +208,7 @@ class PlanningLoop:
         """One cycle: plan, judge, and swap if it is worth it."""
         now = self._clock.now_s()
         self._last_plan_s, self._retry = now, ""
+        self._due_s = now
         if not self._handover.is_settled():
             self._retry = "it was not known what is flown"
             self._last_plan_s = now - float(self._mission.planning.time_horizon_s) + SUSPICION_S
@@ -216,6 +216,7 @@ class PlanningLoop:
         if not await self._knows_mission():
             return
         await self._fencing.renew()
+        await self._pace.until_begun(self._clock, self._num_plans + 1)
         now = self._clock.now_s()
         state = self._picture.ownship.state(now)
         if state is None or not self._pilot.may_act() or not self._cycle.goals_left:
@@ -312,7 +313,7 @@ class PlanningLoop:
         }
         made = PlanRecord(
             self._num_plans, self._occasion, purpose, begin, paced.plan, paced.asked, paced.is_stopped,
-            begun_s, now - begun_s, paced.plan_ms,
+            self._due_s, snapshot.stamp_s, begun_s, now - begun_s, paced.plan_ms,
         )  # fmt: skip
         self._recorder.plan(now, made, snapshot)
 

@@ -28,7 +28,10 @@ from companion.link.tlog import Entry, read_tlog
 from companion.types.record import SPOKEN, Decision
 
 GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
+OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an autopilot was awaited
+ORDER_S = 1.0  # a stamp so little before another is that of a frame which waited while others were answered
 RECORD_MAX = 64 * 1024 * 1024  # bytes; a longer record of an mcap is damage
+SIMULATED = "simulated"
 _HEARTBEAT, _STATUSTEXT = 0, 253
 _AUTOPILOTS = {3, 12}  # MAV_AUTOPILOT of ArduPilot and PX4
 _DAMAGE = (McapError, struct.error, ValueError, KeyError, zstandard.ZstdError, MemoryError, OverflowError)
@@ -67,6 +70,8 @@ class Recording:
         What each plan took, by its number.
     counters : Counter
         What was left out, and why.
+    start_us : int
+        Clock reading at which the service began [µs].
     until_s : float
         To when both files go, where the service was killed; what either has beyond is not comparable.
     """
@@ -80,11 +85,12 @@ class Recording:
     taken: dict[int, Taken] = field(default_factory=dict)
     counters: Counter[str] = field(default_factory=Counter)
     until_s: float = math.inf
+    start_us: int = 0
 
     @property
     def is_simulated(self) -> bool:
         """Whether it was flown on simulated time: what is replayed is then the same to the byte."""
-        return self.about.get("clock") == "simulated"
+        return self.about.get("clock") == SIMULATED
 
     @property
     def is_ours(self) -> bool:
@@ -93,8 +99,8 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """From clock reading 0 to the last frame [s]."""
-        return self.frames[-1].at_us * 1e-6 if self.frames else 0.0
+        """From the service's beginning to the last frame [s]."""
+        return (self.frames[-1].at_us - self.start_us) * 1e-6 if self.frames else 0.0
 
     @property
     def are_texts_cut(self) -> bool:
@@ -123,10 +129,16 @@ def load_recording(log: Path) -> Recording:
     epoch_s = number(about.get("epoch_s"))
     if epoch_s is None:
         epoch_s = entries[0].time_s if entries else 0.0
-    heard = tuple(
-        Heard(at, frame, (frame.system_id, frame.component_id) == (vehicle, COMPONENT_ID))
-        for at, frame in zip(_straightened(entries, epoch_s, counters), frames, strict=True)
-    )
+    is_simulated = about.get("clock") == SIMULATED  # such a clock begins at 0, the service a step later
+    start_us = 0 if is_simulated else round(1e6 * (number(about.get("stamp_s")) or 0.0))
+    gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
+    times = _straightened(entries, epoch_s, start_us, gap_s, counters)
+    ours = (vehicle, COMPONENT_ID)
+    heard = [
+        Heard(at, frame, (frame.system_id, frame.component_id) == ours)
+        for at, frame in zip(times, frames, strict=True)
+    ]
+    heard.sort(key=lambda entry: entry.at_us)
     decisions = (
         tuple(decision_of(document) for document in documents.get(channels.DECISION, []))
         if about
@@ -141,7 +153,9 @@ def load_recording(log: Path) -> Recording:
     if counters["mcap_ends_early"] and heard:
         stamps = [number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
         until_s = min(heard[-1].at_us * 1e-6, max(stamps, default=0.0))
-    return Recording(log.name, heard, vehicle, epoch_s, about, decisions, taken, counters, until_s)
+    return Recording(
+        log.name, tuple(heard), vehicle, epoch_s, about, decisions, taken, counters, until_s, start_us
+    )
 
 
 def read_messages(path: Path, counters: Counter[str]) -> dict[str, list[Document]]:
@@ -227,7 +241,9 @@ def decision_of(document: Document) -> Decision:
 def _taken_of(document: Document) -> Taken:
     asked = number(document.get("asked"))
     is_stopped = document.get("is_stopped") is True and asked is not None
-    return Taken(int(asked or 0) if is_stopped else None, max(0.0, number(document.get("took_s")) or 0.0))
+    took_s = max(0.0, number(document.get("took_s")) or 0.0)
+    instants = (number(document.get("due_s")), number(document.get("seen_s")))
+    return Taken(int(asked or 0) if is_stopped else None, took_s, *instants)
 
 
 def told_decisions(frames: Sequence[Heard]) -> tuple[Decision, ...]:
@@ -253,17 +269,24 @@ def _vehicle_of(frames: Sequence[RawFrame]) -> int:
     return 1
 
 
-def _straightened(entries: Sequence[Entry], epoch_s: float, counters: Counter[str]) -> Iterator[int]:
-    """Clock readings of entries [µs], which never go back and make no long pauses.
+def _straightened(
+    entries: Sequence[Entry], epoch_s: float, start_us: int, gap_s: float, counters: Counter[str]
+) -> Iterator[int]:
+    """Clock readings of entries [µs], which hardly go back and make no long pauses.
+
+    What is answered while other frames wait is recorded before these, with a later stamp.
 
     A stamp that fits neither the one before nor the one after is damage, and takes the time before it; a
     clock that was set goes on from there.
     """
-    gap, now = round(1e6 * GAP_MAX_S), 0
+    gap, now = round(1e6 * gap_s), start_us
     stamps = [round(1e6 * entry.time_s) for entry in entries]
     offset = -round(1e6 * epoch_s)
     for index, stamp in enumerate(stamps):
         at = stamp + offset
+        if 0 < now - at <= 1e6 * ORDER_S:
+            yield max(at, start_us)
+            continue
         if not now <= at <= now + gap:
             after = stamps[index + 1] + offset if index + 1 < len(stamps) else None
             if after is not None and now <= after <= now + gap:

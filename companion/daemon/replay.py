@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import shutil
 import tempfile
 import time
@@ -45,6 +46,7 @@ _LATE_S = 3.0  # by a wall clock, MAVSDK's threads take their time
 _TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
 _FOREIGN_STEP_S = 0.1
 _TOLD_STEPS = 50
+_SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
 
 
 @dataclass(slots=True)
@@ -113,7 +115,7 @@ class Replay:
             seed = flown_seed if isinstance(flown_seed, int) else int(mission.planning.seed)
         self.result = Replayed(flown_decisions=recording.decisions)
         self._recording, self._mission = recording, mission
-        self._clock = ManualClock()
+        self._clock = ManualClock(recording.start_us / 1e6)
         self._ours, self._theirs = MemoryTransport.pair()
         self._flown, self._now = Overheard(), Overheard()
         self._expected = deque(heard for heard in recording.frames if heard.is_ours and _is_told(heard.frame))
@@ -157,12 +159,13 @@ class Replay:
             await asyncio.sleep(0)  # a simulated service begins with its first step, a real one before
         try:
             for number, (data, until_us) in enumerate(self._steps()):
-                await step(self._app, self._clock, self._theirs, data, until_us * 1e-6, turn_s)
+                until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
+                await step(self._app, self._clock, self._theirs, data, until_s, turn_s)
                 self._note_missing(until_us)
                 if running.done():
                     await running
                 if number % _TOLD_STEPS == 0:
-                    on_progress(until_us * 1e-6)
+                    on_progress((until_us - self._recording.start_us) * 1e-6)
         finally:
             await stop(running)
             shutil.rmtree(self._folder, ignore_errors=True)
@@ -177,7 +180,8 @@ class Replay:
         frames = self._recording.frames
         step_us = round(1e6 * (STEP_S if self._recording.is_ours else _FOREIGN_STEP_S))
         is_exact = self._recording.is_ours
-        now, index = 0, 0
+        now, index = self._recording.start_us, 0
+        instants = deque(self._instants_us())
         num_told, num_expected = 0, len(self._expected)
         waiting: deque[tuple[int, RawFrame]] = deque()
         while index < len(frames):
@@ -195,10 +199,22 @@ class Replay:
                     waiting.append((num_told, heard.frame))
                 elif not self._is_kept_back(heard.frame):
                     arrived.append(heard.frame)
-            grid = (now // step_us + 1) * step_us
+            is_silent = index < len(frames) and frames[index].at_us - now > _SILENCE_US
+            grid = now + _SILENT_STEP_US if is_silent else (now // step_us + 1) * step_us
             until = min(grid, frames[index].at_us) if is_exact and index < len(frames) else grid
+            while instants and instants[0] <= now:
+                instants.popleft()
+            until = min(until, instants[0]) if instants else until
             yield b"".join(frame.raw for frame in arrived), until
             now = until
+
+    def _instants_us(self) -> list[int]:
+        """When plans were due and begun by a wall clock: the replay looks at just these instants, too."""
+        if self._recording.is_simulated:
+            return []
+        taken = self._recording.taken.values()
+        found = {at for entry in taken for at in (entry.due_s, entry.seen_s) if at is not None}
+        return sorted(math.ceil(1e6 * at - 1e-3) for at in found)
 
     def _follow(self, heard: Heard) -> None:
         """Keep up what the recorded autopilot holds."""

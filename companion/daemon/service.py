@@ -82,7 +82,7 @@ class Service(Watch):
         state = _folder_of("STATE_DIRECTORY", environment)
         self._timestamps, signer = signing_of(mission, state)
         name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
-        seed, epoch_s = int(mission.planning.seed), time.time() - self._clock.now_s()
+        seed, epoch_s = int(mission.planning.seed), round(time.time() - self._clock.now_s(), 6)
         about = About(mission, seed, file.read_text(encoding="utf-8-sig"))
         self._recorder = Recorder(flights / name, epoch_s, about)
         self._pruning = partial(keep_pruned, flights, flights_max_bytes, flights / name, self._clock, epoch_s)

@@ -62,6 +62,8 @@ class PlanRecord:
         How often the search asked whether to stop.
     is_stopped : bool
         Whether it was told to: a wall clock decided, not the iteration budget.
+    due_s, seen_s : float
+        When it was found to be due, and when the world was seen that it was made in, by the clock [s].
     begun_s, took_s : float
         By the service's clock [s].
     plan_ms : float
@@ -75,6 +77,8 @@ class PlanRecord:
     plan: Plan
     asked: int
     is_stopped: bool
+    due_s: float
+    seen_s: float
     begun_s: float
     took_s: float
     plan_ms: float
