@@ -13,6 +13,7 @@ from companion.clock import Clock
 from companion.errors import LinkError, TransferError
 from companion.link.autopilot import AutopilotLink
 from companion.link.codec import Codec
+from companion.link.overheard import as_sent
 from companion.mission.identity import mission_id
 from companion.types.events import Dialect, MissionCurrent
 from companion.types.mission import Command, Frame, MissionItem
@@ -94,7 +95,7 @@ class ReplayLink(AutopilotLink):
         if may_finish is not None and not may_finish():
             raise TransferError("upload", "TRANSFER_CANCELLED")
         self._items = tuple(items)
-        self.uploads.append((self._clock.now_s(), tuple(items)))
+        self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
         if self.dialect is not Dialect.PX4:
             self._tell_current(0 if self.current is None else self.current.sequence)
             return 0
@@ -110,7 +111,7 @@ class ReplayLink(AutopilotLink):
         first = items[0].sequence
         stored = self._stored()
         self._items = (*stored[:first], *items, *stored[first + len(items) :])
-        self.uploads.append((self._clock.now_s(), tuple(items)))
+        self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
 
     async def read_back(self) -> Items:
         """Read the list that was written to, from the model once apart."""

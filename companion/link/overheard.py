@@ -38,6 +38,16 @@ def item_from_payload(message_id: int, payload: bytes) -> tuple[MissionItem, int
     ), kind  # fmt: skip
 
 
+def as_sent(item: MissionItem) -> MissionItem:
+    """An item with its numbers as a message carries them, in single precision."""
+    one, two, three, four = (None if value is None else _single(value) for value in item.parameters)
+    return replace(item, parameters=(one, two, three, four), altitude_m=_single(item.altitude_m))
+
+
+def _single(value: float) -> float:
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
 @dataclass(slots=True)
 class _Transfer:
     """One under way: how many items, and those heard."""
