@@ -56,6 +56,7 @@ class Reader:
         self._program(programs / "sudo", 'exec "$@"')
         path = f"{folder / '.venv' / 'bin'}:{programs}:{os.environ['PATH']}"
         self._environment = os.environ | {"PATH": path, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
+        self._environment.pop("PYTHONPATH", None)
 
     @staticmethod
     def _program(path, body):
@@ -124,6 +125,7 @@ class Reader:
             assert any(words in line for line in said), f"{command}\n{''.join(said)}"
         finally:
             alarm.cancel()
+            program.kill()
 
     def _whole(self, command):
         done = subprocess.run(
