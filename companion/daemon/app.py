@@ -189,6 +189,12 @@ class App:
         """Go by another mission file from the next pause between two plans on."""
         self._changed = self.parameters.set_mission(mission)
 
+    def reload(self, mission: MissionConfig, text: str) -> None:
+        """Go by a mission file that was read again, and say so."""
+        self.recorder.reloaded(self._clock.now_s(), mission, text)
+        self.adopt(mission)
+        self.decide("reload", f"{mission.name} is read again")
+
     def _note_parameter(self, name: str) -> None:
         """A pilot has set one: take it up like another mission file."""
         self._changed = self.parameters.mission()

@@ -52,7 +52,7 @@ SNAPSHOT, PLAN, DECISION, SWAP = "/snapshot", "/plan", "/decision", "/swap"
 
 CHANNELS = (
     Channel(
-        MISSION, "companion.Mission", "What was to be flown, by which program; once, at the beginning.",
+        MISSION, "companion.Mission", "What is flown, by which program: first, and when it is read again.",
         {
             "name": TEXT, "mission_file": TEXT, "seed": WHOLE, "epoch_s": NUMBER, "clock": TEXT,
             "step_s": NUMBER, "versions": TABLE, "remembered": TABLE,

@@ -6,7 +6,7 @@ import importlib.metadata
 import logging
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +125,12 @@ class Recorder:
                 "remembered": remembered or {},
             },
         )  # fmt: skip
+
+    def reloaded(self, now_s: float, mission: MissionConfig, mission_text: str) -> None:
+        """Write that another mission file is gone by from now on."""
+        if self.about is not None:
+            self.about = replace(self.about, mission=mission, mission_text=mission_text)
+            self.begin(now_s)
 
     @property
     def is_recording(self) -> bool:

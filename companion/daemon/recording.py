@@ -72,6 +72,8 @@ class Recording:
         What was left out, and why.
     start_us : int
         Clock reading at which the service began [µs].
+    reloads : tuple
+        When the mission file was read again (clock reading [s]), and what it said then.
     until_s : float
         To when both files go, where the service was killed; what either has beyond is not comparable.
     """
@@ -86,6 +88,7 @@ class Recording:
     counters: Counter[str] = field(default_factory=Counter)
     until_s: float = math.inf
     start_us: int = 0
+    reloads: tuple[tuple[float, str], ...] = ()
 
     @property
     def is_simulated(self) -> bool:
@@ -153,9 +156,23 @@ def load_recording(log: Path) -> Recording:
     if counters["mcap_ends_early"] and heard:
         stamps = [number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
         until_s = min(heard[-1].at_us * 1e-6, max(stamps, default=0.0))
-    return Recording(
-        log.name, tuple(heard), vehicle, epoch_s, about, decisions, taken, counters, until_s, start_us
+    reloads = tuple(
+        (number(document.get("stamp_s")) or 0.0, str(document.get("mission_file", "")))
+        for document in documents.get(channels.MISSION, [])[1:]
     )
+    return Recording(
+        log.name,
+        tuple(heard),
+        vehicle,
+        epoch_s,
+        about,
+        decisions,
+        taken,
+        counters,
+        until_s,
+        start_us,
+        reloads,
+    )  # fmt: skip
 
 
 def read_messages(path: Path, counters: Counter[str]) -> dict[str, list[Document]]:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.clock import Clock, ManualClock
-from companion.config import MissionConfig
+from companion.config import MissionConfig, mission_from_text
 from companion.daemon.app import App, stop
 from companion.daemon.memory import Memory, Places
 from companion.daemon.pace import AsRecorded, InStep, Pace
@@ -30,6 +30,7 @@ from companion.daemon.record import Recorder
 from companion.daemon.recording import Heard, Recording
 from companion.daemon.replay_link import ReplayLink
 from companion.daemon.stepping import STEP_S, TURN_TIMEOUT_S, step
+from companion.errors import ConfigError
 from companion.link.codec import COMPONENT_ID, Codec
 from companion.link.framing import RawFrame, frames_in, raw_frame
 from companion.link.overheard import Overheard, Upload
@@ -122,6 +123,7 @@ class Replay:
         self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
+        self._reloads = deque(recording.reloads)
         self._app = App(
             mission, self._ours, self._clock, Recorder(), seed=seed, plans_inline=True,
             memory=_Remembered(_reached(about)), link_kind=self._linked, pace=self._pace(),
@@ -162,6 +164,7 @@ class Replay:
                 until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
                 await step(self._app, self._clock, self._theirs, data, until_s, turn_s)
                 self._note_missing(until_us)
+                self._reload(until_us)
                 if running.done():
                     await running
                 if number % _TOLD_STEPS == 0:
@@ -208,12 +211,24 @@ class Replay:
             yield b"".join(frame.raw for frame in arrived), until
             now = until
 
+    def _reload(self, now_us: int) -> None:
+        """Go by the mission file that was read again by now; one that is none any more is passed over."""
+        while self._reloads and round(1e6 * self._reloads[0][0]) <= now_us:
+            _, text = self._reloads.popleft()
+            try:
+                mission = mission_from_text(text, self._recording.name)
+            except ConfigError:
+                self._recording.counters["reloads_not_understood"] += 1
+            else:
+                self._app.reload(mission, text)
+
     def _instants_us(self) -> list[int]:
         """When plans were due and begun by a wall clock: the replay looks at just these instants, too."""
         if self._recording.is_simulated:
             return []
         taken = self._recording.taken.values()
         found = {at for entry in taken for at in (entry.due_s, entry.seen_s) if at is not None}
+        found |= {stamp_s for stamp_s, _ in self._recording.reloads}
         return sorted(math.ceil(1e6 * at - 1e-3) for at in found)
 
     def _follow(self, heard: Heard) -> None:

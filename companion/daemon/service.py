@@ -181,8 +181,7 @@ class Service(Watch):
             self.app.decide("reload", f"refused: {error.key}")
         else:
             self._mission = mission
-            self.app.adopt(mission)
-            self.app.decide("reload", f"{mission.name} is read again")
+            self.app.reload(mission, self._file.read_text(encoding="utf-8-sig"))
         if self._supervision.is_ready:
             self._notifier.tell(READY=1, STATUS=str(self.report()))
 

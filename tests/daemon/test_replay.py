@@ -1,14 +1,16 @@
 """A recorded flight through the same code: the same to the byte, or the first difference in words."""
 
+import asyncio
 import json
 import shutil
 
 import pytest
 
-from companion.config import load_mission
+from companion.config import load_mission, mission_from_text
 from companion.daemon.comparison import first_difference
 from companion.link.tlog import read_tlog
 from companion.types.events import Dialect
+from sim.sitl import Flight
 from tests.cli.calls import in_a_process
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded, replayed
@@ -34,6 +36,27 @@ def test_decisions_and_missions_are_those_flown(seed, dialect):
     held = flight.simulator.autopilot.mission_items
     places = [(item.command, item.latitude_e7, item.longitude_e7) for item in held]
     assert [(item.command, item.latitude_e7, item.longitude_e7) for item in result.held] == places
+
+
+def test_a_mission_file_that_was_read_again_in_flight_is_read_again(tmp_path):
+    """At 20 s the threshold for a better path is taken away: from then on every plan is swapped in."""
+    text, done = FIRST.read_text(encoding="utf-8"), []
+    changed = text.replace("planning:\n", "planning:\n  swap_gain: 0.0\n").replace("  # swap_gain: 0.05", "")
+    assert changed != text
+
+    def reload(flight):
+        if flight.now_s >= 20.0 and not done:
+            done.append(flight.now_s)
+            flight.app.reload(mission_from_text(changed, "changed.yaml"), changed)
+
+    flight = Flight(load_mission(FIRST), 3, tmp_path, Dialect.PX4, mission_text=text)
+    asyncio.run(flight.fly(reload))
+    kinds = [entry.kind for entry in flight.recorder.decisions]
+    assert "reload" in kinds
+    assert "better" in " ".join(entry.text for entry in flight.recorder.decisions if entry.stamp_s > 20.0)
+    recording, result = replayed(tmp_path / "flight.tlog", load_mission(FIRST))
+    assert first_difference(recording, result) is None
+    assert [entry.kind for entry in result.decisions] == kinds
 
 
 def test_another_seed_is_told_by_its_first_decision():
