@@ -16,7 +16,7 @@ from companion.config import MissionConfig
 from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
 from companion.daemon.judgement import Judgement
 from companion.frames import FloatArray, direction_from_course
-from companion.mission.builder import Waypoints, waypoints_from_path
+from companion.mission.builder import Waypoints, mended, waypoints_from_path
 from companion.mission.layout import Layout
 from companion.mission.loiter import loiter_beside
 from companion.mission.operator import OperatorGoal
@@ -48,8 +48,6 @@ REPLAN_SHARE = 0.3
 NARROWED = 0.6
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
 GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
-MENDED_RULES = frozenset({"corner", "climb"})
-MENDED_MAX = 4
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 
@@ -370,7 +368,7 @@ class Cycle:
                 legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
             )
 
-        flown, violations = _mended(flown, wrong_with)
+        flown, violations = mended(flown, wrong_with)
         carried = replace(
             flown, loiter_centre_enu_m=centre, loiter_radius_m=direction * radius,
             goes_on=end == len(path) - 1 and self._may_go_on(flown.positions_enu_m[-1]),
@@ -420,12 +418,10 @@ class Cycle:
             )  # fmt: skip
             if legs is None:
                 return None
-            ways = [legs, legs[[0, -1]]]  # the wide turn, and what a tight one comes to
-            if k + 1 < len(waypoints.positions_enu_m):
-                onwards = self._turn_at(legs, waypoints.positions_enu_m[k + 1])
-                if onwards is None:
-                    return None
-                ways.append(onwards)
+            onwards = self._turns_at(legs, waypoints.positions_enu_m[k + 1 :])
+            if onwards is None:
+                return None
+            ways = [legs, legs[[0, -1]], *onwards]  # the wide turn, and what a tight one comes to
             wrong = [
                 entry
                 for way in ways
@@ -437,50 +433,31 @@ class Cycle:
             return None if any(entry.rule in ENTRY_RULES for entry in wrong) else k
         return None
 
-    def _turn_at(self, legs: FloatArray, after: FloatArray) -> FloatArray | None:
-        """The turn at an entry reached over ``legs`` to the waypoint after it; None if that is behind.
+    def _turns_at(self, legs: FloatArray, following: FloatArray) -> list[FloatArray] | None:
+        """Turns at an entry reached over ``legs`` towards the waypoints after it; None if one is behind.
 
-        The path comes to its waypoints from the one before; who enters it comes from elsewhere.
+        The path comes to its waypoints from the one before; who enters it comes from elsewhere. A
+        waypoint nearer than a turn counts as reached beside it, in the middle of the turn: so the way to
+        the next one is looked at, too, until one is far enough for the turn to be over.
         """
-        way = legs[-1] - legs[-2]
+        way, radius = legs[-1] - legs[-2], WIDENED * self.vehicle.turn_radius_min_m
         length = max(float(np.linalg.norm(way)), 1e-9)
         reached = legs[-1] - way * min(1.0, (FLY_BY_M if self.flies_by else 0.0) / length)
         place = (float(reached[0]), float(reached[1]), float(reached[2]))
-        return way_to(place, math.atan2(way[0], way[1]), after, WIDENED * self.vehicle.turn_radius_min_m)
+        found = []
+        for after in following:
+            turn = way_to(place, math.atan2(way[0], way[1]), after, radius)
+            if turn is None:
+                return None
+            found.append(turn)
+            if float(np.hypot(*(after - reached)[:2])) >= radius:
+                break
+        return found
 
     def mission_for(self, waypoints: Waypoints, layout: Layout) -> tuple[Mission, Layout]:
         """The mission list with the waypoints in it, and the layout once they are flown."""
         ours = layout.items_for(waypoints, self._mission.frame)
         return layout.with_new(ours, self.num_plans)
-
-
-def _mended(
-    waypoints: Waypoints, wrong_with: Callable[[Waypoints], tuple[Violation, ...]]
-) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """Waypoints without those that stand too close for the turn or the climb between them.
-
-    Where two turns of a path nearly meet, so do their waypoints; the path flies it, legs may not.
-    """
-    violations = wrong_with(waypoints)
-    for _ in range(MENDED_MAX):
-        if not violations or any(entry.rule not in MENDED_RULES for entry in violations):
-            break
-        row = violations[0].row  # of the legs, which begin with the start: its waypoint is one less
-        tries = [_without(waypoints, n) for n in (row - 1, row) if 0 <= n < len(waypoints.distances_m) - 1]
-        judged = [(found, wrong_with(found)) for found in tries]
-        better = [entry for entry in judged if len(entry[1]) < len(violations)]
-        if not better:
-            break
-        waypoints, violations = min(better, key=lambda entry: len(entry[1]))
-    return waypoints, violations
-
-
-def _without(waypoints: Waypoints, number: int) -> Waypoints:
-    return replace(
-        waypoints,
-        positions_enu_m=np.delete(waypoints.positions_enu_m, number, axis=0),
-        distances_m=np.delete(waypoints.distances_m, number),
-    )
 
 
 def _actions_at(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.assurance.violation import Violation
 from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, Frame, Mission, MissionItem
 from companion.types.path import Path
@@ -24,6 +25,8 @@ HEIGHT_TOLERANCE_M = 8.0
 SLIGHT_M = 2.0
 MARK_M = 40.0  # from something to be done, within which any waypoint serves
 SPACING_M = 60.0  # between a waypoint for height and its neighbours
+MENDED_RULES = frozenset({"corner", "climb"})
+MENDED_MAX = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +188,47 @@ def _with_heights(
                 continue
         result.append(after)
     return result
+
+
+def mended(
+    waypoints: Waypoints, wrong_with: Callable[[Waypoints], tuple[Violation, ...]]
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """Waypoints without those that stand too close for the turn or the climb between them.
+
+    Where two turns of a path nearly meet, so do their waypoints; the path flies it, legs may not.
+
+    Parameters
+    ----------
+    waypoints : Waypoints
+        As made from a path.
+    wrong_with : callable
+        What the checker says of them; it has the last word.
+
+    Returns
+    -------
+    Waypoints, tuple of Violation
+        With fewer violations, if not none, and those.
+    """
+    violations = wrong_with(waypoints)
+    for _ in range(MENDED_MAX):
+        if not violations or any(entry.rule not in MENDED_RULES for entry in violations):
+            break
+        row = violations[0].row  # of the legs, which begin with the start: its waypoint is one less
+        tries = [_without(waypoints, n) for n in (row - 1, row) if 0 <= n < len(waypoints.distances_m) - 1]
+        judged = [(found, wrong_with(found)) for found in tries]
+        better = [entry for entry in judged if len(entry[1]) < len(violations)]
+        if not better:
+            break
+        waypoints, violations = min(better, key=lambda entry: len(entry[1]))
+    return waypoints, violations
+
+
+def _without(waypoints: Waypoints, number: int) -> Waypoints:
+    return replace(
+        waypoints,
+        positions_enu_m=np.delete(waypoints.positions_enu_m, number, axis=0),
+        distances_m=np.delete(waypoints.distances_m, number),
+    )
 
 
 def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.daemon.cycle import Cycle, Flown, Start, _mended
+from companion.daemon.cycle import Cycle, Flown, Start
+from companion.mission.builder import mended
 from companion.mission.layout import new_banks
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
@@ -338,12 +339,31 @@ def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_i
     # a waypoint 400 m beside it; and by no turn to one that lies behind.
     made = cycle()
     legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
-    onwards = made._turn_at(legs, np.array([700.0, 0.0, 100.0]))
+    (onwards,) = made._turns_at(legs, np.array([[700.0, 0.0, 100.0]]))
     assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
-    turn = made._turn_at(legs, np.array([300.0, 400.0, 100.0]))
+    (turn,) = made._turns_at(legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]))
     assert len(turn) > 3
     assert turn[:, 0].max() > 320.0  # wider than the corner
-    assert made._turn_at(legs, np.array([0.0, 20.0, 100.0])) is None
+    assert made._turns_at(legs, np.array([[0.0, 20.0, 100.0]])) is None
+
+
+def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into_a_wall():
+    # A path east past the south side of a block, 22 m from it, with waypoints 25 m apart at its corner. Who
+    # comes to the second of them from the south-west is still turning when it passes the third.
+    block = "obstacles:\n" + BLOCK.format("block", 1150, 420, 1210, 1300)
+    made = cycle(block)
+    made.flies_by = False
+    places = waypoints((905, 349, 100), (972, 374, 100), (1170, 398, 100), (1194, 406, 100), (1341, 430, 100),
+                       (1450, 487, 100), loiter_radius_m=125.0)  # fmt: skip
+    legs = np.array([[882.0, 130.0, 100.0], [1170.0, 398.0, 100.0]])
+    turns = made._turns_at(legs, places.positions_enu_m[3:])
+    assert len(turns) == 3  # until one is farther than the radius of the turn
+    wrong = [
+        entry.rule
+        for way in turns
+        for entry in made.checker.check_legs(way, ends_in_loiter=True, loiter_radius_m=125.0)
+    ]
+    assert "clearance" in wrong
 
 
 def crowded(*places):
@@ -361,10 +381,10 @@ def test_waypoints_too_close_for_their_turns_lose_one():
     # Two corners of 40 degrees 12 m apart: each needs 125 m · tan(20°) = 45 m of the leg between them.
     made, wrong_with = crowded((0, 0, 100), (200, 0, 100), (209, 8, 100), (350, 300, 100), (600, 800, 100))
     assert {entry.rule for entry in wrong_with(made)} == {"corner"}
-    mended, violations = _mended(made, wrong_with)
+    kept, violations = mended(made, wrong_with)
     assert violations == ()
-    assert len(mended.positions_enu_m) == len(mended.distances_m) == 4
-    assert (mended.positions_enu_m[[0, -1]] == made.positions_enu_m[[0, -1]]).all()
+    assert len(kept.positions_enu_m) == len(kept.distances_m) == 4
+    assert (kept.positions_enu_m[[0, -1]] == made.positions_enu_m[[0, -1]]).all()
 
 
 def test_waypoints_through_a_wall_are_not_mended():
@@ -375,10 +395,10 @@ def test_waypoints_through_a_wall_are_not_mended():
         legs = np.vstack([[-300.0, 0.0, 100.0], found.positions_enu_m])
         return walled.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
 
-    mended, violations = _mended(made, wrong)
+    kept, violations = mended(made, wrong)
     assert wrong_with(made) == ()
     assert {entry.rule for entry in violations} == {"clearance"}
-    assert mended is made
+    assert kept is made
 
 
 @given(st.lists(st.tuples(st.floats(5, 300), st.floats(-1.2, 1.2)), min_size=3, max_size=8))
@@ -390,7 +410,7 @@ def test_mending_never_claims_what_the_checker_denies(steps):
             (places[-1][0] + length * math.sin(course), places[-1][1] + length * math.cos(course), 100.0)
         )
     made, wrong_with = crowded(*places)
-    mended, violations = _mended(made, wrong_with)
-    assert violations == wrong_with(mended)
+    kept, violations = mended(made, wrong_with)
+    assert violations == wrong_with(kept)
     assert len(violations) <= len(wrong_with(made))
-    assert set(map(tuple, mended.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))
+    assert set(map(tuple, kept.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))
