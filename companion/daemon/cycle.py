@@ -15,7 +15,7 @@ from companion.assurance.checker import Checker, Violation
 from companion.config import MissionConfig
 from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
 from companion.daemon.judgement import Judgement
-from companion.frames import FloatArray, direction_from_course
+from companion.frames import FloatArray, direction_from_course, wrapped_angle
 from companion.mission.builder import Waypoints, mended, waypoints_from_path
 from companion.mission.layout import Layout
 from companion.mission.loiter import loiter_beside
@@ -43,6 +43,7 @@ ENTRY_ROWS = 8  # of a new path in which the aircraft is looked for when it is e
 ENTRY_AHEAD_M = 30.0
 FLY_BY_M = 50.0  # WP_RADIUS, at which ArduPlane turns to the next waypoint
 ENTRY_RULES = frozenset({"clearance", "bounds"})
+ALIGNED_RAD = math.radians(10.0)  # an entry flown to like this is flown to as the path does
 WIDENED = 1.6  # of the smallest radius, in which an autopilot turns to a new point for certain
 REPLAN_SHARE = 0.3
 NARROWED = 0.6
@@ -418,7 +419,8 @@ class Cycle:
             )  # fmt: skip
             if legs is None:
                 return None
-            onwards = self._turns_at(legs, waypoints.positions_enu_m[k + 1 :])
+            before = path.positions_enu_m[0] if k == 0 else waypoints.positions_enu_m[k - 1]
+            onwards = self._turns_at(legs, waypoints.positions_enu_m[k + 1 :], before)
             if onwards is None:
                 return None
             ways = [legs, legs[[0, -1]], *onwards]  # the wide turn, and what a tight one comes to
@@ -433,24 +435,29 @@ class Cycle:
             return None if any(entry.rule in ENTRY_RULES for entry in wrong) else k
         return None
 
-    def _turns_at(self, legs: FloatArray, following: FloatArray) -> list[FloatArray] | None:
-        """Turns at an entry reached over ``legs`` towards the waypoints after it; None if one is behind.
+    def _turns_at(
+        self, legs: FloatArray, following: FloatArray, before: FloatArray
+    ) -> list[FloatArray] | None:
+        """Turns at an entry reached over ``legs`` to the waypoints after it; None if one is behind.
 
-        The path comes to its waypoints from the one before; who enters it comes from elsewhere. A
-        waypoint nearer than a turn counts as reached beside it, in the middle of the turn: so the way to
-        the next one is looked at, too, until one is far enough for the turn to be over.
+        The path comes to its entry from the waypoint ``before``; who enters it may come from elsewhere. A
+        waypoint that is nearer than the turn then counts as reached beside it, in the middle of the turn:
+        so the way to the one after it is looked at, too, until the turn is over.
         """
         way, radius = legs[-1] - legs[-2], WIDENED * self.vehicle.turn_radius_min_m
         length = max(float(np.linalg.norm(way)), 1e-9)
         reached = legs[-1] - way * min(1.0, (FLY_BY_M if self.flies_by else 0.0) / length)
         place = (float(reached[0]), float(reached[1]), float(reached[2]))
-        found = []
-        for after in following:
-            turn = way_to(place, math.atan2(way[0], way[1]), after, radius)
+        course = math.atan2(way[0], way[1])
+        usual = legs[-1] - before
+        is_usual = abs(wrapped_angle(math.atan2(usual[0], usual[1]) - course)) < ALIGNED_RAD
+        found: list[FloatArray] = []
+        for after in following[:1] if is_usual else following:
+            turn = way_to(place, course, after, radius)
             if turn is None:
                 return None
             found.append(turn)
-            if float(np.hypot(*(after - reached)[:2])) >= radius:
+            if len(turn) > 2 or float(np.hypot(*(after - reached)[:2])) >= radius:
                 break
         return found
 

@@ -339,12 +339,12 @@ def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_i
     # a waypoint 400 m beside it; and by no turn to one that lies behind.
     made = cycle()
     legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
-    (onwards,) = made._turns_at(legs, np.array([[700.0, 0.0, 100.0]]))
+    (onwards,) = made._turns_at(legs, np.array([[700.0, 0.0, 100.0]]), legs[0])
     assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
-    (turn,) = made._turns_at(legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]))
+    (turn,) = made._turns_at(legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]), legs[0])
     assert len(turn) > 3
     assert turn[:, 0].max() > 320.0  # wider than the corner
-    assert made._turns_at(legs, np.array([[0.0, 20.0, 100.0]])) is None
+    assert made._turns_at(legs, np.array([[0.0, 20.0, 100.0]]), legs[0]) is None
 
 
 def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into_a_wall():
@@ -356,8 +356,10 @@ def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into
     places = waypoints((905, 349, 100), (972, 374, 100), (1170, 398, 100), (1194, 406, 100), (1341, 430, 100),
                        (1450, 487, 100), loiter_radius_m=125.0)  # fmt: skip
     legs = np.array([[882.0, 130.0, 100.0], [1170.0, 398.0, 100.0]])
-    turns = made._turns_at(legs, places.positions_enu_m[3:])
+    turns = made._turns_at(legs, places.positions_enu_m[3:], places.positions_enu_m[1])
     assert len(turns) == 3  # until one is farther than the radius of the turn
+    as_the_path = np.array([[972.0, 374.0, 100.0], [1170.0, 398.0, 100.0]])
+    assert len(made._turns_at(as_the_path, places.positions_enu_m[3:], as_the_path[0])) == 1
     wrong = [
         entry.rule
         for way in turns
