@@ -169,7 +169,7 @@ class Reading:
         self.failure: str | None = None
         self._round_trip = round_trip
         self._window = window
-        self._heard_s = self._opened_s = now_s
+        self._heard_s = now_s
         self._count: int | None = None
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}

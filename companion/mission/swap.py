@@ -15,6 +15,7 @@ import asyncio
 import math
 from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import partial
 from typing import Protocol
 
 from companion.errors import LinkError
@@ -173,6 +174,20 @@ async def store(
     return (SwapOutcome.REFUSED, reason) if reason else (SwapOutcome.DIFFERS, differs)
 
 
+def _entry_now(entry: Callable[[], int | None], may_act: Callable[[], bool]) -> int | tuple[SwapOutcome, str]:
+    """Sequence at which a list is entered now, or why it is not."""
+    if not may_act():
+        return SwapOutcome.WITHDRAWN, "the mode was changed"
+    sequence = entry()
+    return (SwapOutcome.STALE, "the entry lies behind the aircraft") if sequence is None else sequence
+
+
+def _is_still_ahead(sequence: int, entry: Callable[[], int | None], may_act: Callable[[], bool]) -> bool:
+    """Whether an entry chosen before can still be flown to, and the pilot leaves it to us."""
+    first = entry()
+    return may_act() and first is not None and first <= sequence
+
+
 async def enter(
     link: MissionLink, mission: Mission, entry: Callable[[], int | None], may_act: Callable[[], bool]
 ) -> tuple[SwapOutcome, str]:
@@ -189,15 +204,10 @@ async def enter(
     may_act : callable
         Whether the pilot still leaves it to us.
     """
-    if not may_act():
-        return SwapOutcome.WITHDRAWN, "the mode was changed"
-    sequence = entry()
-    if sequence is None:
-        return SwapOutcome.STALE, "the entry lies behind the aircraft"
-
-    def is_still_ahead() -> bool:
-        first = entry()
-        return may_act() and first is not None and first <= sequence
+    sequence = _entry_now(entry, may_act)
+    if not isinstance(sequence, int):
+        return sequence
+    is_still_ahead = partial(_is_still_ahead, sequence, entry, may_act)
 
     try:
         await link.set_current(sequence, is_still_ahead)
@@ -223,18 +233,13 @@ async def replace_whole(
     may_act : callable
         Whether the pilot still leaves it to us.
     """
-    if not may_act():
-        return SwapOutcome.WITHDRAWN, "the mode was changed"
-    sequence = entry()
-    if sequence is None:
-        return SwapOutcome.STALE, "the entry lies behind the aircraft"
+    sequence = _entry_now(entry, may_act)
+    if not isinstance(sequence, int):
+        return sequence
     identity = mission_id(mission.items)
     if link.current is not None and link.current.mission_id == identity:
         return await enter(link, mission, lambda: sequence, may_act)  # sent again, its flag would be ignored
-
-    def is_still_ahead() -> bool:
-        first = entry()
-        return may_act() and first is not None and first <= sequence
+    is_still_ahead = partial(_is_still_ahead, sequence, entry, may_act)
 
     try:
         given = await _uploaded(link, marked(mission, sequence), is_still_ahead, identity)
