@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import logging
 import math
@@ -15,6 +16,7 @@ from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.daemon.cycle import Cycle
 from companion.daemon.fencing import Fencing
+from companion.daemon.ground import Ground
 from companion.daemon.handover import Handover, Place
 from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode, ModeEvent, next_mode
@@ -37,7 +39,7 @@ from companion.link.streams import Streams
 from companion.link.telemetry import AUTOPILOT_COMPONENT
 from companion.link.transport import Transport
 from companion.mission.layout import Layout
-from companion.types.events import Dialect, Event, Heartbeat, MissionCurrent, StatusText
+from companion.types.events import Dialect, Event, GlobalPosition, Heartbeat, MissionCurrent, StatusText
 from companion.types.record import UploadedMission
 from companion.types.state import Ownship
 
@@ -128,7 +130,8 @@ class App:
         self._mission = mission
         self.transport = transport
         self._clock = clock
-        self._memory = memory or Memory(None)
+        self._memory = memory or Memory()
+        self.ground = Ground(clock.now_s())
         self.streams = Streams(float(mission.link.stream_rate_hz))
         self.handover = Handover(
             mission,
@@ -145,7 +148,8 @@ class App:
         self.quality = LinkQuality()
         self.decided: Counter[str] = Counter()
         self._heartbeat_s = -math.inf
-        self._said_failure = False
+        self._boot_s: float | None = None
+        self._said_failure = self._said_landed = False
         parts = Parts(
             mission, clock, self.picture, self.cycle, self.handover, self.fencing, self.autopilot, recorder,
             self._memory,
@@ -160,8 +164,10 @@ class App:
     async def run(self) -> None:
         """Run until cancelled."""
         places = [goal.position_enu_m for goal in self.cycle.goals]
+        kept = {end: base64.b64encode(data).decode("ascii") for end, data in self._memory.kept.items()}
         self.recorder.begin(self._clock.now_s(), {
             "goals_reached": self._memory.reached(places), "parameters": self.parameters.values_set,
+            "memory": kept,
         })  # fmt: skip
         self.transport.set_receiver(self.receive)
         await self.transport.open()
@@ -260,6 +266,7 @@ class App:
             self._heartbeat_s = now
             self.autopilot_mode = event.mode
             self.cycle.flies_by = event.dialect is Dialect.ARDUPILOT
+            self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
         elif isinstance(event, MissionCurrent | StatusText):
@@ -268,7 +275,24 @@ class App:
             if isinstance(event, StatusText):
                 _log.info("autopilot: %s", event.text)
         else:
+            if isinstance(event, GlobalPosition):
+                self._note_boot(event.boot_s)
             self.picture.observe(event, now)
+
+    def _note_boot(self, boot_s: float) -> None:
+        """Forget a flight that the autopilot was switched off after: its mission begins anew."""
+        if self._boot_s is None and boot_s < self._memory.boot_s:
+            self._memory.forget()
+        self._boot_s = boot_s
+
+    def _note_armed(self, now: float, *, is_armed: bool) -> None:
+        """Follow whether there is a flight; what was remembered of the last one ends with it."""
+        self.ground.note(now, is_armed=is_armed)
+        if self.ground.is_grounded(now) and self._memory.kept:
+            self._memory.forget()
+        if self.ground.is_over(now) and not self._said_landed:
+            self.decide("landed", "the flight is over")
+        self._said_landed = self.ground.is_over(now)
 
     def _follow(self, place: Place) -> None:
         """Leave a mission alone that goes on behind the goal, or at an item that somebody chose."""
@@ -343,7 +367,7 @@ class App:
                 "missing_streams": self.streams.missing,
             },
         )
-        if self.recorder.failure and not self._said_failure:
+        if self.recorder.failure and not self._said_failure and self.codec.vehicle_system_id is not None:
             self._said_failure = True
             self.decide("recording", f"stopped, flight goes on: {self.recorder.failure}")
 
@@ -365,7 +389,7 @@ class App:
         is_last = self.cycle.note_position(state)
         if self.cycle.next_goal != before:
             self._memory.note_reached(
-                [goal.position_enu_m for goal in self.cycle.goals], self.cycle.next_goal
+                [goal.position_enu_m for goal in self.cycle.goals], self.cycle.next_goal, self._boot_s or 0.0
             )
         if is_last:
             self.change(ModeEvent.GOAL_REACHED)

@@ -62,7 +62,7 @@ CHANNELS = (
             "epoch_s": "UTC at stamp 0",
             "clock": "simulated or wall",
             "step_s": "of simulated time; null by a wall clock",
-            "remembered": "goals reached and parameters set before a restart",
+            "remembered": "of before a restart: goals reached, parameters, the memory's files in base64",
         },
     ),
     Channel(

@@ -132,8 +132,9 @@ def load_recording(log: Path) -> Recording:
     epoch_s = number(about.get("epoch_s"))
     if epoch_s is None:
         epoch_s = entries[0].time_s if entries else 0.0
-    is_simulated = about.get("clock") == SIMULATED  # such a clock begins at 0, the service a step later
-    start_us = 0 if is_simulated else round(1e6 * (number(about.get("stamp_s")) or 0.0))
+    start_us = round(1e6 * (number(about.get("stamp_s")) or 0.0))
+    if about.get("clock") == SIMULATED:  # the service begins with its first step
+        start_us = max(0, start_us - round(1e6 * (number(about.get("step_s")) or 0.0)))
     gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
     times = _straightened(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)

@@ -11,6 +11,8 @@ there on is what would have been decided had it been where it was.
 from __future__ import annotations
 
 import asyncio
+import base64
+import contextlib
 import json
 import math
 import shutil
@@ -24,7 +26,7 @@ from pathlib import Path
 from companion.clock import Clock, ManualClock
 from companion.config import MissionConfig, mission_from_text
 from companion.daemon.app import App, stop
-from companion.daemon.memory import Memory, Places
+from companion.daemon.memory import Memory
 from companion.daemon.pace import AsRecorded, InStep, Pace
 from companion.daemon.record import Recorder
 from companion.daemon.recording import Heard, Recording
@@ -84,18 +86,6 @@ class Replayed:
     counters: dict[str, int] = field(default_factory=dict)
 
 
-class _Remembered(Memory):
-    """The goals that were reached before the recording began."""
-
-    def __init__(self, reached: int) -> None:
-        super().__init__(None)
-        self._reached = reached
-
-    def reached(self, goals: Places) -> int:
-        """Goals reached, if the list is as long as that."""
-        return self._reached if self._reached <= len(goals) else 0
-
-
 class Replay:
     """Replays one recording.
 
@@ -126,7 +116,7 @@ class Replay:
         self._reloads = deque(recording.reloads)
         self._app = App(
             mission, self._ours, self._clock, Recorder(), seed=seed, plans_inline=True,
-            memory=_Remembered(_reached(about)), link_kind=self._linked, pace=self._pace(),
+            memory=_memory(about), link_kind=self._linked, pace=self._pace(),
             parameters_file=self._kept_parameters(),
         )  # fmt: skip
 
@@ -317,9 +307,15 @@ def _remembered(about: dict[str, object]) -> dict[str, object]:
     return remembered if isinstance(remembered, dict) else {}
 
 
-def _reached(about: dict[str, object]) -> int:
-    reached = _remembered(about).get("goals_reached")
-    return reached if isinstance(reached, int) else 0
+def _memory(about: dict[str, object]) -> Memory:
+    """What the service remembered of the flight when the recording began; damage counts for nothing."""
+    kept = _remembered(about).get("memory")
+    entries = kept.items() if isinstance(kept, dict) else ()
+    memory = {}
+    for end, text in entries:
+        with contextlib.suppress(ValueError, TypeError):
+            memory[str(end)] = base64.b64decode(text)
+    return Memory(kept=memory)
 
 
 def _is_told(frame: RawFrame) -> bool:

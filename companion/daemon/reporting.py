@@ -29,14 +29,16 @@ class Reporting(Watch):
         On the disk that is looked at.
     metrics : Metrics or None
         Renewed as well.
+    begun_s : float
+        When the service began, by the clock [s].
     """
 
-    def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None) -> None:
+    def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None, begun_s: float) -> None:
         self._app = app
         self._clock = clock
         self._folder = folder
         self._metrics = metrics
-        self._begun_s = clock.now_s()
+        self._begun_s = begun_s
         self._plan_quality = math.nan
 
     def planned(self, plan: Plan, plan_ms: float) -> None:

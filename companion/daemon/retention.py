@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 import re
 import shutil
@@ -74,6 +75,20 @@ def prune(flights: Path, limit_bytes: int, running: Path, utc_s: float) -> list[
     for folder in deleted:
         _log.info("deleted %s: the recordings take more than %d MB", folder, limit_bytes // 1_000_000)
     return deleted
+
+
+def unused(folder: Path) -> Path:
+    """A folder of that name, with a number where it is taken: a computer's clock may be set back."""
+    names = (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2))
+    return next(path for path in itertools.chain([folder], names) if not path.exists())
+
+
+def discard(folder: Path) -> None:
+    """Delete a recording that nobody needs."""
+    try:
+        shutil.rmtree(folder)
+    except OSError as error:
+        _log.warning("%s cannot be deleted: %s", folder, error)
 
 
 async def keep_pruned(flights: Path, limit_bytes: int, running: Path, clock: Clock, epoch_s: float) -> None:

@@ -12,8 +12,8 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
@@ -26,26 +26,52 @@ from companion.daemon.notify import Notifier, watchdog_of
 from companion.daemon.record import About, Recorder
 from companion.daemon.reload import changed_mission
 from companion.daemon.reporting import Reporting
-from companion.daemon.retention import FLIGHTS_MAX_BYTES, keep_pruned
+from companion.daemon.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned, unused
 from companion.daemon.supervision import Report, Supervision
 from companion.daemon.watch import Watch, in_thread
-from companion.errors import CompanionError, ConfigError
+from companion.errors import CompanionError, ConfigError, RecordError
 from companion.link.codec import signer_of
 from companion.link.signing import Signer, Timestamps, read_key
-from companion.link.transport import transport_from_url
+from companion.link.transport import LastingTransport, Transport, transport_from_url
 from companion.mission.swap import SwapOutcome
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 from companion.types.plan import Plan
 
 REPORT_SILENCE_S = 5.0
+LOOK_S = 1.0  # for the end of a flight
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 _log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True)
+class _Flight:
+    """One flight, or a time on the ground: its app, and what goes with it.
+
+    Parameters
+    ----------
+    app : App
+        Begun anew for it, so that its recording can be replayed by itself.
+    recorder : Recorder
+        Into its folder.
+    reporting : Reporting
+        Of the app's figures.
+    folder : Path
+        Of the recording.
+    epoch_s : float
+        UTC seconds at clock reading 0.
+    """
+
+    app: App
+    recorder: Recorder
+    reporting: Reporting
+    folder: Path
+    epoch_s: float
+
+
 class Service(Watch):
-    """One run of the service: the app, what supervises it, and what the operator may ask of it.
+    """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
 
     Parameters
     ----------
@@ -61,6 +87,10 @@ class Service(Watch):
         Where metrics and health are told, to this computer alone.
     flights_max_bytes : int
         What the recordings may take; the oldest flights go first.
+    clock : Clock, optional
+        Left out, the computer's.
+    line : Transport, optional
+        To the autopilot; left out, what the URL names.
     """
 
     def __init__(
@@ -71,42 +101,57 @@ class Service(Watch):
         environment: Mapping[str, str],
         metrics_port: int | None = None,
         flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+        clock: Clock | None = None,
+        line: Transport | None = None,
     ) -> None:
         self._file = file
         self._url = url
-        self._mission = mission = load_mission(file)
-        self._clock = WallClock()
-        transport = transport_from_url(url, self._clock)
+        self._flights = flights
+        self._flights_max_bytes = flights_max_bytes
+        self._mission, self._text = load_mission(file), file.read_text(encoding="utf-8-sig")
+        self._clock = clock or WallClock()
+        self._line = LastingTransport(line or transport_from_url(url, self._clock))
+        self._begun_s = self._clock.now_s()
         self._watchdog_s = watchdog_of(environment)
-        _check_budget(mission, file, self._watchdog_s)
+        _check_budget(self._mission, file, self._watchdog_s)
         state = _folder_of("STATE_DIRECTORY", environment)
-        self._timestamps, signer = signing_of(mission, state)
-        name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}"
-        seed, epoch_s = int(mission.planning.seed), round(time.time() - self._clock.now_s(), 6)
-        about = About(mission, seed, file.read_text(encoding="utf-8-sig"))
-        self._recorder = Recorder(flights / name, epoch_s, about)
-        self._pruning = partial(keep_pruned, flights, flights_max_bytes, flights / name, self._clock, epoch_s)
-        self.app = App(
-            mission,
-            transport,
-            self._clock,
-            self._recorder,
-            seed=seed,
-            plans_inline=False,
-            memory=Memory(flights / mission.name),
-            signer=signer,
-            watch=self,
-            parameters_file=flights / f"{mission.name}.parameters.json",
-        )
-        self.app.is_warm = False
+        self._timestamps, self._signer = signing_of(self._mission, state)
+        self._is_warm = False
+        self._on_ground: Path | None = None
+        self._metrics = None if metrics_port is None else Metrics()
+        self._flight = self._begun()
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
         self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
-        self._metrics = None if metrics_port is None else Metrics()
-        self._reporting = Reporting(self.app, self._clock, flights, self._metrics)
         self._endpoint = None
         if self._metrics is not None and metrics_port is not None:
             self._endpoint = Endpoint(metrics_port, self._metrics, self._supervision)
-        _log.info("listening on %s; recording to %s", url, flights / name)
+
+    @property
+    def app(self) -> App:
+        """Of the present flight."""
+        return self._flight.app
+
+    def _begun(self) -> _Flight:
+        """What the next flight goes by."""
+        mission, flights, clock = self._mission, self._flights, self._clock
+        seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
+        folder = unused(flights / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}")
+        recorder = _recorder(folder, epoch_s, About(mission, seed, self._text))
+        app = App(
+            mission,
+            self._line,
+            clock,
+            recorder,
+            seed=seed,
+            plans_inline=False,
+            memory=Memory(flights / mission.name),
+            signer=self._signer,
+            watch=self,
+            parameters_file=flights / f"{mission.name}.parameters.json",
+        )
+        app.is_warm = self._is_warm
+        reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
+        return _Flight(app, recorder, reporting, folder, epoch_s)
 
     def progress(self) -> None:
         """Pass it on to whoever supervises."""
@@ -114,7 +159,7 @@ class Service(Watch):
 
     def planned(self, plan: Plan, plan_ms: float) -> None:
         """Pass it on to whoever reports."""
-        self._reporting.planned(plan, plan_ms)
+        self._flight.reporting.planned(plan, plan_ms)
         if self._metrics is not None:
             self._metrics.planned(plan, plan_ms)
 
@@ -125,7 +170,7 @@ class Service(Watch):
 
     def report(self) -> Report:
         """What the service does now."""
-        app, decisions = self.app, self._recorder.decisions
+        app, decisions = self.app, self._flight.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
         return Report(app.is_warm, app.codec.vehicle_system_id is not None, mode, last)
@@ -144,30 +189,69 @@ class Service(Watch):
         loop.add_signal_handler(signal.SIGHUP, self.reload)
         try:
             async with asyncio.TaskGroup() as tasks:
-                running = [
-                    tasks.create_task(self.app.run()),
-                    tasks.create_task(self._reporting.run()),
-                    tasks.create_task(_report_silence(self.app, self._clock, self._url)),
-                    tasks.create_task(_warm(self.app, self._mission)),
-                    tasks.create_task(self._pruning()),
-                ]
-                await stopping.wait()
-                self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
-                await self.app.withdraw()
-                for task in running:
-                    task.cancel()
+                warming = tasks.create_task(self._warm())
+                while True:
+                    await self._fly(stopping)
+                    if stopping.is_set():
+                        break
+                    self._flight = self._begun()
+                warming.cancel()
         except* CompanionError as group:
             raise _first(group) from None
         finally:
             for number in (*STOP_SIGNALS, signal.SIGHUP):
                 loop.remove_signal_handler(number)
-            self._recorder.close()
-            if self._timestamps is not None:
-                self._timestamps.close()
-            self._notifier.close()
-            if self._endpoint is not None:
-                self._endpoint.close()
+            self.close()
+            await self._line.end()
         _log.info("stopped; the autopilot keeps the mission it flies")
+
+    def close(self) -> None:
+        """Close every file and socket but the link."""
+        self._flight.recorder.close()
+        if self._timestamps is not None:
+            self._timestamps.close()
+        self._notifier.close()
+        if self._endpoint is not None:
+            self._endpoint.close()
+
+    async def _fly(self, stopping: asyncio.Event) -> None:
+        """Carry on until the flight is over, or the service is told to stop."""
+        flight, clock = self._flight, self._clock
+        _log.info("listening on %s; recording to %s", self._url, flight.folder)
+        async with asyncio.TaskGroup() as tasks:
+            running = [
+                tasks.create_task(flight.app.run()),
+                tasks.create_task(flight.reporting.run()),
+                tasks.create_task(_report_silence(flight.app, clock, self._url)),
+                tasks.create_task(
+                    keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, flight.epoch_s)
+                ),
+            ]
+            ends = [tasks.create_task(stopping.wait()), tasks.create_task(_over(flight.app, clock))]
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            if stopping.is_set():
+                self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
+                await flight.app.withdraw()
+            for task in running + ends:
+                task.cancel()
+        flight.recorder.close()
+        self._tidy(flight)
+
+    def _tidy(self, ended: _Flight) -> None:
+        """Of recordings in which nothing was flown keep only the last before a flight."""
+        if ended.app.ground.has_flown:
+            self._on_ground = None
+            return
+        if self._on_ground is not None:
+            discard(self._on_ground)
+        self._on_ground = ended.folder
+
+    async def _warm(self) -> None:
+        """Compile beside everything else; the first plan waits for it."""
+        _log.info("compiling the planner's kernels")
+        await in_thread(warm_up, self._mission)
+        self._is_warm = self.app.is_warm = True
+        _log.info("ready to plan")
 
     def reload(self) -> None:
         """Read the mission file again; a bad one, or one that needs a restart, changes nothing."""
@@ -180,8 +264,8 @@ class Service(Watch):
             _log.error("not reloaded: %s", error)
             self.app.decide("reload", f"refused: {error.key}")
         else:
-            self._mission = mission
-            self.app.reload(mission, self._file.read_text(encoding="utf-8-sig"))
+            self._mission, self._text = mission, self._file.read_text(encoding="utf-8-sig")
+            self.app.reload(mission, self._text)
         if self._supervision.is_ready:
             self._notifier.tell(READY=1, STATUS=str(self.report()))
 
@@ -251,12 +335,22 @@ def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps |
     return timestamps, signer
 
 
-async def _warm(app: App, mission: MissionConfig) -> None:
-    """Compile beside everything else; the first plan waits for it."""
-    _log.info("compiling the planner's kernels")
-    await in_thread(warm_up, mission)
-    app.is_warm = True
-    _log.info("ready to plan")
+def _recorder(folder: Path, epoch_s: float, about: About) -> Recorder:
+    """A recorder into a folder; where it cannot write, the flight goes without and that is said."""
+    try:
+        return Recorder(folder, epoch_s, about)
+    except RecordError as error:
+        _log.error("not recorded: %s", error)
+        return Recorder(None, epoch_s, about, failure=str(error))
+
+
+async def _over(app: App, clock: Clock) -> None:
+    """Wait for the end of a flight, or of an hour on the ground."""
+    while True:
+        now = clock.now_s()
+        if app.ground.is_over(now) or app.ground.is_idle(now):
+            return
+        await clock.sleep_until(now + LOOK_S)
 
 
 async def _report_silence(app: App, clock: Clock, url: str) -> None:

@@ -60,7 +60,7 @@ class Transport(Protocol):
 
 class _Base:
     def __init__(self) -> None:
-        self._receiver: Receiver = lambda data: None
+        self._receiver: Receiver = _dropped
         self.dropped_bytes = 0
 
     @property
@@ -108,6 +108,56 @@ class MemoryTransport(_Base):
             peer._receiver(data)
         else:
             self.dropped_bytes += len(data)
+
+
+class LastingTransport:
+    """A transport that stays open for the next user when one is done with it.
+
+    Parameters
+    ----------
+    line : Transport
+        Opened by the first user, closed by :meth:`end`.
+    """
+
+    def __init__(self, line: Transport) -> None:
+        self._line = line
+        self._has_begun = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether bytes can be sent now."""
+        return self._line.is_open
+
+    @property
+    def backlog_bytes(self) -> int:
+        """How much waits to leave."""
+        return self._line.backlog_bytes
+
+    async def open(self) -> None:
+        """Open the line, unless it is."""
+        if not self._has_begun:
+            await self._line.open()
+            self._has_begun = True
+
+    async def close(self) -> None:
+        """Take no more of what arrives."""
+        self.set_receiver(_dropped)
+
+    async def end(self) -> None:
+        """Close the line."""
+        await self._line.close()
+
+    def send(self, data: bytes) -> None:
+        """Send; dropped when the line is down."""
+        self._line.send(data)
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        """Set who takes what arrives, in the event loop."""
+        self._line.set_receiver(receiver)
+
+
+def _dropped(_data: bytes) -> None:
+    """Nobody is there to take it."""
 
 
 class _DatagramProtocol(asyncio.DatagramProtocol):

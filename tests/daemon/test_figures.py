@@ -55,7 +55,7 @@ def flight():
 
     def on_step(deck):
         if not told:
-            told.append(Reporting(deck.app, deck.app._clock, deck.flight.folder or "/", figures))
+            told.append(Reporting(deck.app, deck.app._clock, deck.flight.folder or "/", figures, 0.0))
             told[0].planned(plan(PlanStatus.EXACT), 1.0)
         if round(deck.now_s * 50) % 50 == 0:
             told[0].tell(deck.now_s, with_computer=deck.now_s % COMPUTER_PERIODS < 0.5)

@@ -8,6 +8,8 @@ import pytest
 
 from companion.config import load_mission, mission_from_text
 from companion.daemon.comparison import first_difference
+from companion.link.codec import _EXTRAS
+from companion.link.framing import raw_frame, renumbered
 from companion.link.tlog import read_tlog
 from companion.types.events import Dialect
 from sim.sitl import Flight
@@ -115,12 +117,6 @@ def test_a_signed_recording_is_replayed_without_its_key(tmp_path):
 
 
 def _resealed(raw):
-    from companion.link.codec import Codec
-    from companion.link.framing import raw_frame, renumbered
-
-    assert Codec  # the dialect's extra bytes are the codec's
-    from companion.link.codec import _EXTRAS
-
     frame = raw_frame(raw)
     extra = _EXTRAS.get(frame.message_id)
     return raw if extra is None else renumbered(raw, raw[4], extra)

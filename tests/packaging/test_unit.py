@@ -97,7 +97,6 @@ def test_signing_times_go_to_the_state_folder(tmp_path):
     mission = tmp_path / "mission.yaml"
     mission.write_text(good + f"link:\n  signing: {{key_file: {key}}}\n", encoding="utf-8")
     service = Service(mission, "udpin://127.0.0.1:0", state / "flights", {"STATE_DIRECTORY": str(state)})
-    service._recorder.close()
-    service._timestamps.close()
+    service.close()
     assert (state / "mavlink.key.times").exists()
     assert list(key.parent.iterdir()) == [key]

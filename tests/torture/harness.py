@@ -153,7 +153,7 @@ class TortureDeck(Deck):
         self.link = FaultyLink(self.simulator, LinkFaults(), seed=seed, schedule=schedule)
         self.flight.wire = self.link
         self.flight.turn_timeout_s = 0.05
-        self.memory = Memory(None if folder is None else folder / "flight")
+        self.memory = None if folder is None else Memory(folder / "flight")
         self.verdict = Verdict()
         self.judge = Judge(self.simulator, dialect)
         self._pending = list(schedule.events)

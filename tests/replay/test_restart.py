@@ -1,0 +1,64 @@
+"""A service that is killed in flight and started anew: its second recording replays by itself."""
+
+import pytest
+
+from companion.config import mission_from_text
+from companion.daemon.comparison import first_difference
+from companion.daemon.memory import Memory
+from companion.daemon.record import About, Recorder
+from companion.types.events import Dialect
+from sim.sitl import EPOCH_S, STEP_S
+from tests.daemon.deck import FIRST_FLIGHT, Deck
+from tests.support.recorded import replayed
+
+KILLED_S = 30.0
+TWO_GOALS = FIRST_FLIGHT.replace(
+    "goals:\n",
+    "goals:\n  - {east_m: 500, north_m: 750, up_m: 100, acceptance_radius_m: 60}\n",
+)
+
+
+class RestartedDeck(Deck):
+    """A deck whose services are like processes: each with a recording and files of its own."""
+
+    def __init__(self, folder, dialect):
+        super().__init__(mission_from_text(TWO_GOALS, "two-goals.yaml"), dialect=dialect)
+        self._folder = folder
+
+    def _started(self, ours, clock):
+        self.recorder.close()
+        about = About(self.flight.mission, self.flight.seed, TWO_GOALS, STEP_S)
+        self.flight.recorder = self.recorder = Recorder(self.log(len(self.apps)), EPOCH_S, about)
+        self.memory = Memory(self._folder / "flight")
+        return super()._started(ours, clock)
+
+    def log(self, number):
+        return self._folder / str(number)
+
+
+@pytest.mark.parametrize("dialect", Dialect)
+def test_a_restart_in_flight_is_replayed_from_its_own_recording(dialect, tmp_path):
+    def kill(deck):
+        deck.is_killed = deck.is_killed or (len(deck.apps) == 1 and deck.now_s >= KILLED_S)
+
+    deck = RestartedDeck(tmp_path, dialect).fly(70.0, kill)
+    assert len(deck.apps) == 2
+    assert "1 goals reached" in deck.texts("restart")[0]
+    assert ".flown.npz" in deck.memory.kept
+    for number in range(2):
+        recording, result = replayed(deck.log(number) / "flight.tlog", deck.flight.mission)
+        assert first_difference(recording, result) is None
+        assert result.decisions
+    assert [entry.text for entry in result.decisions] == [entry.text for entry in deck.recorder.decisions]
+
+
+def test_without_what_was_remembered_the_replay_would_part(tmp_path, monkeypatch):
+    """So the test above can fail."""
+
+    def kill(deck):
+        deck.is_killed = deck.is_killed or (len(deck.apps) == 1 and deck.now_s >= KILLED_S)
+
+    deck = RestartedDeck(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
+    monkeypatch.setattr("companion.daemon.replay._memory", lambda about: Memory())
+    recording, result = replayed(deck.log(1) / "flight.tlog", deck.flight.mission)
+    assert first_difference(recording, result) is not None
