@@ -6,7 +6,7 @@ import asyncio
 import logging
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -14,11 +14,10 @@ from rich.live import Live
 from rich.table import Table
 
 from companion.cli import EXIT_FAILED, MissionFile, require_goals, write_json
-from companion.config import load_mission
-from companion.config.compose import world_of
-from companion.daemon.service import warm_up
 from companion.types.events import Dialect
-from sim.sitl import Flight
+
+if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
+    from sim.sitl import Flight
 
 REFRESH_S = 1.0  # simulated seconds between two looks of the live table
 
@@ -48,10 +47,17 @@ def sitl(
     ),
 ) -> None:
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
+    from companion.config import load_mission
+    from companion.config.compose import world_of
+    from companion.daemon.retention import unused
+    from companion.daemon.service import warm_up
+    from sim.sitl import Flight
+
     config = load_mission(mission)
     require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
-    folder = None if headless else flights / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{config.name}"
+    name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{config.name}"
+    folder = None if headless else unused(flights / name)
     logging.getLogger("companion.daemon.app").setLevel(logging.WARNING)
     if not headless:
         console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")

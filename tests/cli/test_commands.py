@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -33,6 +35,25 @@ def test_help_of_the_installed_entry():
     result = in_a_process("--help")
     assert result.code == 0
     assert {"check", "plan", "run", "sitl"} <= set(result.out.replace("│", " ").split())
+
+
+def test_what_plans_and_flies_nothing_loads_no_planner():
+    """``companion health`` is asked every half minute, on a small computer."""
+    heavy = {"numba", "numpy", "scipy", "filterpy", "jsbsim", "matplotlib", "mavsdk", "pymavlink", "shapely"}
+    code = "\n".join(
+        [
+            "import sys",
+            "from companion import cli",
+            "sys.argv = ['companion', '--version']",
+            "try:",
+            "    cli.main()",
+            "except SystemExit:",
+            "    pass",
+            f"print(sorted({heavy!r} & set(sys.modules)))",
+        ]
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [__version__, "[]"]
 
 
 def test_version(companion):

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import socket
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,6 +15,7 @@ from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode
 from companion.daemon.recording import load_recording
 from companion.daemon.service import Service
+from companion.errors import LinkError
 from companion.link.transport import MemoryTransport
 from tests.sim.client import CONFIGS
 
@@ -194,3 +196,12 @@ def test_names_that_are_taken_are_counted_on(bench):
     assert len(names) == 2
     bench.service.close()
     again.close()
+
+
+def test_an_address_that_is_taken_ends_the_service_with_one_error(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"
+        service = Service(MISSION, url, tmp_path / "flights", {})
+        with pytest.raises(LinkError, match=f"{url}: Address already in use"):
+            asyncio.run(service.run())
