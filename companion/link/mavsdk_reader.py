@@ -16,13 +16,14 @@ from __future__ import annotations
 import asyncio
 import atexit
 import contextlib
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import mavsdk.logging
 from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.mission_raw import MissionRaw, MissionRawResult
+from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError, MissionRawResult
 
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.codec import COMPONENT_ID, Codec
@@ -36,6 +37,8 @@ _HEARTBEAT, _MISSION_ACK = 0, 47
 MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
 _DISCOVERY_S = 5.0
 _ACKNOWLEDGE_S = 0.5
+_END_S = 6.0  # discovery cannot be broken off, nor the reading of a fence, which is asked for during 3 s
+_LEFT: list[object] = []
 
 
 class MavsdkReader:
@@ -74,7 +77,10 @@ class MavsdkReader:
         self._has_acknowledged = asyncio.Event()
         self._mavsdk: Any = None
         self._missions: Any = None
+        self._systems: list[Any] = []
         self._under_way: asyncio.Future[Any] | None = None
+        self._answered = threading.Event()  # the call begun last has come to its end, in MAVSDK's thread
+        self._answered.set()
 
     @property
     def pending_calls(self) -> int:
@@ -113,10 +119,12 @@ class MavsdkReader:
 
     async def close(self) -> None:
         """End MAVSDK; a call under way fails."""
-        instance, self._mavsdk, self._missions = self._mavsdk, None, None
+        instance, systems, missions = self._mavsdk, self._systems, self._missions
+        self._mavsdk = self._missions = None
+        self.abandon()
+        _cancel(missions)
         if instance is not None:
-            await asyncio.to_thread(instance.destroy)
-        self.abandon()  # nobody else will
+            await asyncio.to_thread(_end, instance, systems, missions, self._answered)
 
     def abandon(self) -> None:
         """Fail a call that is under way."""
@@ -127,9 +135,7 @@ class MavsdkReader:
         missions = await self._connected()
         start = chosen(missions)
         result, items = await self._transfer(
-            lambda done: start(lambda result, items, _: done(result, items)),
-            operation,
-            missions.cancel_mission_download,
+            lambda done: start(lambda result, items, _: done(result, items)), operation
         )
         if result is not MissionRawResult.SUCCESS:
             raise TransferError(operation, result.name)
@@ -144,10 +150,16 @@ class MavsdkReader:
         self._mavsdk = Mavsdk(Configuration.create_manual(self._codec.own_ids[0], COMPONENT_ID, False))
         self._mavsdk.add_any_connection("raw://")
         self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _hand_over(loop, self._outgoing, data))
+        systems = self._systems = []
+        answered = self._answered = threading.Event()
         with self._call() as found:
-            self._mavsdk.first_autopilot_async(
-                _DISCOVERY_S, lambda system: _hand_over(loop, _settle, found, system)
-            )
+
+            def note(system: Any) -> None:  # noqa: ANN401
+                systems.append(system)
+                _hand_over(loop, _settle, found, system)
+                answered.set()
+
+            self._mavsdk.first_autopilot_async(_DISCOVERY_S, note)
             # The one heard last, or discovery would wait for the next.
             self._mavsdk.pass_received_raw_bytes(self._heartbeat)
             try:
@@ -178,20 +190,25 @@ class MavsdkReader:
         self,
         start: Callable[[Callable[[Any, Any], None]], None],
         operation: str,
-        cancel: Callable[[], Any],
     ) -> tuple[Any, Any]:
         """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
         loop = asyncio.get_running_loop()
         self._has_acknowledged.clear()
+        answered = self._answered = threading.Event()
         with self._call() as future:
-            start(lambda result, data: _hand_over(loop, _settle, future, (result, data)))
+
+            def done(result: Any, data: Any) -> None:  # noqa: ANN401
+                _hand_over(loop, _settle, future, (result, data))
+                answered.set()
+
+            start(done)
             try:
                 answer = await asyncio.wait_for(future, self._timeout_s)
             except TimeoutError:
                 await self.close()  # a call that hangs would hold up every later one
                 raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None
             except asyncio.CancelledError:
-                cancel()
+                _cancel(self._missions)
                 raise
             if answer is None:
                 raise TransferError(operation, "the link was closed")
@@ -218,6 +235,34 @@ class MavsdkReader:
         self._is_our_turn = change > 0
         if self._on_pending_change is not None:
             self._on_pending_change(self._pending_calls)
+
+
+def _cancel(missions: Any) -> None:  # noqa: ANN401
+    """Break off a call under way; MAVSDK complains where there is none, or it reads a fence."""
+    if missions is not None:
+        with contextlib.suppress(MissionRawError):
+            missions.cancel_mission_download()
+
+
+def _end(instance: Any, systems: list[Any], missions: Any, answered: threading.Event) -> None:  # noqa: ANN401
+    """Destroy MAVSDK once nothing of it is about to call back; with 4.1.0 the process would end otherwise.
+
+    A plugin that is destroyed frees what its calls are answered by, though an answer may be waiting in
+    MAVSDK's thread. What is asked last is answered last: then all else has been. A system must not be
+    collected meanwhile, either. An instance that does not answer is left alone with all that is its own.
+    """
+    is_silent = threading.Event()
+
+    def last(system: Any) -> None:  # noqa: ANN401
+        systems.append(system)
+        is_silent.set()
+
+    if answered.wait(_END_S):
+        instance.first_autopilot_async(0.0, last)
+    if is_silent.wait(_END_S):
+        instance.destroy()
+    else:
+        _LEFT.append((instance, systems, missions))
 
 
 atexit.register(mavsdk.logging.log_unsubscribe)  # its threads must not call into an ending interpreter

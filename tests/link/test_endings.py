@@ -1,0 +1,18 @@
+"""MAVSDK is ended in any moment of a call without taking the process along (4.1.0 by itself crashes it)."""
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"), [("discovery", 200), ("asked", 200), ("answered", 100), ("fence", 2)]
+)
+def test_a_call_that_is_cancelled_at_any_moment_ends_alone(kind, number):
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.link.endings", kind, str(number)],
+        capture_output=True, text=True, check=False, timeout=300.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout == f"{number} ended, 0 left alone\n"
