@@ -28,7 +28,7 @@ ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU
     COMPANION_METRICS=9105 PYTHONUNBUFFERED=1
 USER companion
 WORKDIR /var/lib/companion
-RUN companion plan /usr/share/companion/mission_configs/first-flight.yaml
+RUN companion warm-up /usr/share/companion/mission_configs/first-flight.yaml
 # Asks the planning loop, not the process: one that hangs is unhealthy.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=60s --retries=3 CMD ["companion", "health"]
 STOPSIGNAL SIGTERM

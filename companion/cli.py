@@ -12,6 +12,7 @@ import http.client
 import json
 import logging
 import sys
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -167,6 +168,18 @@ def plan(
             plot_plan(plot, config, snapshot, plans[0])
     if not all(entry.reaches_goal for entry in plans):
         raise typer.Exit(EXIT_FAILED)
+
+
+@app.command("warm-up")
+def warm_up(mission: MissionFile) -> None:
+    """Compile the planner's kernels now, so that the service need not at its first start."""
+    from companion.config import load_mission
+    from companion.daemon import warming
+
+    config = load_mission(mission)
+    began = time.perf_counter()
+    warming.warm_up(config)
+    console.print(f"kernels are compiled ({time.perf_counter() - began:.0f} s)")
 
 
 @app.command()

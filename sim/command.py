@@ -50,7 +50,7 @@ def sitl(
     from companion.config import load_mission
     from companion.config.compose import world_of
     from companion.daemon.retention import unused
-    from companion.daemon.service import warm_up
+    from companion.daemon.warming import warm_up
     from sim.sitl import Flight
 
     config = load_mission(mission)

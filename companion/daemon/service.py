@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import faulthandler
 import logging
-import math
 import os
 import signal
 import sys
@@ -18,7 +17,6 @@ from pathlib import Path
 
 from companion.clock import Clock, WallClock
 from companion.config import MissionConfig, load_mission
-from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.daemon.app import App
 from companion.daemon.memory import Memory
 from companion.daemon.metrics import Endpoint, Metrics
@@ -28,14 +26,13 @@ from companion.daemon.reload import changed_mission
 from companion.daemon.reporting import Reporting
 from companion.daemon.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned, unused
 from companion.daemon.supervision import Report, Supervision
+from companion.daemon.warming import warm_up
 from companion.daemon.watch import Watch, in_thread
 from companion.errors import CompanionError, ConfigError, RecordError
 from companion.link.codec import signer_of
 from companion.link.signing import Signer, Timestamps, read_key
 from companion.link.transport import LastingTransport, Transport, transport_from_url
 from companion.mission.swap import SwapOutcome
-from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
-from companion.planning.solver import solve
 from companion.types.plan import Plan
 
 REPORT_SILENCE_S = 5.0
@@ -359,30 +356,3 @@ async def _report_silence(app: App, clock: Clock, url: str) -> None:
         await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
         if not app.hears_autopilot:
             _log.warning("no autopilot heard on %s for %.0f s; still trying", url, REPORT_SILENCE_S)
-
-
-def _some_goal(mission: MissionConfig) -> GoalRegion:
-    """A place ahead of the start, for a mission whose goals the autopilot holds."""
-    start, ahead = mission.start, 4.0 * float(mission.vehicle.turn_radius_min_m)
-    course = math.radians(start.course_deg)
-    east, north = start.east_m + ahead * math.sin(course), start.north_m + ahead * math.cos(course)
-    return GoalRegion((float(east), float(north), float(start.up_m)), 60.0)
-
-
-def warm_up(mission: MissionConfig) -> None:
-    """Compile every kernel, so that the first plan in flight is as fast as the others."""
-    vehicle = vehicle_of(mission)
-    start = mission.start
-    problem = Problem(
-        start=StartState(
-            0.0, (float(start.east_m), float(start.north_m), float(start.up_m)), 0.0, 0.0,
-            vehicle.airspeed_cruise_m_s, initial_covariances(vehicle, 2.0, 2.0),
-            initial_covariances(vehicle, 0.0, 0.0),
-        ),
-        goals=goals_of(mission) or (_some_goal(mission),),
-        snapshot=world_of(mission),
-        vehicle=vehicle,
-        settings=planner_settings_of(mission),
-        seed=0,
-    )  # fmt: skip
-    solve(problem)

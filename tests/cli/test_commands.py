@@ -23,7 +23,7 @@ SITL_KEYS = {
 }
 
 
-@pytest.mark.parametrize("command", ["check", "plan", "run", "sitl"])
+@pytest.mark.parametrize("command", ["check", "plan", "run", "sitl", "warm-up"])
 def test_help(companion, command):
     result = companion(command, "--help")
     assert result.code == 0

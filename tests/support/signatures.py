@@ -1,0 +1,45 @@
+"""Kernels that a flight compiles after all: ``python -m tests.support.signatures MISSION``.
+
+In a process of its own, since compiled signatures stay with a process.
+"""
+
+import asyncio
+import importlib
+import pkgutil
+import sys
+
+from numba.core.dispatcher import Dispatcher
+
+import companion.kernels
+from companion.config import load_mission
+from companion.daemon.warming import warm_up
+from companion.types.events import Dialect
+from sim.sitl import Flight
+
+
+def compiled():
+    """Signatures by kernel, of those that are called from Python."""
+    found = {}
+    for info in pkgutil.iter_modules(companion.kernels.__path__):
+        for value in vars(importlib.import_module(f"companion.kernels.{info.name}")).values():
+            if isinstance(value, Dispatcher):
+                found[value.py_func.__qualname__] = set(map(str, value.signatures))
+    return found
+
+
+def main():
+    """Warm up, fly, compare."""
+    mission = load_mission(sys.argv[1])
+    warm_up(mission)
+    before = compiled()
+    flight = Flight(mission, 1, None, Dialect.ARDUPILOT)
+    asyncio.run(flight.fly())
+    after = compiled()
+    late = sorted(name for name in after if after[name] - before[name])
+    sys.stdout.write(
+        f"{sum(map(bool, before.values()))} kernels, {len(flight.recorder.plan_ms)} plans, late: {late}\n"
+    )
+
+
+if __name__ == "__main__":
+    main()
