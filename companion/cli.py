@@ -242,13 +242,14 @@ def replay(
     from companion.config import load_mission
     from companion.daemon.comparison import document_of, first_difference
     from companion.daemon.record import TLOG
-    from companion.daemon.recording import load_recording
-    from companion.daemon.replaying import beside, replayed, show
+    from companion.daemon.replaying import beside, remarks, replayable, replayed, show
 
-    recording, config = load_recording(log), load_mission(mission)
-    expected = None if expect is None else load_recording(expect / TLOG)
+    recording, config = replayable(log), load_mission(mission)
+    expected = None if expect is None else replayable(expect / TLOG)
     logging.getLogger("companion.daemon").setLevel(logging.WARNING)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
+    for remark in remarks(recording, config):
+        screen.print(remark, markup=False, highlight=False, soft_wrap=True)
     result = replayed(recording, config, seed, screen)
     if expected is not None:
         recording, result = expected, beside(expected, result)
@@ -288,11 +289,14 @@ def report(
 ) -> None:
     """Make the report of a flight from its recording alone."""
     from companion.daemon.flight_record import flight_of
+    from companion.daemon.recording import SIMULATED
     from companion.ui.report import write_report
 
     mission, world, record = flight_of(flight)
+    # The simulator's own report beside it has the true paths, which no recording has.
+    name = "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
     with _writing(flight, "report"):
-        page, picture = write_report(flight, mission, world, record)
+        page, picture = write_report(flight, mission, world, record, name)
     console.print(f"report: {page}\npicture: {picture}", soft_wrap=True)
 
 

@@ -279,7 +279,7 @@ class Cycle:
             "threat_level_max": level_max,
         }
         if plan.path is None or not plan.reaches_goal:
-            return Judgement(False, "no plan", f"{plan.status.value}; {'; '.join(plan.notes)}", why)
+            return Judgement(False, "no plan", "; ".join((plan.status.value, *plan.notes)), why)
         threat = float(plan.path.threat_levels.max())
         why["threat"] = threat
         violations = self.check(plan.path)
@@ -303,7 +303,10 @@ class Cycle:
         carried_s, wanted_s = self._carried_s(start), EXTENDED_HORIZONS * float(planning.time_horizon_s)
         why |= {"gain": gain, "carried_s": carried_s, "carried_min_s": wanted_s}
         if gain >= gain_min:
-            return Judgement(True, "better", f"cost {cost:.1f} instead of {plan.flown_cost:.1f}", why)
+            instead = f" instead of {plan.flown_cost:.1f}"
+            if plan.flown_cost == math.inf:  # so (9) counts what passes the limit
+                instead = ", and the flown path passes threat_level_max"
+            return Judgement(True, "better", f"cost {cost:.1f}{instead}", why)
         is_short = carried_s < wanted_s
         return Judgement(
             is_short, "extend" if is_short else "keep", f"cost {cost:.1f}, flown {plan.flown_cost:.1f}", why

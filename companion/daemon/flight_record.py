@@ -36,10 +36,17 @@ def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     Raises
     ------
     RecordError
-        If there is no recording in it.
+        If there is no recording in it, or one in which no place of the aircraft is known.
     ConfigError
         If the mission file in it cannot be read.
     """
+    mission, world, record = _read(folder)
+    if not len(record.flown):
+        raise RecordError(f"{folder}: nothing was flown: no place of the aircraft is in the recording")
+    return mission, world, record
+
+
+def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
         documents = read_messages(folder / MCAP, counters)
@@ -80,6 +87,7 @@ def _from_messages(
         summary=_summary(about, plan_ms, swaps, _table(flown, 7), counters),
         epoch_s=number(about.get("epoch_s")),
         note=ON_BOARD,
+        begin_s=number(about.get("stamp_s")),
     )
     return mission, _with_fences(world_of(mission, none_known=False), documents), record
 
@@ -121,7 +129,9 @@ def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
             recorder.state(now, state, tracks, picture.threat_at(state, tracks))
     recorder.decisions += recording.decisions
     known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})
-    return replace(known, epoch_s=recording.epoch_s, note=f"{ON_BOARD} {FROM_TLOG}")
+    return replace(
+        known, epoch_s=recording.epoch_s, note=f"{ON_BOARD} {FROM_TLOG}", begin_s=recording.start_us * 1e-6
+    )
 
 
 def _summary(

@@ -121,7 +121,7 @@ class Recorder:
                 "epoch_s": self.epoch_s,
                 "clock": "wall" if about.step_s is None else "simulated",
                 "step_s": about.step_s,
-                "versions": {"companion": __version__} | _versions(),
+                "versions": versions_now(),
                 "remembered": remembered or {},
             },
         )  # fmt: skip
@@ -261,8 +261,9 @@ def _closed(file: TlogWriter | FlightLog) -> None:
         return
 
 
-def _versions() -> dict[str, str]:
-    return {name: importlib.metadata.version(name) for name in LIBRARIES}
+def versions_now() -> dict[str, str]:
+    """Of the program and of what its results hang on, by name."""
+    return {"companion": __version__} | {name: importlib.metadata.version(name) for name in LIBRARIES}
 
 
 def _fix(frame: LocalFrame, ownship: Ownship, utc_s: float) -> dict[str, object]:

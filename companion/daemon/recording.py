@@ -154,7 +154,7 @@ def load_recording(log: Path) -> Recording:
         if (count := number(document.get("number"))) is not None
     }
     until_s = math.inf
-    if counters["mcap_ends_early"] and heard:
+    if about and counters["mcap_ends_early"] and heard:
         stamps = [number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
         until_s = min(heard[-1].at_us * 1e-6, max(stamps, default=0.0))
     reloads = tuple(

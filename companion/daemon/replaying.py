@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.config import MissionConfig
+from companion.config import MissionConfig, mission_from_text
 from companion.daemon.comparison import Difference
-from companion.daemon.recording import Recording
+from companion.daemon.record import versions_now
+from companion.daemon.recording import Recording, load_recording
 from companion.daemon.replay import Replay, Replayed, flown_uploads
+from companion.errors import ConfigError, RecordError
 from companion.types.record import Decision
 
 DECISIONS_SHOWN = 60
@@ -32,6 +37,47 @@ def replayed(recording: Recording, mission: MissionConfig, seed: int | None, scr
         return asyncio.run(replay.run(lambda done_s: bar.update(task, completed=done_s)))
 
 
+def replayable(log: Path) -> Recording:
+    """Read a recording to replay.
+
+    Raises
+    ------
+    RecordError
+        If it cannot be read, or nothing in it is a frame of MAVLink.
+    """
+    recording = load_recording(log)
+    if not recording.frames:
+        raise RecordError(f"{log}: no frame of MAVLink in it")
+    return recording
+
+
+def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
+    """What about a recording, or beside it, keeps a replay from being the flight."""
+    if not recording.is_ours:
+        return []
+    about, said = recording.about, []
+    if not about:
+        return [
+            f"No flight.mcap beside {recording.name} can be read: seed and instants of plans are not known."
+        ]
+    with contextlib.suppress(ConfigError):
+        flown = mission_from_text(str(about.get("mission_file", "")), recording.name)
+        if flown != mission:
+            said.append(f"The mission file is not the one flown, of {flown.name}.")
+    versions = about.get("versions")
+    kept = versions if isinstance(versions, dict) else {}
+    others = [
+        f"{name} {kept[name]} (now {now})"
+        for name, now in versions_now().items()
+        if kept.get(name, now) != now
+    ]
+    if others:
+        said.append(f"Flown with {', '.join(others)}.")
+    if recording.until_s < math.inf:
+        said.append(f"flight.mcap ends early: compared up to {recording.until_s:.1f} s.")
+    return said
+
+
 def beside(expected: Recording, result: Replayed) -> Replayed:
     """A result beside another flight than the one replayed."""
     return replace(result, flown_decisions=expected.decisions, flown_uploads=flown_uploads(expected))
@@ -47,7 +93,10 @@ def show(recording: Recording, result: Replayed, differs: Difference | None, scr
     for reason, number in sorted(result.counters.items()):
         if reason != "accepted":
             screen.print(f"  {number} {reason.replace('_', ' ')}", markup=False)
-    num_decisions, num_missions = len(result.decisions), len(result.uploads)
+    num_decisions, num_missions = (
+        sum(entry.stamp_s <= recording.until_s for entry in entries)
+        for entries in (result.decisions, result.uploads)
+    )
     if differs is None:
         screen.print(f"as flown: {num_decisions} decisions, {num_missions} missions")
         return

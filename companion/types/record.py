@@ -121,6 +121,8 @@ class FlightRecord:
         UTC at time 0 [s].
     note : str
         What is to be known of where the record comes from.
+    begin_s : float, optional
+        What counts as 00:00 [s]; left out, the first of the flown path.
     """
 
     flown: FloatArray
@@ -133,3 +135,4 @@ class FlightRecord:
     summary: dict[str, float | int | bool | str]
     epoch_s: float | None = None
     note: str = ""
+    begin_s: float | None = None

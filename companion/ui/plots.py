@@ -80,7 +80,9 @@ def flight_map(mission: MissionConfig, snapshot: Snapshot, record: FlightRecord)
 
 
 def flight_start(record: FlightRecord) -> float:
-    """Return the stamp that counts as 00:00: the first of the flown path [s]."""
+    """Return the stamp that counts as 00:00: the record's, else the first of the flown path [s]."""
+    if record.begin_s is not None:
+        return record.begin_s
     return float(record.flown[0, 0]) if len(record.flown) else 0.0
 
 

@@ -59,9 +59,9 @@ tbody tr:hover { background: var(--soft); }
 
 
 def write_report(
-    folder: Path, mission: MissionConfig, snapshot: Snapshot, record: FlightRecord
+    folder: Path, mission: MissionConfig, snapshot: Snapshot, record: FlightRecord, name: str = "report"
 ) -> tuple[Path, Path]:
-    """Write ``report.html`` and ``report.png`` into a folder, which is made if need be.
+    """Write a report, page and picture, into a folder, which is made if need be.
 
     Parameters
     ----------
@@ -73,6 +73,8 @@ def write_report(
         The world, for obstacles, radars and bounds.
     record : FlightRecord
         What happened.
+    name : str
+        Of both files, before ``.html`` and ``.png``.
 
     Returns
     -------
@@ -80,7 +82,7 @@ def write_report(
         The page and the picture.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    page, picture = folder / "report.html", folder / "report.png"
+    page, picture = folder / f"{name}.html", folder / f"{name}.png"
     with style.drawing():
         start_s = flight_start(record)
         flight_map(mission, snapshot, record).savefig(picture, dpi=style.DPI)

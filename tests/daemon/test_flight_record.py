@@ -5,9 +5,13 @@ import shutil
 import numpy as np
 import pytest
 
+from companion.config import load_mission
 from companion.daemon.flight_record import FROM_TLOG, ON_BOARD, flight_of
+from companion.daemon.record import About, Recorder
 from companion.errors import RecordError
 from companion.types.events import Dialect
+from companion.ui.plots import flight_start
+from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
 
 
@@ -37,7 +41,8 @@ def test_it_shows_what_the_service_knew(flown):
 def test_it_answers_why_it_replanned(flown, companion_command):
     folder, _ = flown
     assert companion_command("report", folder).code == 0
-    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert not (folder / "report.html").exists()  # there would be the simulator's, which knows more
+    page = (folder / "report-on-board.html").read_text(encoding="utf-8")
     row = next(row for row in page.split("<tr>") if "extend, cost" in row)
     assert "00:00:35" in row  # the simulated day begins at midnight, UTC
     assert "15 s since the last plan" in row
@@ -64,6 +69,22 @@ def test_a_recording_that_was_cut_off_is_reported_as_far_as_it_goes(flown, tmp_p
     _, _, record = flight_of(tmp_path)
     assert 5.0 < record.flown[-1, 0] < 55.0
     assert record.summary["mcap_ends_early"] == 1
+
+
+def test_instants_are_those_of_the_decisions(flown):
+    """The simulator's report and this one count from the same instant."""
+    folder, flight = flown
+    _, _, record = flight_of(folder)
+    assert flight_start(record) == pytest.approx(flight_start(flight.record()), abs=0.05)
+
+
+def test_a_recording_in_which_nothing_was_flown_is_named(tmp_path, companion_command):
+    recorder = Recorder(tmp_path, about=About(load_mission(CONFIGS / "first-flight.yaml"), 1))
+    recorder.begin(0.0)
+    recorder.close()
+    done = companion_command("report", tmp_path)
+    assert done.code == 2
+    assert "nothing was flown" in done.err
 
 
 def test_a_folder_without_a_flight_is_named(tmp_path, companion_command):

@@ -2,11 +2,13 @@
 
 import asyncio
 import json
+import re
 import shutil
 
 import pytest
 
 from companion.config import load_mission, mission_from_text
+from companion.daemon import record, replaying
 from companion.daemon.comparison import first_difference
 from companion.link.codec import _EXTRAS
 from companion.link.framing import raw_frame, renumbered
@@ -166,3 +168,63 @@ def test_a_folder_without_a_recording_is_named(tmp_path, companion_command):
     done = companion_command("replay", folder / "flight.tlog", folder / "mission.yaml", "--expect", tmp_path)
     assert done.code == 2
     assert str(tmp_path.name) in done.err
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda mcap: b"", lambda mcap: bytes(range(256)) * 40, lambda mcap: mcap[:100]],
+    ids=["empty", "random", "cut"],
+)  # fmt: skip
+def test_an_mcap_that_tells_nothing_makes_no_flight_equal(damage, tmp_path, companion_command):
+    folder, _ = recorded("first-flight", 3, Dialect.PX4)
+    shutil.copytree(folder, tmp_path / "flight")
+    mcap = tmp_path / "flight" / "flight.mcap"
+    mcap.write_bytes(damage(mcap.read_bytes()))
+    text = (folder / "mission.yaml").read_text().replace("# swap_gain: 0.05", "swap_gain: 0.0")
+    (tmp_path / "changed.yaml").write_text(text)
+    log, changed = tmp_path / "flight" / "flight.tlog", tmp_path / "changed.yaml"
+    done = companion_command("replay", log, changed, "--expect", tmp_path / "flight")
+    assert done.code == 1, done.out
+    assert "No flight.mcap beside flight.tlog can be read" in done.out
+
+
+def test_an_mcap_that_ends_early_says_how_far_it_was_compared(tmp_path, companion_command):
+    folder, flight = recorded("first-flight", 3, Dialect.PX4)
+    shutil.copytree(folder, tmp_path / "flight")
+    mcap = tmp_path / "flight" / "flight.mcap"
+    data = mcap.read_bytes()
+    mcap.write_bytes(data[: len(data) // 2])
+    log, mission = tmp_path / "flight" / "flight.tlog", folder / "mission.yaml"
+    done = companion_command("replay", log, mission, "--expect", tmp_path / "flight")
+    assert done.code == 0, done.out
+    ends_s = float(re.search(r"compared up to ([\d.]+) s", done.out)[1])
+    assert 5.0 < ends_s < 60.0
+    num_decisions = sum(entry.stamp_s <= ends_s for entry in flight.recorder.decisions)
+    assert num_decisions < len(flight.recorder.decisions)
+    assert f"as flown: {num_decisions} decisions" in done.out
+
+
+@pytest.mark.parametrize("data", [b"", bytes(range(256)) * 20], ids=["empty", "random"])
+def test_what_is_no_recording_is_named(data, tmp_path, companion_command):
+    folder, _ = recorded("first-flight", 3, Dialect.PX4)
+    (tmp_path / "flight.tlog").write_bytes(data)
+    for arguments in (
+        [tmp_path / "flight.tlog", FIRST],
+        [folder / "flight.tlog", FIRST, "--expect", tmp_path],
+    ):
+        done = companion_command("replay", *arguments)
+        assert done.code == 2, done.out
+        assert "flight.tlog: no frame of MAVLink in it" in done.err
+
+
+def test_what_is_another_than_flown_is_said_before_the_difference(tmp_path, companion_command, monkeypatch):
+    folder, _ = recorded("first-flight", 3, Dialect.PX4)
+    same = companion_command("replay", folder / "flight.tlog", folder / "mission.yaml")
+    assert "is not the one flown" not in same.out
+    assert "Flown with" not in same.out
+    now = record.versions_now()
+    monkeypatch.setattr(replaying, "versions_now", lambda: now | {"numpy": "9.9"})
+    text = (folder / "mission.yaml").read_text().replace("# swap_gain: 0.05", "swap_gain: 0.0")
+    (tmp_path / "changed.yaml").write_text(text)
+    done = companion_command("replay", folder / "flight.tlog", tmp_path / "changed.yaml")
+    assert "The mission file is not the one flown, of first-flight." in done.out
+    assert f"Flown with numpy {now['numpy']} (now 9.9)." in done.out
