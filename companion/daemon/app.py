@@ -200,6 +200,9 @@ class App:
         self.recorder.reloaded(self._clock.now_s(), mission, text)
         self.adopt(mission)
         self.decide("reload", f"{mission.name} is read again")
+        kept = ", ".join(f"{name} {value:g}" for name, value in self.parameters.values_set.items())
+        if kept:
+            self.decide("parameters", f"still as set: {kept}")
 
     def _note_parameter(self, name: str) -> None:
         """A pilot has set one: take it up like another mission file."""

@@ -139,6 +139,10 @@ class LinkDoctor:
     def _silence(self) -> Finding:
         """Why no autopilot is heard."""
         check, counters = "link", self._codec.counters
+        if self._transport.trouble:
+            return fail(
+                check, f"{self._url}: {self._transport.trouble}", "see to the device, cable or address"
+            )
         if self._num_bytes == 0:
             advice = {
                 "serial": "is it powered, are RX and TX crossed, does SERIALn_PROTOCOL of that port say 2?",
@@ -147,7 +151,9 @@ class LinkDoctor:
             return fail(check, f"nothing comes from {self._url}", advice)
         if counters["accepted"] == 0 and counters["unsigned"] + counters["bad_signature"] == 0:
             found = f"{self._num_bytes} bytes came, and no message of MAVLink"
-            return fail(check, found, "the speed differs from the autopilot's: see SERIALn_BAUD")
+            is_serial = self._url.startswith("serial")
+            advice = "the speed differs from the autopilot's: see SERIALn_BAUD"
+            return fail(check, found, advice if is_serial else "something else speaks there: see the address")
         refused = ", ".join(f"{name} {number}" for name, number in sorted(counters.items()))
         return fail(check, f"messages came, and no autopilot's heartbeat ({refused})",
                     "is the autopilot behind a router that filters, or signed with another key?")  # fmt: skip

@@ -51,7 +51,14 @@ async def examined(
             if all(entry.verdict is not Verdict.FAIL for entry in findings if entry.check == SERIAL_PORT):
                 findings += await doctor.examine(seconds)
         except LinkError as error:
-            findings.append(Finding("link", Verdict.FAIL, str(error), "name another address"))
+            findings.append(
+                Finding(
+                    "link",
+                    Verdict.FAIL,
+                    str(error),
+                    "end what listens there, the service perhaps, or name another",
+                )
+            )
         is_deaf = not doctor.is_heard
     if is_deaf:
         return findings, LinkError.exit_code

@@ -142,7 +142,7 @@ class Parameters:
         try:
             changed = self._with({**self._set, name: value})
         except ValidationError as error:
-            return str(error.errors(include_url=False)[0]["msg"])
+            return _bound(error)
         return next((expected for path, expected in findings(changed) if path[0] == "planning"), "")
 
     def _kept(self) -> dict[str, float]:
@@ -165,3 +165,12 @@ class Parameters:
             part.replace(self._file)
         except OSError as error:
             _log.error("parameters are not kept: %s", error)
+
+
+def _bound(error: ValidationError) -> str:
+    """What is wrong, in the few characters that a STATUSTEXT has room for."""
+    wrong = error.errors(include_url=False)[0]
+    for key, words in (("ge", "at least"), ("gt", "more than"), ("le", "at most"), ("lt", "less than")):
+        if key in wrong.get("ctx", {}):
+            return f"{words} {wrong['ctx'][key]:g}"
+    return str(wrong["msg"]).removeprefix("Input should be ")

@@ -66,6 +66,12 @@ class _Flight:
     folder: Path
     epoch_s: float
 
+    def close(self) -> None:
+        """End the recording; one of which not a byte was heard is none."""
+        self.recorder.close()
+        if not self.app.codec.counters and self.folder.exists():
+            discard(self.folder)
+
 
 class Service(Watch):
     """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
@@ -116,12 +122,12 @@ class Service(Watch):
         self._is_warm = False
         self._on_ground: Path | None = None
         self._metrics = None if metrics_port is None else Metrics()
-        self._flight = self._begun()
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
         self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
         self._endpoint = None
         if self._metrics is not None and metrics_port is not None:
             self._endpoint = Endpoint(metrics_port, self._metrics, self._supervision)
+        self._flight = self._begun()
 
     @property
     def app(self) -> App:
@@ -204,7 +210,7 @@ class Service(Watch):
 
     def close(self) -> None:
         """Close every file and socket but the link."""
-        self._flight.recorder.close()
+        self._flight.close()
         if self._timestamps is not None:
             self._timestamps.close()
         self._notifier.close()
@@ -231,12 +237,12 @@ class Service(Watch):
                 await flight.app.withdraw()
             for task in running + ends:
                 task.cancel()
-        flight.recorder.close()
+        flight.close()
         self._tidy(flight)
 
     def _tidy(self, ended: _Flight) -> None:
         """Of recordings in which nothing was flown keep only the last before a flight."""
-        if ended.app.ground.has_flown:
+        if ended.app.ground.has_flown or not ended.folder.exists():
             self._on_ground = None
             return
         if self._on_ground is not None:
@@ -355,4 +361,5 @@ async def _report_silence(app: App, clock: Clock, url: str) -> None:
     while True:
         await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
         if not app.hears_autopilot:
-            _log.warning("no autopilot heard on %s for %.0f s; still trying", url, REPORT_SILENCE_S)
+            why = f" ({app.transport.trouble})" if app.transport.trouble else ""
+            _log.warning("no autopilot heard on %s for %.0f s; still trying%s", url, REPORT_SILENCE_S, why)

@@ -428,7 +428,7 @@ _REQUESTS: dict[str, Callable[[Any], Request]] = {
         "parameter_read", m.target_system, m.target_component, m.param_index, name=m.param_id
     ),
     "PARAM_SET": lambda m: Request(
-        "parameter_set", m.target_system, m.target_component, 0, (m.param_value,), m.param_id
+        "parameter_set", m.target_system, m.target_component, m.param_type, (m.param_value,), m.param_id
     ),
     "MISSION_REQUEST_LIST": lambda m: Request("mission_list", m.target_system, m.target_component),
     "MISSION_COUNT": lambda m: Request("mission_list", m.target_system, m.target_component),

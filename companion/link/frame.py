@@ -115,7 +115,8 @@ class Request:
         ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``, or
         ``mission_list``.
     number : int
-        The command, the sequence number of a ping, or the index of a parameter, -1 for one by its name.
+        The command, the sequence number of a ping, or of a parameter the index, -1 for one by its name, and
+        where it is to be set its MAV_PARAM_TYPE.
     parameters : tuple of float
         Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds; the
         value that a parameter is to have.

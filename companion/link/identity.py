@@ -19,6 +19,7 @@ from companion.link.frame import Frame, Request
 
 _ACCEPTED, _UNSUPPORTED = 0, 3
 _WARNING = 4
+_REAL32 = 9  # MAV_PARAM_TYPE
 _REQUEST_MESSAGE = 512
 _AUTOPILOT_VERSION, _HEARTBEAT = 148, 0
 _VERSION = 0x00010000  # 0.1.0, as AUTOPILOT_VERSION packs it
@@ -94,7 +95,9 @@ def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore
         return b""
     said = b""
     if request.kind == "parameter_set":
-        reason = parameters.set(name, request.parameters[0])
+        # In another type the same bytes are another number, and autopilots differ in how they take it.
+        is_real = request.number == _REAL32
+        reason = parameters.set(name, request.parameters[0]) if is_real else "not sent as REAL32"
         if reason:
             codec.counters["refused_parameter"] += 1
             said = codec.status_text(_WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50])

@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
+import os
 import socket
 from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import SplitResult, urlsplit
 
+import serial
 import serial_asyncio
 
-from companion.clock import Clock
+from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 10.0
 _BACKLOG_MAX = 256 * 1024  # bytes; a line that takes none for so long is as good as lost
+# An interface that is not up yet has no address, and a name is not known.
+_MAY_PASS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 _URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
 
 Receiver = Callable[[bytes], None]
@@ -39,6 +44,11 @@ class Transport(Protocol):
     @property
     def backlog_bytes(self) -> int:
         """How much waits to leave."""
+        ...
+
+    @property
+    def trouble(self) -> str:
+        """Why the line is not up, as far as that is known; '' while it is."""
         ...
 
     async def open(self) -> None:
@@ -62,6 +72,7 @@ class _Base:
     def __init__(self) -> None:
         self._receiver: Receiver = _dropped
         self.dropped_bytes = 0
+        self.trouble = ""
 
     @property
     def backlog_bytes(self) -> int:
@@ -133,6 +144,11 @@ class LastingTransport:
         """How much waits to leave."""
         return self._line.backlog_bytes
 
+    @property
+    def trouble(self) -> str:
+        """Why the line is not up."""
+        return self._line.trouble
+
     async def open(self) -> None:
         """Open the line, unless it is."""
         if not self._has_begun:
@@ -172,9 +188,15 @@ class _DatagramProtocol(asyncio.DatagramProtocol):
 
 
 class _UdpTransport(_Base):
-    def __init__(self, host: str, port: int) -> None:
+    """What both kinds of UDP share; where the network is not up yet, the socket is made when it is."""
+
+    kind = ""
+
+    def __init__(self, host: str, port: int, clock: Clock | None = None) -> None:
         super().__init__()
         self._address = (host, port)
+        self._clock = clock or WallClock()
+        self._task: asyncio.Task[None] | None = None
         self._peer: tuple[str, int] | None = None
         self._socket: asyncio.DatagramTransport | None = None
 
@@ -183,8 +205,44 @@ class _UdpTransport(_Base):
         """Whether there is a socket and somebody to send to."""
         return self._socket is not None and self._peer is not None
 
+    async def open(self) -> None:
+        """Make the socket, or begin trying to.
+
+        Raises
+        ------
+        LinkError
+            When the address cannot be had, and will not be by itself.
+        """
+        try:
+            await self._make()
+        except OSError as error:
+            if not isinstance(error, socket.gaierror) and error.errno not in _MAY_PASS:
+                host, port = self._address
+                raise LinkError(f"{self.kind}://{host}:{port}: {_words(error)}") from error
+            self.trouble = _words(error)
+            self._task = asyncio.create_task(self._try_again(), name="transport")
+
+    async def _make(self) -> None:
+        raise NotImplementedError
+
+    async def _try_again(self) -> None:
+        pause_s = FIRST_PAUSE_S
+        while True:
+            await self._clock.sleep_until(self._clock.now_s() + pause_s)
+            pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
+            try:
+                await self._make()
+            except OSError as error:
+                self.trouble = _words(error)
+            else:
+                self.trouble = ""
+                return
+
     async def close(self) -> None:
         """Close the socket."""
+        task, self._task = self._task, None
+        if task is not None:
+            await _ended(task)
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
@@ -205,48 +263,32 @@ class _UdpTransport(_Base):
 class UdpInTransport(_UdpTransport):
     """Listens on a port and answers whoever spoke last."""
 
+    kind = "udpin"
+
     @property
     def port(self) -> int | None:
         """Port that is listened on, once open."""
         return None if self._socket is None else int(self._socket.get_extra_info("sockname")[1])
 
-    async def open(self) -> None:
-        """Bind the port.
-
-        Raises
-        ------
-        LinkError
-            When the port cannot be had.
-        """
-        try:
-            self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-                lambda: _DatagramProtocol(self._on_data), local_addr=self._address
-            )
-        except OSError as error:
-            raise LinkError(f"udpin://{self._address[0]}:{self._address[1]}: {error.strerror}") from error
+    async def _make(self) -> None:
+        self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: _DatagramProtocol(self._on_data), local_addr=self._address
+        )
 
 
 class UdpOutTransport(_UdpTransport):
     """Sends to a fixed address and takes what comes back."""
 
-    async def open(self) -> None:
-        """Make the socket.
+    kind = "udpout"
 
-        Raises
-        ------
-        LinkError
-            When the host's name is not known.
-        """
+    async def _make(self) -> None:
         host, port = self._address
         loop = asyncio.get_running_loop()
-        try:
-            found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-            family, _, _, _, address = found[0]
-            self._socket, _ = await loop.create_datagram_endpoint(
-                lambda: _DatagramProtocol(lambda data, _: self._receiver(data)), family=family
-            )
-        except OSError as error:
-            raise LinkError(f"udpout://{host}:{port}: {error.strerror}") from error
+        found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+        family, _, _, _, address = found[0]
+        self._socket, _ = await loop.create_datagram_endpoint(
+            lambda: _DatagramProtocol(lambda data, _: self._receiver(data)), family=family
+        )
         self._peer = (str(address[0]), int(address[1]))
 
 
@@ -293,9 +335,7 @@ class _StreamTransport(_Base):
         """Close the line and stop connecting."""
         task, self._task = self._task, None
         if task is not None:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+            await _ended(task)
 
     def send(self, data: bytes) -> None:
         """Send; dropped when the line is down or its buffer is full."""
@@ -316,14 +356,17 @@ class _StreamTransport(_Base):
                 self._line = await self._connect(protocol)
             except OSError as error:
                 _log.debug("no connection: %s", error)
+                self.trouble = _words(error)
             else:
                 self.connections += 1
+                self.trouble = ""
                 pause_s = FIRST_PAUSE_S
                 try:
                     await protocol.lost
                 finally:
                     line, self._line = self._line, None
                     line.abort()
+                    self.trouble = "the connection was lost"
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
@@ -354,8 +397,9 @@ class SerialTransport(_StreamTransport):
 
     async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
         line, _ = await serial_asyncio.create_serial_connection(
-            asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate
-        )
+            asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,
+            exclusive=True,  # two readers would get half of each frame
+        )  # fmt: skip
         opened: asyncio.WriteTransport = line
         return opened
 
@@ -386,8 +430,23 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
         raise _url_error(url, _URL_KINDS)
     host, port = _address(url)
     if kind == "udpin":
-        return UdpInTransport(host, port)
-    return UdpOutTransport(host, port) if kind == "udpout" else TcpTransport(host, port, clock)
+        return UdpInTransport(host, port, clock)
+    return UdpOutTransport(host, port, clock) if kind == "udpout" else TcpTransport(host, port, clock)
+
+
+async def _ended(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+def _words(error: OSError) -> str:
+    """What is wrong with an address; the event loop's own words name it once more."""
+    if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK):
+        return "another program has the port: the service?"
+    if isinstance(error, socket.gaierror | serial.SerialException) or not error.errno:
+        return error.strerror or str(error)
+    return os.strerror(error.errno)
 
 
 def _address(url: str) -> tuple[str, int]:

@@ -245,14 +245,27 @@ def _draw_uploads(sheet: MapSheet, record: FlightRecord, start_s: float) -> None
             array=stamps,
             cmap=style.MISSION_MAP,
             norm=Normalize(*colours.get_clim()),
-            linewidths=1.1,
+            linewidths=8.0,  # wider than the flown path, which mostly lies on it
+            alpha=0.55,
             zorder=6.5,
         ),
         autolim=False,
     )
+    entries = np.array([upload.positions_enu_m[0, :2] for upload in record.missions])
+    sheet.axes.scatter(
+        entries[:, 0],
+        entries[:, 1],
+        s=34,
+        c=colours.to_rgba(stamps),
+        edgecolors="white",
+        linewidths=1.0,
+        zorder=9.4,
+    )
     if len(record.missions) > 1:
         sheet.bar(colours, f"uploaded missions ({len(stamps)}), by time of upload", is_clock=True)
-    sheet.entry("uploaded mission", color=colours.to_rgba(stamps)[len(stamps) // 2], lw=1.1)
+    middle = colours.to_rgba(stamps)[len(stamps) // 2]
+    sheet.entry("uploaded mission", color=middle, lw=8.0, alpha=0.55)
+    sheet.entry("its first waypoint", marker="o", color=middle, mec="white", ls="none")
 
 
 def _draw_moving(sheet: MapSheet, record: FlightRecord) -> None:

@@ -126,7 +126,7 @@ def test_two_flights_are_two_recordings_and_the_second_is_planned_anew(bench):
     assert kinds[0][-1] == "landed"
     assert kinds[1][0] == "mode"
     assert kinds[1][-1] == "stopped"
-    assert recordings[1].start_us > recordings[0].frames[-1].at_us
+    assert recordings[1].start_us >= recordings[0].frames[-1].at_us
     assert bench.said.count("Planner landed: the flight is over") == 1
     assert not any("stopped" in text for text in bench.said[:-1])
 
@@ -205,3 +205,25 @@ def test_an_address_that_is_taken_ends_the_service_with_one_error(tmp_path):
         service = Service(MISSION, url, tmp_path / "flights", {})
         with pytest.raises(LinkError, match=f"{url}: Address already in use"):
             asyncio.run(service.run())
+    assert list((tmp_path / "flights").iterdir()) == []
+
+
+def test_a_port_for_metrics_that_is_taken_leaves_nothing_behind(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError, match=f"metrics on 127.0.0.1:{port}: Address already in use"):
+            Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, port)
+    assert not (tmp_path / "flights").exists()
+
+
+def test_hours_of_silence_leave_no_recording(bench):
+    async def script():
+        for _ in range(2):
+            app = bench.service.app
+            await bench.pass_time(GROUND_MAX_S, step_s=60.0)
+            await bench.until(lambda app=app: bench.service.app is not app)
+
+    served(bench, script)
+    assert bench.folders() == []

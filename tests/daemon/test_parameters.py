@@ -111,6 +111,28 @@ def test_out_of_range_the_old_value_is_told_and_why(tmp_path, name, value):
     assert not (tmp_path / "parameters.json").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "bound"),
+    [("SRRT_SWAP_GAIN", 1.5, "at most 1"), ("SRRT_SWAP_GAIN", -0.1, "at least 0"),
+     ("SRRT_THREAT_MAX", 0.0, "more than 0"), ("SRRT_THREAT_MAX", math.nan, "a finite number"),
+     (ENABLE, 2.0, "0 or 1")],
+)  # fmt: skip
+def test_the_bound_has_room_in_the_answer(name, value, bound):
+    _, said = Station().set(name, value)
+    assert said.text.endswith(f": {bound}")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in range(12) if kind != mavlink.MAV_PARAM_TYPE_REAL32])
+def test_another_type_is_refused(kind):
+    station = Station()
+    three = struct.unpack("<f", struct.pack("<I", 3))[0]
+    for value in (three, 3.0):
+        kept, said = station.set("SRRT_SWAP_MARG", value, kind)
+        assert kept.param_value == pytest.approx(MISSION.planning.swap_margin_s)
+        assert said.text.endswith("not sent as REAL32")
+    assert station.parameters.values_set == {}
+
+
 def test_what_there_is_not_is_counted_and_not_answered():
     station = Station()
     assert station.read("SRRT_NONE") == station.read(index=99) == station.set("WP_RADIUS", 1.0) == []

@@ -7,6 +7,7 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.daemon import service
+from companion.link.transport import MemoryTransport
 
 URL = "udpin://127.0.0.1:14540"
 
@@ -16,6 +17,7 @@ class Listener:
 
     def __init__(self):
         self.hears_autopilot = False
+        self.transport = MemoryTransport()
 
 
 def reported(caplog, moves):
@@ -47,6 +49,14 @@ def test_silence_is_told_within_ten_seconds_with_the_link(caplog):
     assert "no autopilot heard" in caplog.text
     assert URL in caplog.text
     assert "still trying" in caplog.text
+    assert "(" not in caplog.text.partition("still trying")[2]
+
+
+def test_why_the_line_is_not_up_is_told_with_it(caplog, monkeypatch):
+    monkeypatch.setattr(MemoryTransport, "trouble", "Connection refused", raising=False)
+    monkeypatch.setattr(MemoryTransport, "__init__", lambda self: None)
+    reported(caplog, [(service.REPORT_SILENCE_S, False)])
+    assert "still trying (Connection refused)" in caplog.text
 
 
 def test_it_is_told_again_and_again(caplog):

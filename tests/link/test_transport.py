@@ -125,12 +125,45 @@ def test_udp_errors():
             await taken.open()
         await inward.close()
 
-        async def unknown(*_arguments, **_names):
-            raise socket.gaierror(-2, "Name or service not known")
+    run(body())
 
-        asyncio.get_running_loop().getaddrinfo = unknown
-        with pytest.raises(LinkError, match="udpout://gcs:1: Name or service not known"):
-            await UdpOutTransport("gcs", 1).open()
+
+async def unknown(*_arguments, **_names):
+    raise socket.gaierror(-2, "Name or service not known")
+
+
+def test_a_name_that_is_not_known_yet_is_asked_for_again():
+    async def body():
+        clock, loop = ManualClock(), asyncio.get_running_loop()
+        known, loop.getaddrinfo = loop.getaddrinfo, unknown
+        outward = UdpOutTransport("localhost", 1, clock)
+        await outward.open()
+        assert not outward.is_open
+        assert outward.trouble == "Name or service not known"
+        clock.advance_to(1.0)
+        await rounds()
+        assert not outward.is_open
+        loop.getaddrinfo = known
+        clock.advance_to(3.0)
+        await up(outward)
+        assert outward.trouble == ""
+        await outward.close()
+        assert not outward.is_open
+
+    run(body())
+
+
+def test_an_address_that_no_interface_has_yet_is_tried_again_until_closed():
+    async def body():
+        clock = ManualClock()
+        inward = UdpInTransport("192.0.2.1", 14540, clock)  # of documentation, nobody's
+        await inward.open()
+        for now_s in range(1, 40):
+            clock.advance_to(float(now_s))
+            await rounds(5)
+        assert inward.trouble == "Cannot assign requested address"
+        assert not inward.is_open
+        await inward.close()
 
     run(body())
 
@@ -248,12 +281,48 @@ def test_serial():
     run(body())
 
 
+def test_a_serial_line_has_one_reader():
+    async def body():
+        leader, follower = pty.openpty()
+        first, second = (SerialTransport(os.ttyname(follower), 57_600, WallClock()) for _ in range(2))
+        await first.open()
+        await up(first)
+        await second.open()
+        await rounds()
+        assert not second.is_open
+        assert second.trouble == "another program has the port: the service?"
+        await first.close()
+        await up(second)
+        assert second.trouble == ""
+        await second.close()
+        os.close(leader)
+        os.close(follower)
+
+    run(body())
+
+
+def test_why_nobody_answers_is_told():
+    async def body():
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        transport = TcpTransport("127.0.0.1", port, ManualClock())
+        await transport.open()
+        while not transport.trouble:  # noqa: ASYNC110 the kernel's answer comes by itself
+            await asyncio.sleep(0)
+        assert transport.trouble == "Connection refused"
+        await transport.close()
+
+    run(body())
+
+
 def test_serial_line_that_is_not_there():
     async def body():
         transport = SerialTransport("/dev/no-such-line", 57_600, ManualClock())
         await transport.open()
         await rounds()
         assert not transport.is_open
+        assert "/dev/no-such-line" in transport.trouble
         await transport.close()
 
     run(body())
