@@ -11,7 +11,7 @@ COPY pyproject.toml README.md constraints.txt ./
 COPY companion companion
 # Left out at the end: the installer, the libraries' own tests, and dialects of MAVLink that nothing reads.
 RUN --mount=type=cache,target=/root/.cache/pip python -m venv /opt/companion \
-    && /opt/companion/bin/pip install --quiet --no-compile -c constraints.txt '.[metrics]' \
+    && /opt/companion/bin/pip install --quiet --no-compile -c constraints.txt '.[metrics,plot]' \
     && /opt/companion/bin/pip uninstall --yes pip setuptools \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Installs the service on a Debian-like computer with systemd, or takes it away again.
 set -eu
+umask 022  # what is installed is for others to read
 
 usage() {
     cat <<'END'
@@ -20,7 +21,7 @@ operator has edited is left alone, and what is as it should be is not touched.
 END
 }
 
-action=install purge=no dry=no root="" python=python3 program=yes
+action=install purge=no dry=no root="" python=python3 program=yes renewed=no
 while [ $# -gt 0 ]; do
     case $1 in
         --uninstall) action=uninstall ;;
@@ -34,6 +35,10 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
+if [ "$purge" = yes ] && [ "$action" = install ]; then
+    echo "install.sh: --purge goes with --uninstall" >&2
+    exit 2
+fi
 
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(dirname "$here")
@@ -91,12 +96,29 @@ install_program() {
         return
     fi
     [ -x /opt/companion/bin/python ] || run "$python" -m venv /opt/companion
+    # pip builds in the folder that it is given. In the checkout it would leave root's files, and install
+    # from them what has been deleted since.
+    copy=/tmp/companion
+    if [ "$dry" = no ]; then
+        copy=$(mktemp -d)
+        trap 'rm -rf "$copy"' EXIT
+    fi
+    run cp -R "$source/companion" "$source/pyproject.toml" "$source/README.md" "$copy"
     run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
-        --force-reinstall --no-deps "$source"
+        --force-reinstall --no-deps "$copy"
     run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
-        -c "$source/constraints.txt" "safe-rrt-companion[metrics] @ file://$source"
+        -c "$source/constraints.txt" "safe-rrt-companion[metrics,plot] @ file://$copy"
     say "+ remember $digest"
     [ "$dry" = yes ] || echo "$digest" > "$stamp"
+    renewed=yes
+}
+
+# Kernels are compiled by the service's user, into the service's cache; else its first start does it.
+warm_up() {
+    run install -d -o companion -g companion -m 0750 /var/cache/companion
+    run runuser -u companion -- env NUMBA_CACHE_DIR=/var/cache/companion \
+        /opt/companion/bin/companion warm-up /etc/companion/mission.yaml ||
+        say "kernels are not compiled yet: the service's first start will take a minute longer"
 }
 
 install_all() {
@@ -112,6 +134,7 @@ install_all() {
         run systemd-sysusers "$users"
         run chgrp -R companion /etc/companion
         run systemd-tmpfiles --create "$folders"
+        [ "$renewed" = no ] || warm_up
     fi
     if has_systemd; then
         run systemctl daemon-reload

@@ -309,8 +309,8 @@ def main() -> int:
         stage = builder.stage
         if stage.user == "root" or not stage.health:
             raise RuntimeError("the image runs as root, or has no health check")
-        tell("plan, run, health check, stop")
-        builder.run([*stage.entry, "plan", MISSION])
+        tell("plan with a picture, run, health check, stop")
+        builder.run([*stage.entry, "plan", MISSION, "--plot", "/tmp/plan.png"])
         prove_health(builder)
         tell(f"proven; {size_mb(stage.root / 'opt'):.0f} MB above its base")
     except (OSError, ValueError, RuntimeError, subprocess.SubprocessError) as error:

@@ -23,6 +23,10 @@ MAVLINK_PROTOCOLS = (1.0, 2.0)
 # SERIALn_BAUD of ArduPilot is in thousands, but for these.
 BAUD_RATES = {1: 1200, 2: 2400, 4: 4800, 9: 9600, 19: 19200, 38: 38400, 57: 57600, 111: 111100}
 BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 921: 921600, 1500: 1500000}
+# MAV_n_CONFIG of PX4 names the port of each of its instances of MAVLink; the telemetry ports are these.
+PX4_INSTANCES = range(3)
+PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
+ONBOARD = 2.0  # MAV_n_MODE
 
 Judge = Callable[[float], Finding]
 
@@ -85,10 +89,14 @@ ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
     """Parameters that are to be read."""
-    names = [*(wish.name for wish in WISHES[dialect]), *SPEEDS[dialect]]
+    return (*(wish.name for wish in WISHES[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
+
+
+def _serial_names(dialect: Dialect) -> list[str]:
     if dialect is Dialect.ARDUPILOT:
-        names += [f"SERIAL{n}_{what}" for n in SERIAL_PORTS for what in ("PROTOCOL", "BAUD")]
-    return tuple(names)
+        return [f"SERIAL{n}_{what}" for n in SERIAL_PORTS for what in ("PROTOCOL", "BAUD")]
+    names = [f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE")]
+    return names + [f"SER_{port}_BAUD" for port in PX4_PORTS.values()]
 
 
 def version(dialect: Dialect, told: VersionTold | None) -> Finding:
@@ -115,8 +123,7 @@ def parameter_findings(
         value = values.get(wish.name)
         findings.append(_untold(wish.name) if value is None else wish.judged(value))
     findings += _speeds(dialect, values, mission)
-    if dialect is Dialect.ARDUPILOT:
-        findings.append(_serial(values, baud_rate))
+    findings.append(_serial(dialect, values, baud_rate))
     return findings
 
 
@@ -138,13 +145,44 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
     return [ok("airspeeds", found)]
 
 
-def _serial(values: Mapping[str, float], baud_rate: int | None) -> Finding:
-    ports = {n: values.get(f"SERIAL{n}_BAUD") for n in SERIAL_PORTS
-             if values.get(f"SERIAL{n}_PROTOCOL") in MAVLINK_PROTOCOLS}  # fmt: skip
-    rates = {n: BAUD_RATES.get(int(code), int(code) * 1000) for n, code in ports.items() if code is not None}
-    found = ", ".join(f"SERIAL{n} MAVLink {rate}" for n, rate in rates.items()) or "no port speaks MAVLink"
+def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:
+    check = "serial ports"
+    if not values.keys() & set(_serial_names(dialect)):
+        return ok(check, "not told") if baud_rate is None else _untold(check)
+    is_px4 = dialect is Dialect.PX4
+    rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
+    found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
     if baud_rate is not None and baud_rate not in rates.values():
-        return warn("serial ports", found, f"set SERIALn_PROTOCOL 2 and SERIALn_BAUD for {baud_rate}")
-    if any(values.get(f"SERIAL{n}_PROTOCOL") == 1.0 for n in rates):
-        return warn("serial ports", found, "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures")
-    return ok("serial ports", found)
+        names = (
+            "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD"
+            if is_px4
+            else "SERIALn_PROTOCOL 2 and SERIALn_BAUD"
+        )
+        return warn(check, found, f"set {names} for {baud_rate}")
+    if is_px4:
+        modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
+        if modes and ONBOARD not in modes:
+            return warn(
+                check, found, "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
+            )
+    elif any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
+        return warn(check, found, "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures")
+    return ok(check, found)
+
+
+def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:
+    """Baud rates of the ports that speak MAVLink."""
+    ports = [f"SERIAL{n}" for n in SERIAL_PORTS if values.get(f"SERIAL{n}_PROTOCOL") in MAVLINK_PROTOCOLS]
+    codes = {port: values.get(f"{port}_BAUD", math.nan) for port in ports}
+    return {
+        port: BAUD_RATES.get(int(code), int(code) * 1000)
+        for port, code in codes.items()
+        if math.isfinite(code)
+    }
+
+
+def _px4_rates(values: Mapping[str, float]) -> dict[str, int]:
+    """Baud rates of the instances of MAVLink that have a telemetry port."""
+    ports = {f"MAV_{n}": PX4_PORTS.get(values.get(f"MAV_{n}_CONFIG", 0.0)) for n in PX4_INSTANCES}
+    rates = {name: values.get(f"SER_{port}_BAUD", math.nan) for name, port in ports.items()}
+    return {name: int(rate) for name, rate in rates.items() if math.isfinite(rate)}

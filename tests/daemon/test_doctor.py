@@ -28,7 +28,8 @@ GOOD = {
 }  # fmt: skip
 GOOD_PX4 = {
     "MIS_TKO_LAND_REQ": 0.0, "NAV_TRAFF_AVOID": 1.0, "NAV_ACC_RAD": 10.0, "FW_AIRSPD_MIN": 12.0,
-    "FW_AIRSPD_MAX": 38.0, "FW_AIRSPD_TRIM": 25.0,
+    "FW_AIRSPD_MAX": 38.0, "FW_AIRSPD_TRIM": 25.0, "MAV_0_CONFIG": 101.0, "MAV_0_MODE": 0.0,
+    "MAV_1_CONFIG": 102.0, "MAV_1_MODE": 2.0, "SER_TEL1_BAUD": 57_600.0, "SER_TEL2_BAUD": 921_600.0,
 }  # fmt: skip
 
 
@@ -86,10 +87,11 @@ def test_a_key_that_others_may_read_is_a_failure(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 6), (Dialect.PX4, GOOD_PX4, 4)]
+    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 6), (Dialect.PX4, GOOD_PX4, 5)]
 )
-def test_good_parameters_need_nothing(dialect, values, number):
-    findings = parameter_findings(dialect, values, MISSION, None)
+@pytest.mark.parametrize("baud_rate", [None, 921_600])
+def test_good_parameters_need_nothing(dialect, values, number, baud_rate):
+    findings = parameter_findings(dialect, values, MISSION, baud_rate)
     assert {finding.verdict for finding in findings} == {OK}
     assert len(findings) == number
     assert set(values) <= set(parameter_names(dialect))
@@ -106,6 +108,7 @@ def test_good_parameters_need_nothing(dialect, values, number):
         ({"WP_RADIUS": 10.0}, "WP_RADIUS", WARN),
         ({"AIRSPEED_MIN": 26.0}, "airspeeds", FAIL),
         ({"SERIAL1_BAUD": 57.0}, "serial ports", WARN),
+        ({"SERIAL1_BAUD": float("nan")}, "serial ports", WARN),
         ({"SERIAL1_PROTOCOL": 1.0}, "serial ports", WARN),
         ({"SERIAL1_PROTOCOL": 5.0}, "serial ports", WARN),
     ],
@@ -124,6 +127,34 @@ def test_what_would_harm_on_arduplane_is_told_with_advice(changes, check, verdic
 def test_what_would_harm_on_px4_is_told(name, value, verdict):
     findings = parameter_findings(Dialect.PX4, {**GOOD_PX4, name: value}, None, None)
     assert verdicts(findings)[name] is verdict
+
+
+@pytest.mark.parametrize(
+    ("changes", "advice"),
+    [
+        ({"MAV_1_CONFIG": 0.0}, "MAV_1_CONFIG 102"),
+        ({"MAV_1_CONFIG": 201.0}, "MAV_1_CONFIG 102"),
+        ({"SER_TEL2_BAUD": 57_600.0}, "SER_TEL2_BAUD for 921600"),
+        ({"SER_TEL2_BAUD": float("nan")}, "SER_TEL2_BAUD for 921600"),
+        ({"MAV_1_MODE": 0.0}, "MAV_n_MODE 2"),
+    ],
+)
+def test_px4s_serial_ports_are_judged_by_the_line_that_is_used(changes, advice):
+    values = {**GOOD_PX4, **changes}
+    (found,) = (
+        entry for entry in parameter_findings(Dialect.PX4, values, None, 921_600)
+        if entry.check == "serial ports"
+    )  # fmt: skip
+    assert found.verdict is WARN
+    assert advice in found.advice
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+@pytest.mark.parametrize(("baud_rate", "verdict"), [(None, OK), (921_600, WARN)])
+def test_serial_ports_that_are_not_told_are_not_judged(dialect, baud_rate, verdict):
+    found = parameter_findings(dialect, {}, MISSION, baud_rate)[-1]
+    assert (found.check, found.found, found.verdict) == ("serial ports", "not told", verdict)
+    assert "set" not in found.advice
 
 
 def test_a_parameter_that_is_not_told_is_a_warning():

@@ -1,5 +1,6 @@
 """install.sh below a folder: again and again, without doing anything, and back."""
 
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -14,6 +15,18 @@ OURS = {
     "opt/companion/share/doc/99-companion.rules.example",
 }  # fmt: skip
 OPERATORS = {"etc/companion/environment", "etc/companion/mission.yaml"}
+# Stands in for Python: makes an environment with itself in it, and leaves in a folder that it installs from
+# what a build leaves there.
+PYTHON = """#!/bin/sh
+case "$*" in
+    "-m venv "*) install -D "$0" "$3/bin/python" ;;
+    "-m pip install "*)
+        for source; do :; done
+        folder=${source##*file://}
+        mkdir "$folder/build" "$folder/x.egg-info" 2> /dev/null
+        echo "$source: $(echo $(ls "$folder"))" >> LOG ;;
+esac
+"""
 
 
 @pytest.fixture
@@ -66,6 +79,62 @@ def test_it_is_taken_away_again_but_for_what_is_the_operators(install, tmp_path)
     install("--uninstall", "--purge")
     assert files(tmp_path) == set()
     assert (tmp_path / "opt").is_dir()
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A checkout of one module, whose install.sh puts the program below the root, too."""
+    made = tmp_path / "checkout"
+    shutil.copytree(SCRIPT.parent, made / "packaging")
+    shutil.copytree(SCRIPT.parents[1] / "mission_configs", made / "mission_configs")
+    (made / "companion").mkdir()
+    for name in ("pyproject.toml", "README.md", "constraints.txt", "companion/__init__.py"):
+        shutil.copy(SCRIPT.parents[1] / name, made / name)
+    script = made / "packaging" / "install.sh"
+    text = script.read_text(encoding="utf-8").replace("program=no; shift", "shift")
+    text = text.replace(" /opt/companion", f" {tmp_path}/opt/companion")
+    script.write_text(text.replace("stamp=/opt/", f"stamp={tmp_path}/opt/"), encoding="utf-8")
+    python = tmp_path / "python"
+    python.write_text(PYTHON.replace("LOG", str(tmp_path / "pip.log")), encoding="utf-8")
+    python.chmod(0o755)
+    return made
+
+
+def test_the_program_is_built_in_a_copy_and_the_checkout_stays_as_it_is(checkout, tmp_path):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    before = files(checkout)
+
+    def install(*options):
+        subprocess.run(
+            ["sh", checkout / "packaging" / "install.sh", "--root", tmp_path / "root", *options,
+             "--python", tmp_path / "python"],
+            check=True, capture_output=True, env={"PATH": "/usr/bin:/bin", "TMPDIR": str(temporary)},
+        )  # fmt: skip
+
+    install("--dry-run")
+    assert not (tmp_path / "pip.log").exists()
+    install()
+    installed = (tmp_path / "pip.log").read_text(encoding="utf-8").splitlines()
+    assert len(installed) == 2
+    for line in installed:
+        source, _, inside = line.rpartition(": ")
+        assert f"{temporary}/" in source
+        assert inside == "README.md build companion pyproject.toml x.egg-info"
+    assert installed[1].startswith("safe-rrt-companion[metrics,plot] @ file://")
+    assert list(temporary.iterdir()) == []
+    assert files(checkout) == before
+    assert [path for path in checkout.rglob("*") if path.name in ("build", "x.egg-info")] == []
+    install()
+    assert len((tmp_path / "pip.log").read_text(encoding="utf-8").splitlines()) == 2
+    (checkout / "companion" / "__init__.py").write_text("", encoding="utf-8")
+    install()
+    assert len((tmp_path / "pip.log").read_text(encoding="utf-8").splitlines()) == 4
+
+
+def test_purging_without_taking_away_is_refused_and_installs_nothing(install, tmp_path):
+    install("--purge", code=2)
+    assert files(tmp_path) == set()
 
 
 def test_an_unknown_option_is_bad_usage(install):
