@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 EXIT_FAILED = 1
 EXTRA_COMMANDS = "companion.commands"
+EXTRAS = {"matplotlib": "plot", "jsbsim": "sim"}  # that bring a package which some commands need
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
 MetricsPort = Annotated[
@@ -117,6 +118,10 @@ def check(
     from companion.campaign.understood import described, summary_table
     from companion.config import load_mission
 
+    if plot is not None:
+        from companion.config.compose import world_of
+        from companion.ui.plots import plot_mission
+
     config = load_mission(mission)
     if json_file is not None:
         write_json(json_file, described(config))
@@ -126,11 +131,7 @@ def check(
         else:
             console.print(summary_table(config))
     if plot is not None:
-        from companion.config.compose import world_of
-        from companion.ui.plots import plot_mission
-
         require_goals(config, mission)
-
         with _writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False))
 
@@ -151,6 +152,9 @@ def plan(
     from companion.campaign.runs import plan_runs, result_of, results_table
     from companion.config import load_mission
 
+    if plot is not None:
+        from companion.ui.plots import plot_plan
+
     config = load_mission(mission)
     require_goals(config, mission)
     snapshot, plans = plan_runs(
@@ -162,8 +166,6 @@ def plan(
     if json_file is None or str(json_file) != "-":
         console.print(results_table(config.name, config.dimension, plans))
     if plot is not None:
-        from companion.ui.plots import plot_plan
-
         with _writing(plot, "--plot"):
             plot_plan(plot, config, snapshot, plans[0])
     if not all(entry.reaches_goal for entry in plans):
@@ -300,11 +302,16 @@ def report(
     console.print(f"report: {page}\npicture: {picture}", soft_wrap=True)
 
 
+def _not_installed(what: str, command: str, extra: str) -> ConfigError:
+    """The error of a command that needs what is not installed."""
+    return ConfigError(
+        "companion", None, command, f"no {what} installed", f"pip install 'safe-rrt-companion[{extra}]'"
+    )
+
+
 def _without_simulator() -> None:
     """Say what is missing."""
-    raise ConfigError(
-        "companion", None, "sitl", "no simulator installed", "pip install 'safe-rrt-companion[sim]'"
-    )
+    raise _not_installed("simulator", "sitl", "sim")
 
 
 def _add_commands() -> None:
@@ -325,6 +332,17 @@ def _add_commands() -> None:
         )(_without_simulator)
 
 
+def _called() -> None:
+    """Run the command that is named, or tell which extra it lacks."""
+    try:
+        app()
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in EXTRAS:
+            raise
+        raise _not_installed(package, sys.argv[1], EXTRAS[package]) from None
+
+
 def main() -> None:
     """Run a command; errors made on purpose become one message and their exit code."""
     logging.basicConfig(
@@ -336,7 +354,7 @@ def main() -> None:
     )
     _add_commands()
     try:
-        app()
+        _called()
     except CompanionError as error:
         Console(stderr=True, soft_wrap=True).print(
             f"error: {error}", style="red", markup=False, highlight=False

@@ -53,6 +53,9 @@ def sitl(
     from companion.daemon.warming import warm_up
     from sim.sitl import Flight
 
+    if not headless:
+        from companion.ui.report import write_report
+
     config = load_mission(mission)
     require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
@@ -85,8 +88,6 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
-        from companion.ui.report import write_report
-
         page, picture = write_report(folder, config, world_of(config, none_known=False), flight.record())
         console.print(f"report: {page}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
     if not flight.summary()["success"]:

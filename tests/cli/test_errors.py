@@ -2,6 +2,7 @@
 
 import logging
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -153,6 +154,41 @@ def test_without_a_simulator_sitl_says_what_to_install(companion, monkeypatch):
         cli.app.registered_commands[:] = before
     assert result.code == 2
     assert "pip install 'safe-rrt-companion[sim]'" in only_line(result)
+
+
+def without(monkeypatch, package):
+    """As on a computer that lacks a package: modules that were loaded with it are forgotten."""
+    for name in list(sys.modules):
+        if name.partition(".")[0] == package or name.startswith(("companion.ui", "sim.")):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "command", "options"),
+    [
+        ("matplotlib", "plot", "check", ["--plot", "mission.png"]),
+        ("matplotlib", "plot", "plan", ["--plot", "plan.png"]),
+        ("matplotlib", "plot", "report", []),
+        ("matplotlib", "plot", "sitl", []),
+        ("jsbsim", "sim", "sitl", ["--headless"]),
+    ],
+)
+def test_a_package_that_is_not_installed(companion, tmp_path, monkeypatch, package, extra, command, options):
+    without(monkeypatch, package)
+    monkeypatch.chdir(tmp_path)
+    result = companion(command, tmp_path if command == "report" else FIRST_FLIGHT, *options)
+    assert result.code == 2
+    told = f"error: companion: {command}: got no {package} installed; "
+    assert only_line(result) == f"{told}expected pip install 'safe-rrt-companion[{extra}]'"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_any_other_module_that_is_missing_is_a_fault_of_our_own(companion, monkeypatch, caplog):
+    without(monkeypatch, "companion.ui.plots")
+    result = companion("check", FIRST_FLIGHT, "--plot", "mission.png")
+    assert result.code == 4
+    assert "internal error" in caplog.text
 
 
 @pytest.mark.parametrize("command", ["plan", "sitl"])
