@@ -9,7 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
+from companion.config import load_mission
 from companion.daemon import service as services
+from companion.daemon.comparison import first_difference
 from companion.daemon.ground import GROUND_MAX_S, LANDED_S
 from companion.daemon.memory import Memory
 from companion.daemon.modes import Mode
@@ -18,6 +20,7 @@ from companion.daemon.service import Service
 from companion.errors import LinkError
 from companion.link.transport import MemoryTransport
 from tests.sim.client import CONFIGS
+from tests.support.recorded import replayed
 
 MISSION = CONFIGS / "first-flight.yaml"
 GOALS = [(1750.0, 750.0, 100.0)]
@@ -128,6 +131,10 @@ def test_two_flights_are_two_recordings_and_the_second_is_planned_anew(bench):
     assert kinds[1][-1] == "stopped"
     assert recordings[1].start_us >= recordings[0].frames[-1].at_us
     assert bench.said.count("Planner landed: the flight is over") == 1
+    log = bench.folders()[1] / "flight.tlog"
+    recording, result = replayed(log, load_mission(log.with_name("mission.yaml")))
+    assert first_difference(recording, result) is None
+    assert [entry.kind for entry in result.decisions] == kinds[1][:-1]
     assert not any("stopped" in text for text in bench.said[:-1])
 
 
