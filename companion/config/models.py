@@ -133,7 +133,7 @@ class PlanningConfig(Section):
     total_planning_time_s: Seconds
     """Longest flight that is planned."""
     method: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z][a-z0-9-]*$")] = "safe-rrt"
-    """`safe-rrt` or a comparator; `companion plan --help` and its error list them."""
+    """`safe-rrt` or a comparator; the error about any other name lists them."""
     certainty: Literal["shifted", "literal"] = "shifted"
     """Form of the certainty factor in threat levels: `literal` as printed in the paper, or `shifted`."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
@@ -223,7 +223,7 @@ class SigningConfig(Section):
     """
 
     key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
-    """32 bytes as 64 hexadecimal digits; the file must have mode 0600."""
+    """Of 32 bytes as they are, or as 64 hexadecimal digits; it must have mode 0600."""
     timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
     """Where the last time stamps are kept; left out, the key file's name with `.times` behind it."""
     link_id: Annotated[int, Field(ge=0, le=255)] = 0
