@@ -59,6 +59,11 @@ SEVERITY = {
     "reload": 5,
     "parameters": 4,
 }
+TOLD = {
+    Mode.SUSPENDED: ("suspended", "by the pilot"),
+    Mode.YIELDED: ("suspended", "another mission or item was chosen"),
+    Mode.ARRIVED: ("arrived", "at the last goal"),
+}
 
 LinkKind = Callable[[Codec, Clock, Callable[[bytes], None]], AutopilotLink]
 
@@ -315,14 +320,8 @@ class App:
             self.handover.forget()
         else:
             self._loop.break_off()
-        kind = (
-            "arrived"
-            if self.mode is Mode.ARRIVED
-            else "suspended"
-            if self.mode in (Mode.SUSPENDED, Mode.YIELDED)
-            else "mode"
-        )
-        self.decide(kind, f"{self.mode.value} ({self.autopilot_mode or 'no autopilot'})")
+        kind, words = TOLD.get(self.mode, ("mode", self.mode.value))
+        self.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
         if self.mode is Mode.ACTIVE and not self.parameters.is_replanning:
             self.decide("parameters", f"replanning is switched off by {ENABLE}")
 

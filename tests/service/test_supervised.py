@@ -13,7 +13,9 @@ from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, ser
 
 HANG = """
 import threading
+from companion.daemon import service
 from companion.daemon.cycle import Cycle
+service.warm_up = lambda mission: None  # it plans, too
 def hang(*parts):
     threading.Event().wait()
 """
