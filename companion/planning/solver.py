@@ -95,6 +95,8 @@ def solve(
         ):
             route, reached = improved, True
             notes = [f"the flown path, {kept} short cuts"]
+    if not reached:
+        notes.append(_shortfall(route, problem, num_nodes))
     assessment = assess_route(exploration, route)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
@@ -109,6 +111,12 @@ def solve(
         flown_threat=flown_threat,
         threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
     )
+
+
+def _shortfall(route: Route, problem: Problem, num_nodes: int) -> str:
+    """How far the search got, for who asks why there is no path."""
+    away = float(np.linalg.norm(route.states[-1, :3] - problem.goals[-1].position_enu_m))
+    return f"ends {away:.0f} m from the last goal after {num_nodes} nodes"
 
 
 def _optimised(

@@ -1,6 +1,7 @@
 """Whole plans on small maps: every path is checked by the independent checker; equal seeds, equal plans."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -181,6 +182,10 @@ def test_a_route_that_misses_goals_passes_as_many_as_it_can():
     away = np.linalg.norm(plan.path.positions_enu_m - np.array((700.0, 300.0, 150.0)), axis=1)
     assert away.min() <= 60.0
     assert checker_for(asked).check_path(plan.path) == ()
+    told = re.fullmatch(r"ends (\d+) m from the last goal after (\d+) nodes", plan.notes[-1])
+    missing = np.linalg.norm(plan.path.positions_enu_m[-1] - (1150.0, 1150.0, 150.0))
+    assert float(told[1]) == pytest.approx(missing, abs=0.5)
+    assert int(told[2]) == plan.measures.num_tree_nodes
 
 
 def test_a_plane_plan_keeps_its_height_and_a_space_plan_may_not():
