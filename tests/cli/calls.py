@@ -18,10 +18,12 @@ class Result:
     err: str
 
 
-def in_a_process(*arguments, timeout_s=120):
-    """The installed entry, in a process of its own."""
+def in_a_process(*arguments, timeout_s=120, without=None):
+    """The installed entry, in a process of its own; ``without`` names a module that is not there."""
+    absent = "" if without is None else f"sys.modules[{without!r}] = None; "
+    start = f"import sys; {absent}from companion.cli import main; main()"
     done = subprocess.run(
-        [sys.executable, "-m", "companion.cli", *map(str, arguments)],
+        [sys.executable, "-c", start, *map(str, arguments)],
         capture_output=True, text=True, timeout=timeout_s, check=False,
     )  # fmt: skip
     return Result(done.returncode, done.stdout, done.stderr)

@@ -2,7 +2,6 @@
 
 import logging
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -156,14 +155,6 @@ def test_without_a_simulator_sitl_says_what_to_install(companion, monkeypatch):
     assert "pip install 'safe-rrt-companion[sim]'" in only_line(result)
 
 
-def without(monkeypatch, package):
-    """As on a computer that lacks a package: modules that were loaded with it are forgotten."""
-    for name in list(sys.modules):
-        if name.partition(".")[0] == package or name.startswith(("companion.ui", "sim.")):
-            monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, package, None)
-
-
 @pytest.mark.parametrize(
     ("package", "extra", "command", "options"),
     [
@@ -174,21 +165,21 @@ def without(monkeypatch, package):
         ("jsbsim", "sim", "sitl", ["--headless"]),
     ],
 )
-def test_a_package_that_is_not_installed(companion, tmp_path, monkeypatch, package, extra, command, options):
-    without(monkeypatch, package)
+def test_a_package_that_is_not_installed(tmp_path, monkeypatch, package, extra, command, options):
     monkeypatch.chdir(tmp_path)
-    result = companion(command, tmp_path if command == "report" else FIRST_FLIGHT, *options)
+    given = tmp_path if command == "report" else FIRST_FLIGHT
+    result = in_a_process(command, given, *options, without=package)
     assert result.code == 2
     told = f"error: companion: {command}: got no {package} installed; "
     assert only_line(result) == f"{told}expected pip install 'safe-rrt-companion[{extra}]'"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_any_other_module_that_is_missing_is_a_fault_of_our_own(companion, monkeypatch, caplog):
-    without(monkeypatch, "companion.ui.plots")
-    result = companion("check", FIRST_FLIGHT, "--plot", "mission.png")
+def test_any_other_module_that_is_missing_is_a_fault_of_our_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = in_a_process("check", FIRST_FLIGHT, "--plot", "mission.png", without="companion.ui.plots")
     assert result.code == 4
-    assert "internal error" in caplog.text
+    assert "internal error" in result.err
 
 
 @pytest.mark.parametrize("command", ["plan", "sitl"])
