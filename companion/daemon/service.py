@@ -124,9 +124,8 @@ class Service(Watch):
         self._metrics = None if metrics_port is None else Metrics()
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
         self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
-        self._endpoint = None
-        if self._metrics is not None and metrics_port is not None:
-            self._endpoint = Endpoint(metrics_port, self._metrics, self._supervision)
+        self._metrics_port = metrics_port
+        self._endpoint: Endpoint | None = None
         self._flight = self._begun()
 
     @property
@@ -184,13 +183,15 @@ class Service(Watch):
         Raises
         ------
         LinkError
-            If the link's address cannot be used.
+            If the link's address cannot be used, or the port for metrics.
         """
         loop, stopping = asyncio.get_running_loop(), asyncio.Event()
         for number in STOP_SIGNALS:
             loop.add_signal_handler(number, stopping.set)
         loop.add_signal_handler(signal.SIGHUP, self.reload)
         try:
+            if self._metrics is not None and self._metrics_port is not None:
+                self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
             async with asyncio.TaskGroup() as tasks:
                 warming = tasks.create_task(self._warm())
                 while True:

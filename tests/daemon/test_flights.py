@@ -220,9 +220,10 @@ def test_a_port_for_metrics_that_is_taken_leaves_nothing_behind(tmp_path):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
+        service = Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, port)
         with pytest.raises(LinkError, match=f"metrics on 127.0.0.1:{port}: Address already in use"):
-            Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, port)
-    assert not (tmp_path / "flights").exists()
+            asyncio.run(service.run())
+    assert list((tmp_path / "flights").iterdir()) == []
 
 
 def test_hours_of_silence_leave_no_recording(bench):

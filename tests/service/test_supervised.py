@@ -33,6 +33,13 @@ def is_healthy(port):
         return False
 
 
+def answers(port):
+    try:
+        return is_healthy(port)
+    except urllib.error.URLError:
+        return False
+
+
 def is_flying(words):
     return "last: swap" in words.get("STATUS", "")
 
@@ -138,3 +145,13 @@ def test_a_planner_that_does_not_return_stops_the_watchdog_and_sigterm_still_end
         assert code == 0, said
     assert any("STOPPING" in words for words in manager.rest())
     manager.close()
+
+
+def test_from_its_first_answer_on_it_ends_in_order(tmp_path):
+    told = free_port()
+    with service(free_port(), tmp_path, "--metrics", told) as running:
+        while not answers(told):
+            assert running.poll() is None
+        code, said = ended(running)
+    assert code == 0, said
+    assert "stopped; the autopilot keeps the mission it flies" in said
