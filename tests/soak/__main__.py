@@ -113,6 +113,9 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             how, lasted_s = flight(len(readings), chosen.first_seed, Path(folder))
         ends[how] += 1
+        if how == "collision":
+            seed = chosen.first_seed + len(readings)
+            say(f"flight {len(readings)}, seed {seed}: collision after {lasted_s:.1f} s")
         simulated_s += lasted_s
         readings.append(reading(len(readings), began))
         if len(readings) % 10 == 1:
