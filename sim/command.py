@@ -49,7 +49,7 @@ def sitl(
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
     from companion.config import load_mission
     from companion.config.compose import world_of
-    from companion.daemon.retention import unused
+    from companion.daemon.retention import folder_for
     from companion.daemon.warming import warm_up
     from sim.sitl import Flight
 
@@ -59,8 +59,7 @@ def sitl(
     config = load_mission(mission)
     require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
-    name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{config.name}"
-    folder = None if headless else unused(flights / name)
+    folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
     logging.getLogger("companion.daemon.app").setLevel(logging.WARNING)
     if not headless:
         console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")

@@ -11,7 +11,7 @@ from companion.clock import WallClock
 from companion.config import load_mission
 from companion.daemon.doctor import SERIAL_PORT, local_findings
 from companion.daemon.doctor_link import LinkDoctor
-from companion.daemon.finding import Finding, Verdict
+from companion.daemon.finding import Finding, Verdict, fail
 from companion.daemon.service import signing_of
 from companion.errors import LinkError
 from companion.link.transport import transport_from_url
@@ -51,14 +51,8 @@ async def examined(
             if all(entry.verdict is not Verdict.FAIL for entry in findings if entry.check == SERIAL_PORT):
                 findings += await doctor.examine(seconds)
         except LinkError as error:
-            findings.append(
-                Finding(
-                    "link",
-                    Verdict.FAIL,
-                    str(error),
-                    "end what listens there, the service perhaps, or name another",
-                )
-            )
+            advice = "end what listens there, the service perhaps, or name another"
+            findings.append(fail("link", str(error), advice))
         is_deaf = not doctor.is_heard
     if is_deaf:
         return findings, LinkError.exit_code

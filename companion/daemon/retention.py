@@ -8,6 +8,7 @@ import logging
 import re
 import shutil
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from companion.clock import Clock
@@ -77,8 +78,9 @@ def prune(flights: Path, limit_bytes: int, running: Path, utc_s: float) -> list[
     return deleted
 
 
-def unused(folder: Path) -> Path:
-    """A folder of that name, with a number where it is taken: a computer's clock may be set back."""
+def folder_for(flights: Path, mission: str, begun: datetime) -> Path:
+    """A new flight's folder, with a number where the name is taken: a computer's clock may be set back."""
+    folder = flights / f"{begun.astimezone(UTC):%Y%m%dT%H%M%SZ}-{mission}"
     names = (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2))
     return next(path for path in itertools.chain([folder], names) if not path.exists())
 

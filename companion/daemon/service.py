@@ -24,7 +24,7 @@ from companion.daemon.notify import Notifier, watchdog_of
 from companion.daemon.record import About, Recorder
 from companion.daemon.reload import changed_mission
 from companion.daemon.reporting import Reporting
-from companion.daemon.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned, unused
+from companion.daemon.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
 from companion.daemon.supervision import Report, Supervision
 from companion.daemon.warming import warm_up
 from companion.daemon.watch import Watch, in_thread
@@ -50,25 +50,19 @@ class _Flight:
     ----------
     app : App
         Begun anew for it, so that its recording can be replayed by itself.
-    recorder : Recorder
-        Into its folder.
     reporting : Reporting
         Of the app's figures.
     folder : Path
-        Of the recording.
-    epoch_s : float
-        UTC seconds at clock reading 0.
+        Of the recording, whether it could be written to or not.
     """
 
     app: App
-    recorder: Recorder
     reporting: Reporting
     folder: Path
-    epoch_s: float
 
     def close(self) -> None:
         """End the recording; one of which not a byte was heard is none."""
-        self.recorder.close()
+        self.app.recorder.close()
         if not self.app.codec.counters and self.folder.exists():
             discard(self.folder)
 
@@ -137,7 +131,7 @@ class Service(Watch):
         """What the next flight goes by."""
         mission, flights, clock = self._mission, self._flights, self._clock
         seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
-        folder = unused(flights / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{mission.name}")
+        folder = folder_for(flights, mission.name, datetime.now(UTC))
         recorder = _recorder(folder, epoch_s, About(mission, seed, self._text))
         app = App(
             mission,
@@ -153,7 +147,7 @@ class Service(Watch):
         )
         app.is_warm = self._is_warm
         reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
-        return _Flight(app, recorder, reporting, folder, epoch_s)
+        return _Flight(app, reporting, folder)
 
     def progress(self) -> None:
         """Pass it on to whoever supervises."""
@@ -172,7 +166,7 @@ class Service(Watch):
 
     def report(self) -> Report:
         """What the service does now."""
-        app, decisions = self.app, self._flight.recorder.decisions
+        app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
         return Report(app.is_warm, app.codec.vehicle_system_id is not None, mode, last)
@@ -220,7 +214,7 @@ class Service(Watch):
 
     async def _fly(self, stopping: asyncio.Event) -> None:
         """Carry on until the flight is over, or the service is told to stop."""
-        flight, clock = self._flight, self._clock
+        flight, clock, epoch_s = self._flight, self._clock, self.app.recorder.epoch_s
         _log.info("listening on %s; recording to %s", self._url, flight.folder)
         async with asyncio.TaskGroup() as tasks:
             running = [
@@ -228,7 +222,7 @@ class Service(Watch):
                 tasks.create_task(flight.reporting.run()),
                 tasks.create_task(_report_silence(flight.app, clock, self._url)),
                 tasks.create_task(
-                    keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, flight.epoch_s)
+                    keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, epoch_s)
                 ),
             ]
             ends = [tasks.create_task(stopping.wait()), tasks.create_task(_over(flight.app, clock))]

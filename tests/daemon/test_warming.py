@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from companion.config import mission_from_text
-from companion.daemon.warming import warm_up
+from companion.daemon.cycle import Cycle
+from companion.daemon.warming import NUM_PLANS, warm_up
 from tests.daemon.deck import FIRST_FLIGHT
 from tests.sim.client import CONFIGS
 
@@ -28,7 +29,11 @@ def test_a_flight_compiles_nothing(name):
     "goals", ["goals: from_autopilot\n", "goals:\n  - {east_m: 160, north_m: 750, up_m: 100}\n"],
     ids=["the autopilot's", "at the start"],
 )  # fmt: skip
-def test_it_does_for_every_mission(goals):
+def test_for_every_mission_it_finds_a_plan_at_once_and_improves_on_it(goals, monkeypatch):
+    plans = []
+    monkeypatch.setattr(Cycle, "judge", lambda self, plan, start: plans.append(plan))
     head, _, rest = FIRST_FLIGHT.partition("goals:\n")
     text = head + goals + rest.partition("\n")[2]
     warm_up(mission_from_text(text, "mission.yaml"))
+    assert [plan.reaches_goal for plan in plans] == [True] * NUM_PLANS
+    assert plans[1].flown_cost is not None
