@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions image help venv fly test explore test-long torture campaigns bench reachability garbage soak docs lint format clean
+.PHONY: corruptions image help venv fly test explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -49,8 +49,8 @@ bench: $(STAMP) ## measure the speed of what must be fast
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits
 
-garbage: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
-	$(BIN)/python -m tests.garbage.siege
+hostile: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
+	$(BIN)/python -m tests.hostile.hostile_hour
 
 soak: $(STAMP) ## MINUTES of flights back to back, faults on: what grows?
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)

@@ -26,8 +26,8 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from companion import __version__
-from companion.daemon.logs import LogKind, set_up
 from companion.errors import CompanionError, ConfigError
+from companion.service.log_format import LogKind, set_up
 
 if TYPE_CHECKING:
     from companion.config import MissionConfig
@@ -115,8 +115,8 @@ def check(
     plot: Annotated[Path | None, typer.Option(help="Write a picture here.")] = None,
 ) -> None:
     """Validate a mission file, and tell what was understood."""
-    from companion.campaign.understood import described, summary_table
     from companion.config import load_mission
+    from companion.config.mission_summary import described, summary_table
 
     if plot is not None:
         from companion.config.compose import world_of
@@ -176,7 +176,7 @@ def plan(
 def warm_up(mission: MissionFile) -> None:
     """Compile the planner's kernels now, so that the service need not at its first start."""
     from companion.config import load_mission
-    from companion.daemon import warming
+    from companion.service import warm_up as warming
 
     config = load_mission(mission)
     began = time.perf_counter()
@@ -201,7 +201,7 @@ def run(
     ] = 2_000,
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
-    from companion.daemon.service import serve
+    from companion.service.service import serve
 
     set_up(log)
     asyncio.run(serve(mission, link, record, metrics, record_max_mb * 1_000_000))
@@ -242,13 +242,13 @@ def replay(
 ) -> None:
     """Feed a recorded flight through the same code: the same missions, or what would be decided instead."""
     from companion.config import load_mission
-    from companion.daemon.comparison import document_of, first_difference
-    from companion.daemon.record import TLOG
-    from companion.daemon.replaying import beside, remarks, replayable, replayed, show
+    from companion.recording.recorder import TLOG
+    from companion.replay.comparison import document_of, first_difference
+    from companion.replay.replay_command import beside, remarks, replayable, replayed, show
 
     recording, config = replayable(log), load_mission(mission)
     expected = None if expect is None else replayable(expect / TLOG)
-    logging.getLogger("companion.daemon").setLevel(logging.WARNING)
+    logging.getLogger("companion").setLevel(logging.WARNING)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
     for remark in remarks(recording, config):
         screen.print(remark, markup=False, highlight=False, soft_wrap=True)
@@ -274,7 +274,7 @@ def doctor(
     json_file: JsonFile = None,
 ) -> None:
     """Look for what would keep the service from working; exit 1 for a failure, 3 without an autopilot."""
-    from companion.daemon.examination import examined, findings_table
+    from companion.doctor.doctor_command import examined, findings_table
 
     findings, code = asyncio.run(examined(mission, link, seconds, record))
     if json_file is not None:
@@ -290,8 +290,8 @@ def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
     """Make the report of a flight from its recording alone."""
-    from companion.daemon.flight_record import flight_of
-    from companion.daemon.recording import SIMULATED
+    from companion.recording.reader import SIMULATED
+    from companion.replay.flight_summary import flight_of
     from companion.ui.report import write_report
 
     mission, world, record = flight_of(flight)

@@ -13,7 +13,7 @@ import typer
 from companion.config import load_mission
 from companion.errors import CompanionError
 from companion.types.events import Dialect
-from sim.link import serve
+from sim.server import serve
 from sim.simulator import Simulator
 
 logger = logging.getLogger("sim")

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.framing import MAGIC_V2, checksum, frames_in
+from companion.link.wire.framing import MAGIC_V2, checksum, frames_in
 from companion.types.mission import MissionItem
 from sim.simulator import Simulator
 

@@ -13,19 +13,19 @@ from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command, Frame, MissionItem
 from companion.types.threat import Obstacle
-from sim.ardupilot import ArduPlane, home_item
-from sim.autopilot import Autopilot
-from sim.fdm import FlightDynamics, Start, Weather
-from sim.flight import TICK_S, Flight
-from sim.parameters import Parameters
+from sim.autopilot.arduplane.arduplane import ArduPlane, home_item
+from sim.autopilot.autopilot_parameters import Parameters
+from sim.autopilot.base import Autopilot
+from sim.autopilot.px4.px4 import Px4
+from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
-from sim.pursuer import CLEARANCE_M, Pursuer
-from sim.px4 import Px4
-from sim.roads import Roads
-from sim.sensors import Sensors
-from sim.telemetry import Home
-from sim.tracks import TrackSource
+from sim.threats.adsb_source import TrackSource
+from sim.threats.pursuer import CLEARANCE_M, Pursuer
+from sim.threats.roads import Roads
 from sim.truth import Truth
+from sim.vehicle.control import TICK_S, Flight
+from sim.vehicle.fdm import FlightDynamics, Start, Weather
+from sim.vehicle.sensors import Sensors
 
 _AHEAD_M = (400.0, 300.0, 200.0, 500.0)
 _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)

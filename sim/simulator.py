@@ -9,13 +9,13 @@ from __future__ import annotations
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.autopilot import Autopilot
-from sim.channel import Channel
-from sim.flight import TICK_S
-from sim.mission_store import is_navigation
-from sim.pursuer import Prey
+from sim.autopilot.arduplane.arduplane_store import is_navigation
+from sim.autopilot.base import Autopilot
+from sim.autopilot.channel import Channel
 from sim.scenario import build
+from sim.threats.pursuer import Prey
 from sim.truth import PERIOD_US, Truth
+from sim.vehicle.control import TICK_S
 
 _TURN_US = 20_000
 _TICKS_A_SECOND = round(1.0 / TICK_S)

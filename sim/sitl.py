@@ -1,6 +1,6 @@
 """A whole flight in one process: simulator, link and service on simulated time.
 
-The two talk MAVLink bytes, as over a wire, in the steps of :mod:`companion.daemon.stepping`: the same
+The two talk MAVLink bytes, as over a wire, in the steps of :mod:`companion.replay.lockstep`: the same
 seed gives the same flight.
 """
 
@@ -18,12 +18,12 @@ import numpy as np
 
 from companion.clock import ManualClock
 from companion.config import MissionConfig
-from companion.daemon.app import App, stop
-from companion.daemon.modes import Mode
-from companion.daemon.record import About, Recorder
-from companion.daemon.stepping import STEP_S, TURN_TIMEOUT_S, step
 from companion.errors import NoAutopilotError
-from companion.link.transport import MemoryTransport
+from companion.flight.app import App, stop
+from companion.flight.modes import Mode
+from companion.link.wire.transport import MemoryTransport
+from companion.recording.recorder import About, Recorder
+from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
 from companion.types.record import FlightRecord
 from sim.faults import FaultyLink

@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from companion.types.threat import Obstacle
-from sim.fdm import TrueState
+from sim.vehicle.fdm import TrueState
 
 PERIOD_US = 100_000
 

@@ -13,12 +13,15 @@ FUNCTION_LINES_MAX = 80
 # Where every exception is caught, and why that is right there.
 BROAD_EXCEPTS: dict[str, str] = {
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
-    "companion/daemon/app.py": "the top of each task: logs the fault with its trace, and raises it again",
-    "companion/daemon/watch.py": "the top of a thread: hands the fault to whoever awaits the thread",
+    "companion/flight/app.py": "the top of each task: logs the fault with its trace, and raises it again",
+    "companion/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",
 }
 
 # The only modules that know a library, so that the rest can be read without it.
-KEEPERS = {"pymavlink": "companion/link/codec.py", "mavsdk": "companion/link/mavsdk_reader.py"}
+KEEPERS = {
+    "pymavlink": "companion/link/messages/codec.py",
+    "mavsdk": "companion/link/missions/mavsdk_reader.py",
+}
 
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.geometry import segment_blocked
-from companion.kernels.layout import Obstacles
-from companion.kernels.pursuit import EYE_M
-from companion.kernels.reachability import dt_positions
-from companion.kernels.threat import membership
+from companion.kernels.arrays import Obstacles
+from companion.kernels.geometry.prism_distance import segment_blocked
+from companion.kernels.threat.fuzzy_threat import membership
+from companion.kernels.threat.intercept import EYE_M
+from companion.kernels.threat.reachability import dt_positions
 from companion.types.path import Path
 from companion.types.plan import Plan
-from companion.world.reachability import threat_trees
+from companion.world.pursuer_trees import threat_trees
 from companion.world.snapshot import Snapshot
 
 NUM_SECONDARY = 10  # points between two waypoints

@@ -9,7 +9,7 @@ from companion.config.models import MissionConfig
 from companion.planning.comparators import settings_for
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import Certainty, PlannerSettings
-from companion.vehicle.motion import VehicleModel
+from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot, first_snapshot
 
 ALTITUDE_TOLERANCE_M = 20.0

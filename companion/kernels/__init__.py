@@ -18,7 +18,7 @@ __all__: list[str] = []
 def _cache_folder() -> Path:
     """Folder for these sources: under ``NUMBA_CACHE_DIR``, else the user's cache, else a temporary one."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")

@@ -19,8 +19,8 @@ from functools import partial
 from typing import Protocol
 
 from companion.errors import LinkError
-from companion.mission.identity import mission_id
-from companion.mission.layout import marked
+from companion.mission.list_layout import marked
+from companion.mission.mission_id import mission_id
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, Frame, Mission, MissionItem
 

@@ -9,19 +9,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.geometry import clearance
-from companion.kernels.layout import Guide, IntArray, Scene, Tree, Uncertainty, empty_tree
-from companion.kernels.motion import OK, state_status
-from companion.kernels.search import DRAWS, FULL, REACHED, assess, explore
-from companion.kernels.threat import MAX_THREATS
-from companion.kernels.uncertainty import collision_free, position_deviation
-from companion.kernels.way import spread_wave
+from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
+from companion.kernels.aircraft.motion import OK, state_status
+from companion.kernels.arrays import Guide, IntArray, Scene, Tree, Uncertainty, empty_tree
+from companion.kernels.geometry.distance_field import spread_wave
+from companion.kernels.geometry.prism_distance import clearance
+from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, assess, explore
+from companion.kernels.threat.fuzzy_threat import MAX_THREATS
 from companion.planning.problem import Problem
 from companion.planning.settings import Estimator
 from companion.planning.sub_goal import choose_sub_goal
 from companion.vehicle.lqg import uncertainty_tables
-from companion.vehicle.motion import VehicleModel
-from companion.world.reachability import threat_trees
+from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.pursuer_trees import threat_trees
 from companion.world.threats import known_within
 
 ShouldStop = Callable[[], bool]

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.layout import Branches, Scene
-from companion.kernels.reachability import MAX_NEAR
-from companion.kernels.rrt_star import STAR_DRAWS, improve, next_stage
-from companion.kernels.search import grow
-from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
-from companion.kernels.threat import MAX_THREATS
+from companion.kernels.arrays import Branches, Scene
+from companion.kernels.search.dynamic_domain_rrt import grow
+from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
+from companion.kernels.search.rrt_star import STAR_DRAWS, improve, next_stage
+from companion.kernels.threat.fuzzy_threat import MAX_THREATS
+from companion.kernels.threat.reachability import MAX_NEAR
 from companion.planning.explore import Exploration
 from companion.planning.route import Route, branch_to, cost_between, route_from_tree, visits_goals
 

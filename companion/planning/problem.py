@@ -8,7 +8,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.planning.settings import PlannerSettings
-from companion.vehicle.motion import VehicleModel
+from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot
 
 

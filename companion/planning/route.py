@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
-from companion.kernels.along import assess_rows
-from companion.kernels.splice import path_cost
+from companion.kernels.search.path_assessment import assess_rows
+from companion.kernels.search.path_edit import path_cost
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
 from companion.types.path import Path

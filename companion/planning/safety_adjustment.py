@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.kernels.splice import JOINED, is_clear, is_flyable, splice
-from companion.kernels.uncertainty import position_factor
+from companion.kernels.aircraft.lqg_mp import position_factor
+from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
 from companion.planning.explore import Exploration
 from companion.planning.route import Assessment, Route, assess_route, visits_goals
 

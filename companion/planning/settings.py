@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from companion.kernels.layout import Limits, Search, ThreatModel
-from companion.vehicle.motion import VehicleModel
+from companion.kernels.arrays import Limits, Search, ThreatModel
+from companion.vehicle.vehicle_model import VehicleModel
 
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.kernels.along import radar_memberships
-from companion.kernels.threat import success_over_exposures
+from companion.kernels.search.path_assessment import radar_memberships
+from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.explore import Exploration
-from companion.planning.finish import finished_route
+from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.route import (
@@ -26,7 +26,7 @@ from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
-from companion.world.reachability import grown_trees
+from companion.world.pursuer_trees import grown_trees
 
 HIGH_THREAT = 0.5
 MIN_ROWS = 4

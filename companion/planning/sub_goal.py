@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.layout import Guide, Limits, Obstacles, Pursuers, ThreatModel, Threats
-from companion.kernels.sub_goals import CONSTRAINED, FREE, HIGH_RISK, score
-from companion.kernels.way import way_at
+from companion.kernels.arrays import Guide, Limits, Obstacles, Pursuers, ThreatModel, Threats
+from companion.kernels.geometry.distance_field import way_at
+from companion.kernels.search.sub_goals import CONSTRAINED, FREE, HIGH_RISK, score
 from companion.planning.settings import PlannerSettings, SubGoalRule
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))

@@ -2,7 +2,7 @@
 
 from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings, predicted
 from companion.tracking.particle_filter import FilterSettings, ParticleFilter
-from companion.tracking.tracks import Tracker, TrackerSettings
+from companion.tracking.tracker import Tracker, TrackerSettings
 
 __all__ = [
     "FilterSettings",

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.tracking.kinds import Kind
 from companion.tracking.particle_filter import Fate, FilterSettings, ParticleFilter
+from companion.tracking.threat_assigner import Kind
 from companion.types.threat import TrackState
 
 SPEED_COLUMNS = np.array([1, 3])

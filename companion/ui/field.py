@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.threat import membership
-from companion.kernels.visibility import is_hidden
+from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.threat.fuzzy_threat import membership
 from companion.world.snapshot import Snapshot
 
 NODES_LONG_SIDE = 180

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from companion.frames import FloatArray
-from companion.kernels.layout import Uncertainty
-from companion.kernels.uncertainty import linearise
-from companion.vehicle.motion import VehicleModel
+from companion.kernels.aircraft.lqg_mp import linearise
+from companion.kernels.arrays import Uncertainty
+from companion.vehicle.vehicle_model import VehicleModel
 
 NUM_PARTICLES = 60  # m of paper 3.3.1
 STATE_TOLERANCE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 2.0])  # deviation worth one unit of cost: m, rad, m/s

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.kernels.geometry import fill_field, no_field
-from companion.kernels.layout import Obstacles
+from companion.kernels.arrays import Obstacles
+from companion.kernels.geometry.prism_distance import fill_field, no_field
 from companion.types.threat import Obstacle
 
 FIELD_NODES = (161, 161, 13)

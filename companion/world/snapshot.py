@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.kernels.layout import IntArray, Obstacles, Threats
+from companion.kernels.arrays import IntArray, Obstacles, Threats
 from companion.types.threat import Obstacle, Radar, ThreatTree, TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.threats import known_within, packed_threats

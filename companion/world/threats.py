@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.kernels.layout import Obstacles, Threats
-from companion.kernels.visibility import fill_shadows
+from companion.kernels.arrays import Obstacles, Threats
+from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
 
 SHADOW_NODES = 321

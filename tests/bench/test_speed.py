@@ -9,7 +9,7 @@ from companion.assurance.checker import Checker
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
-from companion.daemon.cycle import Cycle
+from companion.flight.cycle import Cycle
 from companion.planning.solver import solve
 from sim.simulator import Simulator
 from tests.sim.client import CONFIGS

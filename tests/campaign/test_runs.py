@@ -8,12 +8,12 @@ import pytest
 from rich.console import Console
 
 from companion.campaign.runs import offline_problem, offline_world, plan_runs, result_of, results_table
-from companion.campaign.understood import described, summary_table
 from companion.config import mission_from_text
+from companion.config.mission_summary import described, summary_table
 from companion.errors import ConfigError
 from companion.types.plan import Measures, Plan, PlanStatus
-from tests.daemon.deck import FIRST_FLIGHT
 from tests.mission.made import path_along
+from tests.support.sitl_harness import FIRST_FLIGHT
 
 MISSION = mission_from_text(FIRST_FLIGHT, "first-flight.yaml")
 

@@ -126,7 +126,7 @@ def test_link_failures_exit_with_three(companion, monkeypatch):
     async def refused(*_, **__):
         raise LinkError("udpin://0.0.0.0:14540: address in use")
 
-    monkeypatch.setattr("companion.daemon.service.serve", refused)
+    monkeypatch.setattr("companion.service.service.serve", refused)
     result = companion("run", FIRST_FLIGHT, "--link", "udpin://0.0.0.0:14540")
     assert result.code == 3
     assert only_line(result) == "error: udpin://0.0.0.0:14540: address in use"

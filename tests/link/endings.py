@@ -9,9 +9,9 @@ from collections import Counter
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link import mavsdk_reader
-from companion.link.codec import Codec
-from companion.link.mavsdk_reader import MavsdkReader
+from companion.link.messages.codec import Codec
+from companion.link.missions import mavsdk_reader
+from companion.link.missions.mavsdk_reader import MavsdkReader
 
 DELAYS_MS = (0, 1, 2, 4, 6, 8, 11, 14, 17, 20)
 REQUEST_LIST = 43

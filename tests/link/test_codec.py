@@ -8,11 +8,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.codec import Codec
-from companion.link.flight_modes import custom_mode_of
-from companion.link.frame import CommandAck, MissionAck
-from companion.link.identity import answer
-from companion.link.tlog import read_tlog
+from companion.link.messages.codec import Codec
+from companion.link.messages.component import answer
+from companion.link.messages.flight_modes import custom_mode_of
+from companion.link.wire.decoded_frame import CommandAck, MissionAck
+from companion.link.wire.tlog import read_tlog
 from companion.types.events import (
     AirData,
     Attitude,

@@ -1,7 +1,7 @@
 """Transfers over a link that loses, delays, doubles and reorders, to the simulator's mission machines.
 
-Those (``sim.mission_transfer``, ``sim.px4_transfer``) were written apart from what is tested here, after
-what real autopilots were measured to do.
+Those (``arduplane_transfer`` and ``px4_transfer`` in ``sim.autopilot``) were written apart from what is tested
+here, after what real autopilots were measured to do.
 """
 
 import asyncio
@@ -17,17 +17,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
 from companion.errors import TransferError
-from companion.link.autopilot import AutopilotLink
-from companion.link.codec import Codec
-from companion.link.frame import MissionAck, MissionQuestion
-from companion.link.framing import frames_in
-from companion.link.mission_transfer import PATIENCE_S, REPEAT_MAX_S, REPEAT_MIN_S, RoundTrip, Upload
+from companion.link.messages.codec import Codec
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.link.missions.mission_transfer import PATIENCE_S, REPEAT_MAX_S, REPEAT_MIN_S, RoundTrip, Upload
+from companion.link.wire.decoded_frame import MissionAck, MissionQuestion
+from companion.link.wire.framing import frames_in
 from companion.mission.swap import difference
-from sim.channel import Channel
-from sim.mission_store import MissionKind, MissionStore
-from sim.mission_transfer import MissionTransfer
-from sim.px4_store import stored
-from sim.px4_transfer import Px4Transfer
+from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore
+from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer
+from sim.autopilot.channel import Channel
+from sim.autopilot.px4.px4_store import stored
+from sim.autopilot.px4.px4_transfer import Px4Transfer
 from tests.mission.made import item
 
 STEP_S = 0.02

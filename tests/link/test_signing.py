@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import ConfigError
-from companion.link.codec import Codec, signer_of
-from companion.link.framing import frames_in, raw_frame
-from companion.link.limits import SourceLimits
-from companion.link.signing import Timestamps, read_key
+from companion.link.messages.codec import Codec, signer_of
+from companion.link.wire.framing import frames_in, raw_frame
+from companion.link.wire.signing import Timestamps, read_key
+from companion.link.wire.source_limits import SourceLimits
 from tests.link.wire import packed
 
 KEY = bytes(range(32))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.errors import RecordError
-from companion.link.tlog import Entry, TlogWriter, read_tlog
+from companion.link.wire.tlog import Entry, TlogWriter, read_tlog
 from tests.link.wire import adsb, heartbeat, position
 
 FRAMES = [heartbeat(), position(), adsb(), position(2_000)]
@@ -46,7 +46,7 @@ def test_a_killed_process_loses_less_than_a_second(tmp_path):
     path = tmp_path / "a.tlog"
     code = (
         "import os, signal, sys\n"
-        "from companion.link.tlog import TlogWriter\n"
+        "from companion.link.wire.tlog import TlogWriter\n"
         "writer = TlogWriter(sys.argv[1])\n"
         "for tick in range(100):\n"
         "    writer.write(1e9 + 0.1 * tick, bytes.fromhex(sys.argv[2]))\n"

@@ -10,7 +10,7 @@ import pytest
 
 from companion.clock import ManualClock, WallClock
 from companion.errors import ConfigError, LinkError
-from companion.link.transport import (
+from companion.link.wire.transport import (
     LastingTransport,
     MemoryTransport,
     SerialTransport,

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.errors import TransferError
 from companion.frames import LocalFrame
-from companion.mission.builder import Waypoints
+from companion.mission.waypoints import Waypoints
 from companion.types.mission import Command, Frame, MissionItem
 from tests.support.paths import path_of
 

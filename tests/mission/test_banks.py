@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission import builder
-from companion.mission.layout import bank_items, new_banks
+from companion.mission import waypoints as builder
+from companion.mission.list_layout import bank_items, new_banks
 from companion.types.mission import Command
-from sim.mission_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME = item(0)

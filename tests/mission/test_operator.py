@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.mission.layout import (
+from companion.mission.list_layout import (
     Banks,
     Whole,
     bank_items,
@@ -27,7 +27,7 @@ from companion.mission.operator import (
 )
 from companion.types.events import Dialect
 from companion.types.mission import Command, Frame
-from sim.mission_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME_M = 584.0

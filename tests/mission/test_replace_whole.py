@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from companion.errors import TransferError
-from companion.mission.identity import mission_id
+from companion.mission.mission_id import mission_id
 from companion.mission.swap import SwapOutcome, replace_whole
 from companion.types.events import MissionCurrent
 from companion.types.mission import Mission

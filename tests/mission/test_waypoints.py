@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.builder import equivalent_airspeed, waypoints_from_path
-from companion.mission.layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
+from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
+from companion.mission.waypoints import equivalent_airspeed, waypoints_from_path
 from companion.types.mission import Command, Frame
 from tests.mission.made import FRAME, path_along, waypoints
 

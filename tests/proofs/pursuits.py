@@ -17,13 +17,13 @@ import shapely
 
 from companion.campaign.runs import offline_world
 from companion.config import load_mission
-from companion.kernels import reachability as r
-from companion.kernels.dubins import distance_to_point
-from companion.kernels.layout import empty_tree
+from companion.kernels.aircraft.dubins import distance_to_point
+from companion.kernels.arrays import empty_tree
+from companion.kernels.threat.fuzzy_threat import reachability as r
 from companion.planning.solver import solve
 from companion.types.threat import TrackState
-from companion.world.reachability import threat_trees
-from sim.roads import Roads
+from companion.world.pursuer_trees import threat_trees
+from sim.threats.roads import Roads
 from tests.sim.client import CONFIGS
 from tests.support.worlds import packed, problem
 

@@ -11,7 +11,7 @@ import pytest
 import shapely
 from scipy.special import gammainc
 
-from companion.kernels.uncertainty import collision_free
+from companion.kernels.aircraft.lqg_mp import collision_free
 from companion.planning.solver import solve
 from tests.support.paths import box
 from tests.support.worlds import problem

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels import dubins
-from companion.kernels.layout import empty_tree
-from companion.kernels.motion import advance, steer
-from companion.kernels.search import add_node
-from companion.kernels.uncertainty import collision_free
+from companion.kernels.aircraft import dubins
+from companion.kernels.aircraft.lqg_mp import collision_free
+from companion.kernels.aircraft.motion import advance, steer
+from companion.kernels.arrays import empty_tree
+from companion.kernels.search.dynamic_domain_rrt import add_node
 from companion.planning.sub_goal import horizon_points
-from companion.vehicle.motion import VehicleModel
+from companion.vehicle.vehicle_model import VehicleModel
 from tests.support.worlds import packed, small_settings, tables
 
 BOUNDS = (-9000.0, 9000.0, -9000.0, 9000.0, 0.0, 500.0)

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels import reachability as r
-from companion.kernels.drivers import drivers_of
-from companion.kernels.sight import prisms_of
+from companion.kernels.geometry.line_of_sight import prisms_of
+from companion.kernels.threat.fuzzy_threat import reachability as r
+from companion.kernels.threat.threat_tree import drivers_of
 from companion.planning.explore import Exploration
 from companion.planning.settings import Estimator, Strategies
 from companion.planning.solver import solve
-from companion.world.reachability import CAPACITY, CARRIED_MAX, grown_trees, threat_trees
+from companion.world.pursuer_trees import CAPACITY, CARRIED_MAX, grown_trees, threat_trees
 from tests.support.paths import box
 from tests.support.worlds import is_blocked, packed, problem, track
 

@@ -6,7 +6,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.threat import MAX_THREATS, aggregate_overlap, line_threat, node_threat, point_threat
+from companion.kernels.threat.fuzzy_threat import (
+    MAX_THREATS,
+    aggregate_overlap,
+    line_threat,
+    node_threat,
+    point_threat,
+)
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box

@@ -15,8 +15,8 @@ import numpy as np
 
 from companion.config import load_mission
 from companion.config.models import Goal
-from companion.daemon.recording import load_recording
-from companion.daemon.replay import Replay
+from companion.recording.reader import load_recording
+from companion.replay.engine import Replay
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDINGS = {

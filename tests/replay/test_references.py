@@ -12,10 +12,10 @@ import difflib
 import pytest
 
 from companion.config import load_mission
-from companion.daemon.comparison import lines_of
-from companion.daemon.recording import load_recording
-from companion.daemon.replay import Replay
-from companion.link.tlog import read_tlog
+from companion.link.wire.tlog import read_tlog
+from companion.recording.reader import load_recording
+from companion.replay.comparison import lines_of
+from companion.replay.engine import Replay
 from tests.replay.corruptions import DATA, RECORDINGS
 from tests.replay.renew import FLIGHTS, FOLDER
 

@@ -3,13 +3,13 @@
 import pytest
 
 from companion.config import mission_from_text
-from companion.daemon.comparison import first_difference
-from companion.daemon.memory import Memory
-from companion.daemon.record import About, Recorder
+from companion.flight.checkpoint import Memory
+from companion.recording.recorder import About, Recorder
+from companion.replay.comparison import first_difference
 from companion.types.events import Dialect
 from sim.sitl import EPOCH_S, STEP_S
-from tests.daemon.deck import FIRST_FLIGHT, Deck
 from tests.support.recorded import replayed
+from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
 KILLED_S = 30.0
 TWO_GOALS = FIRST_FLIGHT.replace(
@@ -18,8 +18,8 @@ TWO_GOALS = FIRST_FLIGHT.replace(
 )
 
 
-class RestartedDeck(Deck):
-    """A deck whose services are like processes: each with a recording and files of its own."""
+class RestartedDeck(SitlHarness):
+    """A harness whose services are like processes: each with a recording and files of its own."""
 
     def __init__(self, folder, dialect):
         super().__init__(mission_from_text(TWO_GOALS, "two-goals.yaml"), dialect=dialect)
@@ -38,27 +38,27 @@ class RestartedDeck(Deck):
 
 @pytest.mark.parametrize("dialect", Dialect)
 def test_a_restart_in_flight_is_replayed_from_its_own_recording(dialect, tmp_path):
-    def kill(deck):
-        deck.is_killed = deck.is_killed or (len(deck.apps) == 1 and deck.now_s >= KILLED_S)
+    def kill(harness):
+        harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
 
-    deck = RestartedDeck(tmp_path, dialect).fly(70.0, kill)
-    assert len(deck.apps) == 2
-    assert "1 goals reached" in deck.texts("restart")[0]
-    assert ".flown.npz" in deck.memory.kept
+    harness = RestartedDeck(tmp_path, dialect).fly(70.0, kill)
+    assert len(harness.apps) == 2
+    assert "1 goals reached" in harness.texts("restart")[0]
+    assert ".flown.npz" in harness.memory.kept
     for number in range(2):
-        recording, result = replayed(deck.log(number) / "flight.tlog", deck.flight.mission)
+        recording, result = replayed(harness.log(number) / "flight.tlog", harness.flight.mission)
         assert first_difference(recording, result) is None
         assert result.decisions
-    assert [entry.text for entry in result.decisions] == [entry.text for entry in deck.recorder.decisions]
+    assert [entry.text for entry in result.decisions] == [entry.text for entry in harness.recorder.decisions]
 
 
 def test_without_what_was_remembered_the_replay_would_part(tmp_path, monkeypatch):
     """So the test above can fail."""
 
-    def kill(deck):
-        deck.is_killed = deck.is_killed or (len(deck.apps) == 1 and deck.now_s >= KILLED_S)
+    def kill(harness):
+        harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
 
-    deck = RestartedDeck(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
-    monkeypatch.setattr("companion.daemon.replay._memory", lambda about: Memory())
-    recording, result = replayed(deck.log(1) / "flight.tlog", deck.flight.mission)
+    harness = RestartedDeck(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
+    monkeypatch.setattr("companion.replay.engine._memory", lambda about: Memory())
+    recording, result = replayed(harness.log(1) / "flight.tlog", harness.flight.mission)
     assert first_difference(recording, result) is not None

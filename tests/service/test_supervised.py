@@ -6,15 +6,15 @@ import urllib.request
 
 import pytest
 
-from companion.mission.layout import banks_in
+from companion.mission.list_layout import banks_in
 from companion.types.mission import Command
 from tests.service.client import Client
 from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, service, simulator
 
 HANG = """
 import threading
-from companion.daemon import service
-from companion.daemon.cycle import Cycle
+from companion.service import service
+from companion.flight.cycle import Cycle
 service.warm_up = lambda mission: None  # it plans, too
 def hang(*parts):
     threading.Event().wait()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from companion.frames import LocalFrame
-from sim.fdm import FlightDynamics, Start, Weather
-from sim.flight import TICK_S, Circle, Flight, Leg
-from sim.parameters import Parameters
+from sim.autopilot.autopilot_parameters import Parameters
 from sim.projection import FastProjection
-from sim.sensors import Sensors
+from sim.vehicle.control import TICK_S, Circle, Flight, Leg
+from sim.vehicle.fdm import FlightDynamics, Start, Weather
+from sim.vehicle.sensors import Sensors
 
 FRAME = LocalFrame(-35.363261, 149.165230, 584.0)
 PROJECTION = FastProjection(FRAME)

@@ -8,9 +8,9 @@ import shapely
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.threat import Obstacle
-from sim.pursuer import CLEARANCE_M, Prey, Pursuer
-from sim.roads import Roads
 from sim.simulator import Simulator
+from sim.threats.pursuer import CLEARANCE_M, Prey, Pursuer
+from sim.threats.roads import Roads
 from tests.sim.client import Client, mission_file, plain_mission, route
 
 BOUNDS = (0.0, 0.0, 2500.0, 2500.0)

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.tlog import read_tlog
-from sim.mission_transfer import item_from_message
-from sim.px4_store import mission_id
+from companion.link.wire.tlog import read_tlog
+from sim.autopilot.arduplane.arduplane_transfer import item_from_message
+from sim.autopilot.px4.px4_store import mission_id
 from tests.sim.client import SPEED, WAYPOINT, item
 from tests.sim.px4_client import (
     ACCEPTED,

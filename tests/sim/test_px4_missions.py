@@ -7,9 +7,9 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.flight_modes import flight_mode
+from companion.link.messages.flight_modes import flight_mode
 from companion.types.events import Dialect
-from sim.px4 import MODES
+from sim.autopilot.px4.px4 import MODES
 from tests.sim.client import SPEED, Client, item
 from tests.sim.px4_client import ACCEPTED, AHEAD, LAND_START, NAN, SECOND, THIRD, Px4Client, px4_route
 

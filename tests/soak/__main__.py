@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.config import load_mission
-from companion.daemon.modes import Mode
-from companion.link.autopilot import AutopilotLink
+from companion.flight.modes import Mode
+from companion.link.missions.autopilot_link import AutopilotLink
 from companion.types.events import Dialect
 from sim.faults import Happening, random_schedule
-from tests.garbage.siege import MEBIBYTE, resident_bytes
-from tests.torture.harness import KINDS, TortureDeck, flown
+from tests.hostile.hostile_hour import MEBIBYTE, resident_bytes
+from tests.torture.harness import KINDS, TortureHarness, flown
 
 MISSIONS = ("first-flight", "paper-2d", "paper-3d")
 FAULTS_S = 120.0
@@ -58,12 +58,12 @@ def flight(number, first_seed, folder):
     seed, dialect = first_seed + number, list(Dialect)[number % 2]
     kinds = tuple(kind for kind in KINDS[dialect] if kind is not Happening.KILL)
     mission = load_mission(Path("mission_configs") / f"{MISSIONS[number // 2 % 3]}.yaml")
-    deck = TortureDeck(dialect, seed, random_schedule(seed, FAULTS_S, kinds), folder, mission)
-    deck.link_kind = AutopilotLink
-    deck.judge.look = lambda now_s, verdict: None
-    verdict = asyncio.run(flown(deck, LIMIT_S))
-    how = "collision" if verdict.collision else "goal" if deck.app.mode is Mode.ARRIVED else "flying"
-    return how, deck.now_s
+    harness = TortureHarness(dialect, seed, random_schedule(seed, FAULTS_S, kinds), folder, mission)
+    harness.link_kind = AutopilotLink
+    harness.judge.look = lambda now_s, verdict: None
+    verdict = asyncio.run(flown(harness, LIMIT_S))
+    how = "collision" if verdict.collision else "goal" if harness.app.mode is Mode.ARRIVED else "flying"
+    return how, harness.now_s
 
 
 def growth_per_hour(readings):

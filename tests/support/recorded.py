@@ -6,8 +6,8 @@ import tempfile
 from pathlib import Path
 
 from companion.config import load_mission
-from companion.daemon.recording import load_recording
-from companion.daemon.replay import Replay
+from companion.recording.reader import load_recording
+from companion.replay.engine import Replay
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.sim.client import CONFIGS

@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 
 import companion.kernels
 from companion.config import load_mission
-from companion.daemon.warming import warm_up
+from companion.service.warm_up import warm_up
 from companion.types.events import Dialect
 from sim.sitl import Flight
 

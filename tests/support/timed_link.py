@@ -9,8 +9,8 @@ import asyncio
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import TransferError
-from companion.link.autopilot import AutopilotLink
-from companion.link.items import item_of
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.link.missions.mission_items import item_of
 
 REPEAT_S, REPEATS = 0.5, 5
 NAMES = {number: entry.name for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()}

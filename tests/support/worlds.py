@@ -6,12 +6,12 @@ import math
 import numpy as np
 import shapely
 
-from companion.kernels.layout import ThreatModel
+from companion.kernels.arrays import ThreatModel
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.settings import PlannerSettings
 from companion.types.threat import TrackState
 from companion.vehicle.lqg import uncertainty_tables
-from companion.vehicle.motion import VehicleModel
+from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import first_snapshot
 

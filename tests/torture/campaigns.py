@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.daemon.modes import Mode
+from companion.flight.modes import Mode
 from companion.types.events import Dialect
 from sim.faults import Happening, LinkFaults, Schedule, random_schedule
-from tests.torture.harness import KINDS, TortureDeck, flown
+from tests.torture.harness import KINDS, TortureHarness, flown
 
 TO_THE_GOAL_S = 130.0
 OVER_LOSSES_S = 300.0
@@ -38,48 +38,48 @@ def worse(faults):
     return replace(faults, loss=max(faults.loss, LOSS))
 
 
-def outcome(deck, verdict):
+def outcome(harness, verdict):
     """How a flight ended: at the goal, in an announced step of the emergency strategy, or otherwise."""
     if verdict.collision:
         return "collision"
     if verdict.violations:
         return "violation"
-    if deck.app.mode is Mode.ARRIVED:
+    if harness.app.mode is Mode.ARRIVED:
         return "goal"
-    if deck.app.emergency is not None:
-        return f"emergency: {deck.app.emergency.value}"
-    return f"flying ({deck.app.mode.name})"
+    if harness.app.emergency is not None:
+        return f"emergency: {harness.app.emergency.value}"
+    return f"flying ({harness.app.mode.name})"
 
 
 def lossy_flight(dialect, seed):
     """One flight over a link that loses a fifth."""
-    deck = TortureDeck(dialect, seed, lossy_schedule(dialect, seed))
-    verdict = asyncio.run(flown(deck, OVER_LOSSES_S))
-    return outcome(deck, verdict), deck
+    harness = TortureHarness(dialect, seed, lossy_schedule(dialect, seed))
+    verdict = asyncio.run(flown(harness, OVER_LOSSES_S))
+    return outcome(harness, verdict), harness
 
 
 def killed_flight(dialect, seed, folder):
     """One flight in which the service is killed once; when it plans again [s] after that."""
     random = np.random.default_rng(seed)
     at_s = float(random.uniform(2.0, 60.0))
-    deck = TortureDeck(dialect, seed, Schedule(), folder)
+    harness = TortureHarness(dialect, seed, Schedule(), folder)
     seen = {}
-    act = deck.act
+    act = harness.act
 
     def watched(inner):
         act(inner)
-        if deck.now_s >= at_s and "killed" not in seen:
-            seen["killed"] = deck.now_s
-            deck.is_killed = True
-        elif "killed" in seen and "planned" not in seen and len(deck.apps) == 2:
+        if harness.now_s >= at_s and "killed" not in seen:
+            seen["killed"] = harness.now_s
+            harness.is_killed = True
+        elif "killed" in seen and "planned" not in seen and len(harness.apps) == 2:
             # On the last leg there is nothing left to plan: then it knows that instead.
-            knows = deck.app.cycle.num_plans > 0 or deck.app.cycle.flown is not None
+            knows = harness.app.cycle.num_plans > 0 or harness.app.cycle.flown is not None
             if knows:
-                seen["planned"] = deck.now_s
+                seen["planned"] = harness.now_s
 
-    deck.act = watched
-    verdict = asyncio.run(flown(deck, TO_THE_GOAL_S))
-    return outcome(deck, verdict), seen.get("planned", np.inf) - seen.get("killed", at_s)
+    harness.act = watched
+    verdict = asyncio.run(flown(harness, TO_THE_GOAL_S))
+    return outcome(harness, verdict), seen.get("planned", np.inf) - seen.get("killed", at_s)
 
 
 def piloted_flight(dialect, seed):
@@ -87,19 +87,19 @@ def piloted_flight(dialect, seed):
     random = np.random.default_rng(seed)
     at_s, modes = float(random.uniform(1.0, 45.0)), PILOT_MODES[dialect]
     mode = modes[int(random.integers(len(modes)))]
-    deck = TortureDeck(dialect, seed, Schedule())
-    deck.judge.look = lambda now_s, verdict: None  # the pilot flies, not the mission
+    harness = TortureHarness(dialect, seed, Schedule())
+    harness.judge.look = lambda now_s, verdict: None  # the pilot flies, not the mission
     switched = []
 
     def act(_deck):
-        if deck.now_s >= at_s and not switched:
-            switched.append(deck.now_s)
-            deck.simulator.set_mode(mode)
+        if harness.now_s >= at_s and not switched:
+            switched.append(harness.now_s)
+            harness.simulator.set_mode(mode)
 
-    deck.act = act
-    asyncio.run(flown(deck, at_s + 20.0))
+    harness.act = act
+    asyncio.run(flown(harness, at_s + 20.0))
     # The heartbeat that tells it goes out in the step of the switch.
-    return deck.changes(after_s=switched[0] + 0.021), deck.simulator.autopilot.mode == mode
+    return harness.changes(after_s=switched[0] + 0.021), harness.simulator.autopilot.mode == mode
 
 
 def run_losses(number, first_seed, say):
@@ -108,12 +108,12 @@ def run_losses(number, first_seed, say):
     for dialect in Dialect:
         counts, swaps = Counter(), 0
         for seed in range(first_seed, first_seed + number // 2):
-            how, deck = lossy_flight(dialect, seed)
+            how, harness = lossy_flight(dialect, seed)
             counts[how] += 1
-            swaps += deck.app.num_swaps
+            swaps += harness.app.num_swaps
             if how != "goal" and not how.startswith("emergency"):
                 bad += 1
-                say(f"  {dialect.value} seed {seed}: {how} {deck.verdict.violations[:2]}")
+                say(f"  {dialect.value} seed {seed}: {how} {harness.verdict.violations[:2]}")
         say(f"{dialect.value}, 20 % loss and random faults: {dict(counts)}, {swaps} swaps")
     return bad
 

@@ -14,16 +14,16 @@ from companion.assurance.checker import Checker
 from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.config.compose import check_limits_of
-from companion.daemon.app import stop
-from companion.daemon.memory import Memory
-from companion.daemon.modes import Mode
 from companion.errors import RecordError
-from companion.link.transport import MemoryTransport
+from companion.flight.app import stop
+from companion.flight.checkpoint import Memory
+from companion.flight.modes import Mode
+from companion.link.wire.transport import MemoryTransport
 from companion.types.events import Dialect
 from companion.types.mission import Command
 from sim.faults import FaultyLink, Happening, LinkFaults, OtherUploader, Schedule, random_schedule
-from tests.daemon.deck import Deck
 from tests.sim.client import PLAIN
+from tests.support.sitl_harness import SitlHarness
 from tests.support.timed_link import TimedLink
 
 DURATION_S = 45.0
@@ -142,8 +142,8 @@ def joining(here, steering):
     return [(*(start + (progress + ahead) * along), here[2])]
 
 
-class TortureDeck(Deck):
-    """A deck over a faulty link, with transfers on simulated time."""
+class TortureHarness(SitlHarness):
+    """A harness over a faulty link, with transfers on simulated time."""
 
     def __init__(self, dialect, seed, schedule, folder=None, mission=MISSION):
         super().__init__(mission, seed=seed, dialect=dialect, folder=folder)
@@ -199,43 +199,43 @@ class FullDisk:
         raise RecordError("no space left on device")
 
 
-async def flown(deck, duration_s=DURATION_S):
-    """Fly a deck to an instant, or to the goal."""
-    clock = deck.jumped(ManualClock())
+async def flown(harness, duration_s=DURATION_S):
+    """Fly a harness to an instant, or to the goal."""
+    clock = harness.jumped(ManualClock())
     ours, theirs = MemoryTransport.pair()
-    theirs.set_receiver(deck._receive)
+    theirs.set_receiver(harness._receive)
     await theirs.open()
-    running = deck._started(ours, clock)
+    running = harness._started(ours, clock)
     try:
-        while deck.now_s < duration_s:
-            await deck.flight._step(clock, theirs, running)
-            deck.act(deck)
-            if deck.app.mode is Mode.ARRIVED or deck.simulator.truth.collision:
+        while harness.now_s < duration_s:
+            await harness.flight._step(clock, theirs, running)
+            harness.act(harness)
+            if harness.app.mode is Mode.ARRIVED or harness.simulator.truth.collision:
                 break
-            if deck.is_killed:
-                deck.is_killed = False
+            if harness.is_killed:
+                harness.is_killed = False
                 running.cancel()
                 await asyncio.gather(running, return_exceptions=True)
-                running = deck._started(ours, clock)
+                running = harness._started(ours, clock)
     finally:
         await stop(running)
-        deck.recorder.close()
-    verdict = deck.verdict
-    verdict.num_swaps = deck.app.num_swaps
-    verdict.num_plans = len(deck.recorder.plan_ms)
-    verdict.mode = deck.app.mode.name
-    verdict.collision = deck.simulator.truth.collision
-    verdict.rejected = deck.recorder.num_rejected
-    verdict.arrived = deck.app.mode is Mode.ARRIVED
+        harness.recorder.close()
+    verdict = harness.verdict
+    verdict.num_swaps = harness.app.num_swaps
+    verdict.num_plans = len(harness.recorder.plan_ms)
+    verdict.mode = harness.app.mode.name
+    verdict.collision = harness.simulator.truth.collision
+    verdict.rejected = harness.recorder.num_rejected
+    verdict.arrived = harness.app.mode is Mode.ARRIVED
     return verdict
 
 
 def fly(dialect, seed, schedule, watch=None, duration_s=DURATION_S):
     """One flight under a schedule; ``watch`` sees, and may stop, each frame."""
-    deck = TortureDeck(dialect, seed, schedule)
+    harness = TortureHarness(dialect, seed, schedule)
     if watch is not None:
-        deck.link.watch = watch(deck)
-    return asyncio.run(flown(deck, duration_s)), deck
+        harness.link.watch = watch(harness)
+    return asyncio.run(flown(harness, duration_s)), harness
 
 
 # A PX4 that reboots holds, and an ArduPlane is bereft of its mission by whoever uploads another: both
@@ -259,12 +259,12 @@ SET_CURRENT = 224
 def broken_after(number, silent_s):
     """Watcher that cuts the link, both ways, after so many messages of the exchange with missions."""
 
-    def made(deck):
+    def made(harness):
         state = {"count": 0, "until": None}
-        deck.exchange = state
+        harness.exchange = state
 
         def watch(frame, _is_from_client):
-            now = deck.now_s
+            now = harness.now_s
             if state["until"] is not None and now < state["until"]:
                 return False
             message_id = int.from_bytes(frame[7:10], "little")
@@ -282,5 +282,5 @@ def broken_after(number, silent_s):
 
 def num_messages(dialect, duration_s=DURATION_S):
     """Messages of the exchange in a flight without faults."""
-    _, deck = fly(dialect, 1, Schedule(), broken_after(-1, 0.0), duration_s)
-    return deck.exchange["count"]
+    _, harness = fly(dialect, 1, Schedule(), broken_after(-1, 0.0), duration_s)
+    return harness.exchange["count"]

@@ -3,11 +3,11 @@
 import pytest
 
 from companion.types.events import Dialect
+from sim.autopilot.arduplane.arduplane_store import MissionKind
+from sim.autopilot.px4.px4_store import stored
 from sim.faults import Event, Happening, LinkFaults, Schedule, random_schedule
-from sim.mission_store import MissionKind
-from sim.px4_store import stored
 from tests.torture.campaigns import lossy_flight
-from tests.torture.harness import TortureDeck, broken_after, flown, fly, num_messages, random_flight
+from tests.torture.harness import TortureHarness, broken_after, flown, fly, num_messages, random_flight
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
 # Within the first mission's upload, its reading back and entry, within the next one's, and within the
@@ -33,8 +33,8 @@ def test_undisturbed_missions_are_swapped_and_nothing_is_violated(dialect):
     ("dialect", "number"), [(dialect, number) for dialect, numbers in BREAKS.items() for number in numbers]
 )
 def test_an_exchange_broken_off_leaves_a_mission_that_passes(dialect, number):
-    verdict, deck = fly(dialect, 1, Schedule(), broken_after(number, 8.0), 34.0)
-    assert deck.exchange["count"] >= number
+    verdict, harness = fly(dialect, 1, Schedule(), broken_after(number, 8.0), 34.0)
+    assert harness.exchange["count"] >= number
     assert verdict.violations == []
     assert not verdict.collision
     assert verdict.num_swaps >= 1
@@ -75,25 +75,25 @@ def test_one_fault_all_along(dialect, faults):
 
 @BOTH
 def test_the_goal_is_reached_over_a_link_that_loses_every_fifth_frame(dialect):
-    how, deck = lossy_flight(dialect, 1)
+    how, harness = lossy_flight(dialect, 1)
     assert how == "goal"
-    assert deck.app.num_swaps >= 3
+    assert harness.app.num_swaps >= 3
 
 
 @BOTH
 def test_swaps_that_keep_failing_are_announced_as_an_emergency_step(dialect):
     # From 12 s on no item of ours gets through: the flown mission is kept, and the pilot told so, once.
-    def without_items(deck):
+    def without_items(harness):
         def watch(frame, is_from_client):
             is_item = int.from_bytes(frame[7:10], "little") == 73
-            return not (is_item and is_from_client and deck.now_s > 12.0)
+            return not (is_item and is_from_client and harness.now_s > 12.0)
 
         return watch
 
-    verdict, deck = fly(dialect, 1, Schedule(), without_items, duration_s=70.0)
-    said = [entry for entry in deck.recorder.decisions if "swaps failed" in entry.text]
+    verdict, harness = fly(dialect, 1, Schedule(), without_items, duration_s=70.0)
+    said = [entry for entry in harness.recorder.decisions if "swaps failed" in entry.text]
     assert len(said) == 1
-    assert deck.app.emergency is not None
+    assert harness.app.emergency is not None
     assert verdict.violations == []
 
 
@@ -119,17 +119,17 @@ def spoiled(dialect, spoil):
     """A flight in which somebody spoils the mission at 5 s."""
     import asyncio
 
-    deck = TortureDeck(dialect, 1, Schedule())
-    act, done = deck.act, []
+    harness = TortureHarness(dialect, 1, Schedule())
+    act, done = harness.act, []
 
     def spoiling(inner):
-        if deck.now_s > 5.0 and not done:
-            done.append(deck.now_s)
-            spoil(deck.simulator.autopilot)
+        if harness.now_s > 5.0 and not done:
+            done.append(harness.now_s)
+            spoil(harness.simulator.autopilot)
         act(inner)
 
-    deck.act = spoiling
-    return asyncio.run(flown(deck, 8.0))
+    harness.act = spoiling
+    return asyncio.run(flown(harness, 8.0))
 
 
 def through_the_wall(autopilot):

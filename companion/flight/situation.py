@@ -1,0 +1,110 @@
+"""What is known by now: ownship, tracks and the world's snapshot, kept up by events."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from companion.config import MissionConfig
+from companion.config.compose import planner_settings_of, vehicle_of, world_of
+from companion.frames import direction_from_course
+from companion.kernels.geometry.prism_distance import segment_blocked
+from companion.kernels.threat.fuzzy_threat import MAX_THREATS, point_threat
+from companion.tracking.ownship import OwnshipEstimator
+from companion.tracking.tracker import Tracker
+from companion.types.events import Event, TrackReport
+from companion.types.state import Ownship
+from companion.types.threat import Obstacle, TrackState
+from companion.world.obstacles import packed_obstacles
+from companion.world.snapshot import Snapshot
+
+EYE_M = 2.0
+
+
+class Picture:
+    """Collects events; hands out snapshots.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    seed : int
+        Of the particle filters.
+    """
+
+    def __init__(self, mission: MissionConfig, seed: int) -> None:
+        self._fences: tuple[Obstacle, ...] = ()
+        self._read(mission)
+        self.ownship = OwnshipEstimator(mission.frame)
+        self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
+        self.newest_track_s = -math.inf
+        self.reports: Counter[str] = Counter()  # by the message they came in
+
+    def _read(self, mission: MissionConfig) -> None:
+        """Take the world and the threat model from a mission file."""
+        self._mission = mission
+        self._snapshot = world_of(mission)
+        self._horizon_m = float(mission.planning.sensing_horizon_m)
+        self._model = planner_settings_of(mission).threat_model(vehicle_of(mission), float(mission.unit_m))
+        self.set_fences(self._fences)
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from now on; radars that are as they were stay sensed."""
+        before, known = self._mission.radars, self._snapshot.threats.known
+        sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
+        self._read(mission)
+        kept = np.array([radar in sensed for radar in mission.radars], dtype=np.int64)
+        self._snapshot = self._snapshot.with_known(kept)
+
+    def observe(self, event: Event, now_s: float) -> None:
+        """Take one event."""
+        if isinstance(event, TrackReport):
+            self.reports[event.source.partition(" ")[0]] += 1
+            self.tracker.observe(event, now_s)
+            self.newest_track_s = now_s
+        else:
+            self.ownship.observe(event)
+
+    def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
+        """Take the autopilot's fences for obstacles; they hide nothing, and stop no moving threat."""
+        self._fences = fences
+        every = (*self._mission.obstacle_list, *fences)
+        packed = packed_obstacles(every, self._snapshot.bounds)
+        self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=every)
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """The world now: sensed static threats stay known, tracks are taken to this instant."""
+        state = self.ownship.state(now_s)
+        snapshot = self._snapshot
+        if state is not None:
+            east, north, _ = state.position_enu_m
+            self.tracker.note_ownship(east, north)
+            snapshot = snapshot.with_known(snapshot.sensed(east, north, self._horizon_m))
+        self._snapshot = snapshot.with_tracks(now_s, self.tracker.tracks(now_s))
+        return self._snapshot
+
+    @property
+    def num_known_threats(self) -> int:
+        """How many static threats have been sensed."""
+        return int(self._snapshot.threats.known.sum())
+
+    def threat_at(self, state: Ownship, tracks: tuple[TrackState, ...]) -> float:
+        """Threat level TI the aircraft is under, from all radars of the mission and the tracked DTs."""
+        x, y, z = state.position_enu_m
+        is_plane = self._snapshot.dimension == 2
+        points, reach = np.zeros((max(len(tracks), 1), 4)), np.zeros(len(tracks))
+        for row, radius, track in zip(points, range(len(tracks)), tracks, strict=False):
+            row[:3] = track.position_enu_m
+            if is_plane:
+                row[2] = z
+            reach[radius] = track.max_threat_radius_m
+            row[3] = float(not segment_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, self._snapshot.walls))
+        everything = self._snapshot.threats._replace(known=np.ones_like(self._snapshot.threats.known))
+        mu, nu = point_threat(
+            x, y, z, direction_from_course(state.course_rad), state.flight_path_angle_rad,
+            state.airspeed_m_s, 0.0, everything, points, reach, self._model, np.empty((MAX_THREATS, 2)),
+        )  # fmt: skip
+        return max(mu - nu, 0.0)

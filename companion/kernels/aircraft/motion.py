@@ -1,0 +1,87 @@
+"""One extension of the aircraft: the control towards a target within every constraint (SPEC 1).
+
+Symbols: ``state = [x, y, z, theta, phi, v]``, ``w`` turn rate, ``wp`` climb rate, ``a`` acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+from companion.kernels.arrays import FloatArray, Limits
+
+OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
+STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
+
+
+@nb.njit(cache=True, nogil=True)
+def wrapped(angle: float) -> float:
+    """The angle in [-π, π]."""
+    turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+    return min(math.pi, max(-math.pi, turned))  # the subtraction may round past the ends
+
+
+@nb.njit(cache=True, nogil=True)
+def steer(
+    state: FloatArray, turn: int, straight: float, x: float, y: float, z: float, limits: Limits
+) -> tuple[float, float, float]:
+    """Control (a, w, wp) of one step towards (x, y, z).
+
+    A turn goes on freely in its own direction; a new one, or one the other way, begins only after
+    ``straight_min`` of straight flight. Where the rule forbids turning, the step flies straight.
+    """
+    dx, dy, dz = x - state[0], y - state[1], z - state[2]
+    wanted = wrapped(math.atan2(dy, dx) - state[3])
+    a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - state[5]) / limits.tau))
+    slow = min(state[5], state[5] + a * limits.tau)
+    w_max = slow * math.cos(state[4]) / limits.r_min
+    w = min(w_max, max(-w_max, wanted / limits.tau))
+    sign = 1 if w > STRAIGHT_RATE else (-1 if w < -STRAIGHT_RATE else 0)
+    if sign == 0 or (turn != 0 and sign != turn) or (turn == 0 and straight < limits.straight_min):
+        w = 0.0
+    wp = 0.0
+    if limits.dimension == 3:
+        phi = math.atan2(dz, math.sqrt(dx * dx + dy * dy))
+        phi = min(limits.climb_max, max(-limits.descent_max, phi))
+        wp = (phi - state[4]) / limits.tau
+        wp = min(limits.pitch_rate_max, max(-limits.pitch_rate_max, wp))
+    return a, w, wp
+
+
+@nb.njit(cache=True, nogil=True)
+def advance(state: FloatArray, a: float, w: float, wp: float, tau: float, out: FloatArray) -> None:
+    """The state after ``tau`` seconds of constant control, into ``out`` (6,)."""
+    half = 0.5 * w * tau
+    k = 1.0 if abs(half) < 1e-9 else math.sin(half) / half
+    v, phi, theta = state[5] + 0.5 * a * tau, state[4] + 0.5 * wp * tau, state[3] + half
+    flat = tau * v * math.cos(phi) * k
+    out[0] = state[0] + flat * math.cos(theta)
+    out[1] = state[1] + flat * math.sin(theta)
+    out[2] = state[2] + tau * v * math.sin(phi)
+    out[3] = wrapped(state[3] + w * tau)
+    out[4] = state[4] + wp * tau
+    out[5] = state[5] + a * tau
+
+
+@nb.njit(cache=True, nogil=True)
+def state_status(state: FloatArray, limits: Limits) -> int:
+    """``OK``, or which constraint a state breaks."""
+    b = limits.bounds
+    if state[0] < b[0] or state[0] > b[1] or state[1] < b[2] or state[1] > b[3]:
+        return OUT_OF_BOUNDS
+    if state[2] < b[4] or state[2] > b[5]:
+        return OUT_OF_BOUNDS
+    if state[5] < limits.v_min - 1e-9 or state[5] > limits.v_max + 1e-9:
+        return TOO_SLOW_OR_FAST
+    return OK
+
+
+@nb.njit(cache=True, nogil=True)
+def straight_after(turn: int, straight: float, w: float, length: float) -> tuple[int, float]:
+    """Turn sign and straight length carried on after an edge of turn rate ``w``."""
+    if w > STRAIGHT_RATE:
+        return 1, 0.0
+    if w < -STRAIGHT_RATE:
+        return -1, 0.0
+    return 0, length if turn != 0 else straight + length

@@ -1,0 +1,300 @@
+"""How the kernels' arrays are laid out.
+
+Named tuples of plain arrays and numbers: numba passes them without boxing, and every kernel
+names what it reads. All arrays are C-contiguous float64 or int64. Lengths are metres, angles
+radians, ``theta`` counter-clockwise from east.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NUM_CELLS = 48  # along each side of the grid that finds near nodes
+
+
+class Obstacles(NamedTuple):
+    """Upright prisms, their edges one after another.
+
+    ``edges`` (E, 4) x0 y0 x1 y1; ``offsets`` (O + 1,) first edge of each; ``heights`` (O, 2) base
+    and top; ``boxes`` (O, 4) x_min y_min x_max y_max; ``field`` (NX, NY, NZ) distance to the nearest
+    prism at the grid's nodes; ``grid`` (6,) x0 y0 z0 and the spacings dx dy dz.
+    """
+
+    edges: FloatArray
+    offsets: IntArray
+    heights: FloatArray
+    boxes: FloatArray
+    field: FloatArray
+    grid: FloatArray
+
+
+class Threats(NamedTuple):
+    """Static threats and the shadows obstacles cast over them.
+
+    ``radars`` (R, 5) x y z r_max k_r; ``known`` (R,) 1 where the planner may use it; ``shadows``
+    (R, NX, NY) up coordinate below which an obstacle hides the grid's node from the radar;
+    ``grid`` (3,) x0 y0 and the spacing.
+    """
+
+    radars: FloatArray
+    known: IntArray
+    shadows: FloatArray
+    grid: FloatArray
+
+
+class ThreatModel(NamedTuple):
+    """Parameters of the A-IFS model (paper 3.1). ``form``: 0 shifted, 1 literal, 2 probabilistic."""
+
+    weight_count: float
+    weight_delta: float
+    exponent: float
+    form: int
+    v_min: float
+    v_max: float
+    v_penetration: float
+    unit: float
+
+
+class Limits(NamedTuple):
+    """Constraints of motion (paper 2.2), and the box the aircraft stays in."""
+
+    v_min: float
+    v_max: float
+    v_cruise: float
+    a_max: float
+    r_min: float
+    straight_min: float
+    climb_max: float
+    descent_max: float
+    pitch_rate_max: float
+    margin: float
+    tau: float
+    dimension: int
+    bounds: FloatArray  # (6,) x_min x_max y_min y_max z_min z_max
+
+
+class Uncertainty(NamedTuple):
+    """LQG-MP: noise and the tabulated controller.
+
+    ``process`` (3,) variances of a, turn rate, climb rate; ``measurement`` (5,) variances of
+    x y z theta phi; ``gains`` (NV, NW, NC, 3, 6) the LQR gains at direction 0 over speed, turn rate
+    and climb angle; ``axes`` (3, 2) first value and spacing of each; ``normals`` (M, 3) the common
+    standard-normal points.
+    """
+
+    process: FloatArray
+    measurement: FloatArray
+    gains: FloatArray
+    axes: FloatArray
+    normals: FloatArray
+
+
+class Tree(NamedTuple):
+    """The PathTree. Row i is a node; ``count[0]`` are in use.
+
+    ``state`` (N, 6) x y z theta phi v; ``parent`` (N,); ``time`` (N,) TS; ``turn`` (N,) sign of the
+    in-edge's turn; ``straight`` (N,) straight length flown since the last turn; ``rate`` (N, 2) the
+    in-edge's turn and climb rate; ``cov_error``, ``cov_estimate`` (N, 6, 6) P and Λ; ``delta`` (N,) δ_q;
+    ``clear`` (N,) p_c; ``level`` (N,) TI; ``domain`` (N,) TUDD; ``cost`` (N,) sum of (9) from the
+    root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
+    DT when the node is reached and 1 where that is known; ``children`` (N,) live children;
+    ``blocked`` (N,) 1 after a failed extension; ``way`` (N,) way round obstacles to the sub goal.
+    """
+
+    state: FloatArray
+    parent: IntArray
+    time: FloatArray
+    turn: IntArray
+    straight: FloatArray
+    rate: FloatArray
+    cov_error: FloatArray
+    cov_estimate: FloatArray
+    delta: FloatArray
+    clear: FloatArray
+    level: FloatArray
+    domain: FloatArray
+    cost: FloatArray
+    active: IntArray
+    threat_point: FloatArray
+    children: IntArray
+    blocked: IntArray
+    way: FloatArray
+    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
+
+
+class Guide(NamedTuple):
+    """The way round obstacles to a point.
+
+    ``wave`` (N, M) its length [m] from every cell of a grid, infinite where there is none;
+    ``origin`` (2,) the first cell's centre; ``cell`` the spacing [m]; ``share`` of the samples that
+    follow it; ``ahead`` how far along it they lie at most [m].
+    """
+
+    wave: FloatArray
+    origin: FloatArray
+    cell: float
+    share: float
+    ahead: float
+
+
+class Branches(NamedTuple):
+    """How the PathTree hangs together while RRT* rearranges it.
+
+    ``first``, ``following`` (N,) first child and next sibling, -1 where there is none; ``upper`` (N,)
+    UB of paper 4.4.3; ``stage`` (N,) goals passed on the way to the node.
+    """
+
+    first: IntArray
+    following: IntArray
+    upper: FloatArray
+    stage: IntArray
+
+
+class Pursuers(NamedTuple):
+    """The DTs' trees (TTree), one a row of the leading axis.
+
+    ``position`` (D, N, 3); ``heading`` (D, N); ``parent`` (D, N); ``time`` (D, N) TS; ``count`` (D,)
+    nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
+    ``bounds`` (4,) x_min x_max y_min y_max of where they drive; ``corners`` (D, 2) first row and number of
+    the nodes at corners of obstacles (:func:`~companion.kernels.threat.threat_tree.add_corners`), and
+    ``by_corner`` (D, C) through which of them a cell's centre is reached earliest: -1 none, -2 not looked at yet.
+
+    The other fields are indices of places by square cells (see :mod:`companion.kernels.geometry.grid_index`):
+    ``cells`` (D, C), ``chain`` (D, N), ``places`` (D, N, 2), ``extent`` (D, 4), ``filled`` (D,) of the
+    TTrees' nodes, and ``path_cells`` (C,), ``path_chain`` (M,), ``path_places`` (M, 2),
+    ``path_extent`` (4,), ``path_filled`` (1,) of the PathTree's.
+    """
+
+    position: FloatArray
+    heading: FloatArray
+    parent: IntArray
+    time: FloatArray
+    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
+    model: FloatArray
+    bounds: FloatArray
+    corners: IntArray
+    by_corner: IntArray
+    cells: IntArray
+    chain: IntArray
+    places: FloatArray
+    extent: IntArray
+    filled: IntArray
+    path_cells: IntArray
+    path_chain: IntArray
+    path_places: FloatArray
+    path_extent: IntArray
+    path_filled: IntArray
+
+
+class Search(NamedTuple):
+    """Weights and switches of the local search (paper 4.4) and of the RS estimator (3.2.2).
+
+    ``k_clear``, ``k_threat``, ``domain``: k_c, k_T and DD [m] of (7); ``cost_distance``,
+    ``cost_turn``, ``cost_threat``: D_γ of (9); ``unit`` metres in a planning unit; ``zoom``
+    probability of GoalZoom; ``use_k_near``, ``use_domain``, ``use_uncertainty``, ``no_fly`` switches
+    (1 on); ``secondary`` n_q; ``tolerance`` distance at which a sub goal is reached [m];
+    ``certain`` p_c from which a node never blocked has no limit for uncertainty; ``estimator`` of
+    RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators;
+    ``level_max`` threat level above which a node is not kept; ``straight_in`` (1 on) connects greedily
+    to a sub goal that lies in a new node's domain.
+    """
+
+    k_clear: float
+    k_threat: float
+    domain: float
+    cost_distance: float
+    cost_turn: float
+    cost_threat: float
+    unit: float
+    zoom: float
+    use_k_near: int
+    use_domain: int
+    use_uncertainty: int
+    no_fly: int
+    secondary: int
+    tolerance: float
+    certain: float
+    estimator: int
+    p_tid: float
+    k_pursuer: int
+    level_max: float
+    straight_in: int
+
+
+class Scene(NamedTuple):
+    """What one sub task's search reads, in one piece.
+
+    ``obstacles`` the aircraft keeps clear of; ``walls``, those of them that hide and stop a DT, too.
+    """
+
+    pursuers: Pursuers
+    obstacles: Obstacles
+    walls: Obstacles
+    threats: Threats
+    model: ThreatModel
+    limits: Limits
+    tables: Uncertainty
+    search: Search
+    guide: Guide
+
+
+def empty_tree(capacity: int, num_threats: int) -> Tree:
+    """A tree with room for ``capacity`` nodes and ``num_threats`` DTs."""
+    zeros: Any = np.zeros
+    return Tree(
+        state=zeros((capacity, 6)),
+        parent=np.full(capacity, -1, dtype=np.int64),
+        time=zeros(capacity),
+        turn=zeros(capacity, dtype=np.int64),
+        straight=zeros(capacity),
+        rate=zeros((capacity, 2)),
+        cov_error=zeros((capacity, 6, 6)),
+        cov_estimate=zeros((capacity, 6, 6)),
+        delta=zeros(capacity),
+        clear=np.ones(capacity),
+        level=zeros(capacity),
+        domain=np.full(capacity, np.inf),
+        cost=zeros(capacity),
+        active=zeros(capacity, dtype=np.int64),
+        threat_point=zeros((capacity, max(num_threats, 1), 4)),
+        children=zeros(capacity, dtype=np.int64),
+        blocked=zeros(capacity, dtype=np.int64),
+        way=np.full(capacity, np.inf),
+        count=zeros(1, dtype=np.int64),
+    )
+
+
+def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds``.
+
+    ``path_capacity`` is that of the PathTree they are to be used with; with a smaller one its nearest
+    nodes are found by looking at all.
+    """
+    num = len(models)
+    return Pursuers(
+        position=np.zeros((num, capacity, 3)),
+        heading=np.zeros((num, capacity)),
+        parent=np.full((num, capacity), -1, dtype=np.int64),
+        time=np.zeros((num, capacity)),
+        count=np.zeros(num, dtype=np.int64),
+        model=np.ascontiguousarray(models, dtype=np.float64).reshape(num, 5),
+        bounds=np.ascontiguousarray(bounds[:4], dtype=np.float64),
+        corners=np.zeros((num, 2), dtype=np.int64),
+        by_corner=np.full((num, NUM_CELLS**2), -2, dtype=np.int64),
+        cells=np.full((num, NUM_CELLS**2), -1, dtype=np.int64),
+        chain=np.full((num, capacity), -1, dtype=np.int64),
+        places=np.zeros((num, capacity, 2)),
+        extent=np.zeros((num, 4), dtype=np.int64),
+        filled=np.zeros(num, dtype=np.int64),
+        path_cells=np.full(NUM_CELLS**2, -1, dtype=np.int64),
+        path_chain=np.full(path_capacity, -1, dtype=np.int64),
+        path_places=np.zeros((path_capacity, 2)),
+        path_extent=np.zeros(4, dtype=np.int64),
+        path_filled=np.zeros(1, dtype=np.int64),
+    )

@@ -1,0 +1,178 @@
+"""Nearest nodes of a growing tree: its places sorted into square cells.
+
+A tree grows at its end and is cut back at its end, so its index follows lazily: a query first takes in
+what has been added and lets go of what was taken away (:func:`follow`). Answers are those of a look at
+all nodes: the ``k`` nearest in the plane, equal distances by row.
+
+Symbols: ``cells`` (C·C,) the newest row in each cell, ``chain`` (M,) the next older row in the same cell,
+``places`` (M, 2) where each row was when it was taken in, ``extent`` (4,) first and last cell in
+each direction that may hold rows, ``filled`` how many rows are; ``rows`` (N, ≥ 2)
+the tree's places as they are; ``bounds`` x_min x_max y_min y_max.
+"""
+
+from __future__ import annotations
+
+import numba as nb
+
+from companion.kernels.arrays import NUM_CELLS, FloatArray, IntArray
+
+FEW = 48  # rows up to which looking at all of them is quicker
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cell_size(bounds: FloatArray) -> float:
+    """Side of a cell [m]: square cells that cover the bounds."""
+    return max(bounds[1] - bounds[0], bounds[3] - bounds[2], 1e-9) / NUM_CELLS
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cell_along(value: float, low: float, size: float) -> int:
+    """Cell along one axis; those at the rim reach on outwards without end, what is no number is in 0."""
+    at = (value - low) / size
+    if at >= NUM_CELLS:
+        return NUM_CELLS - 1
+    return int(at) if at > 0.0 else 0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cell_of(x: float, y: float, bounds: FloatArray, size: float) -> int:
+    """Number of a place's cell."""
+    return cell_along(x, bounds[0], size) * NUM_CELLS + cell_along(y, bounds[2], size)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def follow(
+    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, filled: int, rows: FloatArray,
+    n: int, bounds: FloatArray,
+) -> int:  # fmt: skip
+    """Bring an index up to a tree of ``n`` rows; returns ``n``, the new ``filled``.
+
+    Since it was asked last the tree may have grown or been cut back, or its last rows may have been
+    replaced; rows below one that has kept its place are not looked at again. The extent only grows
+    while rows come and go, and starts afresh with an empty index.
+    """
+    size = cell_size(bounds)
+    while filled > 0 and (
+        filled > n
+        or places[filled - 1, 0] != rows[filled - 1, 0]
+        or places[filled - 1, 1] != rows[filled - 1, 1]
+    ):
+        filled -= 1
+        cells[cell_of(places[filled, 0], places[filled, 1], bounds, size)] = chain[filled]
+    if filled == 0:
+        extent[0], extent[1], extent[2], extent[3] = NUM_CELLS, -1, NUM_CELLS, -1
+    while filled < n:
+        x, y = rows[filled, 0], rows[filled, 1]
+        places[filled, 0], places[filled, 1] = x, y
+        i, j = cell_along(x, bounds[0], size), cell_along(y, bounds[2], size)
+        extent[0], extent[1] = min(extent[0], i), max(extent[1], i)
+        extent[2], extent[3] = min(extent[2], j), max(extent[3], j)
+        chain[filled] = cells[i * NUM_CELLS + j]
+        cells[i * NUM_CELLS + j] = filled
+        filled += 1
+    return filled
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def keep(best: FloatArray, out: IntArray, found: int, k: int, value: float, row: int) -> int:
+    """Keep the ``k`` smallest (value, row), sorted; returns how many there are."""
+    if found == k:
+        if value > best[k - 1] or (value == best[k - 1] and row > out[k - 1]):
+            return found
+    else:
+        found += 1
+    at = found - 1
+    while at > 0 and (best[at - 1] > value or (best[at - 1] == value and out[at - 1] > row)):
+        best[at], out[at] = best[at - 1], out[at - 1]
+        at -= 1
+    best[at], out[at] = value, row
+    return found
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def nearest_of_all(
+    rows: FloatArray, n: int, active: IntArray, x: float, y: float, k: int, best: FloatArray, out: IntArray
+) -> int:
+    """The ``k`` nearest of ``n`` rows, by looking at each that ``active`` (N,) marks; empty: all."""
+    found = 0
+    for i in range(n):
+        if active.shape[0] > 0 and active[i] == 0:
+            continue
+        d2 = (rows[i, 0] - x) ** 2 + (rows[i, 1] - y) ** 2
+        if found < k or d2 < best[k - 1]:
+            found = keep(best, out, found, k, d2, i)
+    return found
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def least_way(value: float, low: float, size: float, cell: int) -> float:
+    """Least distance along one axis from a value to a cell's places; 0 towards cells without end."""
+    if cell > 0 and value < low + cell * size:
+        return low + cell * size - value
+    if cell < NUM_CELLS - 1 and value > low + (cell + 1) * size:
+        return value - low - (cell + 1) * size
+    return 0.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def nearest_by_cells(
+    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, rows: FloatArray,
+    bounds: FloatArray, active: IntArray, x: float, y: float, k: int, best: FloatArray, out: IntArray,
+) -> int:  # fmt: skip
+    """The ``k`` nearest rows of an index, ring by ring of cells about the place; -1 where it is stale.
+
+    Stale is an index that gives a row which is no longer there: the tree was rearranged meanwhile.
+
+    Rings begin and end with the extent of what there is. Beyond ring ``r`` everything is at least ``r``
+    cells away.
+    """
+    size = cell_size(bounds)
+    i0, j0 = cell_along(x, bounds[0], size), cell_along(y, bounds[2], size)
+    first = max(extent[0] - i0, i0 - extent[1], extent[2] - j0, j0 - extent[3], 0)
+    last = max(i0 - extent[0], extent[1] - i0, j0 - extent[2], extent[3] - j0)
+    found = 0
+    for ring in range(first, last + 1):
+        if found == k and best[k - 1] < (max(ring - 1, 0) * size) ** 2:
+            break
+        for i in range(max(extent[0], i0 - ring), min(extent[1], i0 + ring) + 1):
+            inner = abs(i - i0) < ring  # of such a column only the two ends are on the ring
+            dx = least_way(x, bounds[0], size, i)
+            for j in range(j0 - ring, j0 + ring + 1, 2 * ring if inner else 1):
+                if j < extent[2] or j > extent[3]:
+                    continue
+                row = cells[i * NUM_CELLS + j]
+                if row < 0:
+                    continue
+                dy = least_way(y, bounds[2], size, j)
+                if found == k and dx * dx + dy * dy > best[k - 1]:
+                    continue
+                while row >= 0:
+                    if active.shape[0] == 0 or active[row] == 1:
+                        d2 = (places[row, 0] - x) ** 2 + (places[row, 1] - y) ** 2
+                        if found < k or d2 <= best[k - 1]:
+                            if places[row, 0] != rows[row, 0] or places[row, 1] != rows[row, 1]:
+                                return -1
+                            found = keep(best, out, found, k, d2, row)
+                    row = chain[row]
+    return found
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def nearest(
+    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, filled: IntArray, at: int,
+    rows: FloatArray, n: int, bounds: FloatArray, active: IntArray, x: float, y: float, k: int,
+    best: FloatArray, out: IntArray,
+) -> int:  # fmt: skip
+    """The ``k`` nearest of ``n`` rows, into ``out``; the index is brought up to the tree, or made anew.
+
+    ``filled[at]`` is the index's count. Returns how many there are.
+    """
+    if n <= FEW or n > chain.shape[0]:
+        return nearest_of_all(rows, n, active, x, y, k, best, out)
+    filled[at] = follow(cells, chain, places, extent, filled[at], rows, n, bounds)
+    found = nearest_by_cells(cells, chain, places, extent, rows, bounds, active, x, y, k, best, out)
+    if found < 0:
+        cells[:] = -1
+        filled[at] = follow(cells, chain, places, extent, 0, rows, n, bounds)
+        found = nearest_by_cells(cells, chain, places, extent, rows, bounds, active, x, y, k, best, out)
+    return found

@@ -1,0 +1,90 @@
+"""Shadows: what obstacles hide from a radar.
+
+For a prism standing on the ground, the points hidden above one ground position are all those
+below a height: a line of sight that clears the prism stays clear when its end is raised. The
+shadow field stores that height, so a query is a look-up instead of a ray cast. Floating prisms
+(base above the radar's ground) cast no shadow in the field: a threat is never underrated for them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+from companion.kernels.arrays import FloatArray, Obstacles
+from companion.kernels.geometry.prism_distance import point_in_polygon
+
+NO_SHADOW = -1.0e9
+
+
+@nb.njit(cache=True, nogil=True)
+def crossing_interval(
+    px: float, py: float, qx: float, qy: float, obstacles: Obstacles, o: int
+) -> tuple[float, float]:
+    """First and last fraction of p–q (in the plane) inside prism ``o``'s polygon; (1, 0) if none."""
+    box = obstacles.boxes[o]
+    if max(px, qx) < box[0] or min(px, qx) > box[2] or max(py, qy) < box[1] or min(py, qy) > box[3]:
+        return 1.0, 0.0
+    first, last = obstacles.offsets[o], obstacles.offsets[o + 1]
+    t_in, t_out = 1.0, 0.0
+    if point_in_polygon(px, py, obstacles.edges, first, last):
+        t_in = 0.0
+        t_out = 0.0
+    if point_in_polygon(qx, qy, obstacles.edges, first, last):
+        t_out = 1.0
+        t_in = min(t_in, 1.0)
+    dx, dy = qx - px, qy - py
+    for e in range(first, last):
+        x0, y0, x1, y1 = obstacles.edges[e]
+        ex, ey = x1 - x0, y1 - y0
+        det = dx * ey - dy * ex
+        if det == 0.0:
+            continue
+        t = ((x0 - px) * ey - (y0 - py) * ex) / det
+        u = ((x0 - px) * dy - (y0 - py) * dx) / det
+        if 0.0 <= t <= 1.0 and 0.0 <= u <= 1.0:
+            t_in = min(t_in, t)
+            t_out = max(t_out, t)
+    return t_in, t_out
+
+
+@nb.njit(cache=True, nogil=True)
+def shadow_height(rx: float, ry: float, rz: float, x: float, y: float, obstacles: Obstacles) -> float:
+    """Up coordinate below which a point over (x, y) is hidden from a radar at (rx, ry, rz) [m]."""
+    height = NO_SHADOW
+    for o in range(obstacles.heights.shape[0]):
+        base, top = obstacles.heights[o, 0], obstacles.heights[o, 1]
+        if base > min(rz, 0.0) + 1.0 and base > 1.0:
+            continue
+        t_in, t_out = crossing_interval(rx, ry, x, y, obstacles, o)
+        if t_in > t_out:
+            continue
+        t = t_in if top >= rz else t_out
+        if t <= 1e-9:
+            return math.inf
+        height = max(height, rz + (top - rz) / t)
+    return height
+
+
+@nb.njit(cache=True, nogil=True)
+def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obstacles: Obstacles) -> None:
+    """Shadow height of one radar at every node of the grid, in place [m]."""
+    for i in range(shadows.shape[0]):
+        for j in range(shadows.shape[1]):
+            shadows[i, j] = shadow_height(
+                radar[0], radar[1], radar[2], grid[0] + i * grid[2], grid[1] + j * grid[2], obstacles
+            )
+
+
+@nb.njit(cache=True, nogil=True)
+def is_hidden(x: float, y: float, z: float, shadows: FloatArray, grid: FloatArray) -> bool:
+    """Whether a point is in a radar's shadow: it must be below all four nodes of its cell.
+
+    Taking the lowest corner shrinks shadows by at most a cell: masking is never claimed where the
+    grid cannot show it.
+    """
+    i, j = int(math.floor((x - grid[0]) / grid[2])), int(math.floor((y - grid[1]) / grid[2]))
+    if i < 0 or j < 0 or i + 1 >= shadows.shape[0] or j + 1 >= shadows.shape[1]:
+        return False
+    return z < shadows[i, j] and z < shadows[i + 1, j] and z < shadows[i, j + 1] and z < shadows[i + 1, j + 1]

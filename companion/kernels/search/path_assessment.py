@@ -1,0 +1,83 @@
+"""What LQG-MP and the threat models say along a path of rows."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
+from companion.kernels.arrays import FloatArray, Scene, Threats
+from companion.kernels.geometry.prism_distance import clearance
+from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.search.dynamic_domain_rrt import FAR
+from companion.kernels.threat.fuzzy_threat import MAX_THREATS, membership, node_threat
+from companion.kernels.threat.reachability import dt_positions
+
+
+@nb.njit(cache=True, nogil=True)
+def assess_rows(
+    states: FloatArray, times: FloatArray, rates: FloatArray, first: int, n: int, scene: Scene,
+    errors: FloatArray, estimates: FloatArray, clear: FloatArray, levels: FloatArray,
+    particle_levels: FloatArray, points: FloatArray,
+) -> None:  # fmt: skip
+    """P, Λ, p_c and TI of rows ``first`` to ``n - 1``, in place.
+
+    ``errors``, ``estimates`` (N, 6, 6) P and Λ, given up to row ``first - 1``, or at row 0 where
+    ``first`` is 0; ``clear``, ``levels`` (N,); ``particle_levels`` (N, M) TI of each particle;
+    ``points`` (N, D, 4) the DTs' nearest positions when the row is passed.
+    """
+    dimension, search = scene.limits.dimension, scene.search
+    factor, scratch = np.empty((3, 3)), np.empty((MAX_THREATS, 2))
+    reach = scene.pursuers.model[:, 1].copy()
+    for k in range(first, n):
+        if k > 0:
+            dt = times[k] - times[k - 1]
+            propagate(
+                states[k - 1], (states[k, 5] - states[k - 1, 5]) / dt, rates[k, 0], rates[k, 1], dt,
+                scene.tables, errors[k - 1], estimates[k - 1], errors[k], estimates[k],
+            )  # fmt: skip
+        x, y, z = states[k, 0], states[k, 1], states[k, 2]
+        deviation = position_deviation(errors[k], estimates[k], dimension)
+        clear[k] = collision_free(clearance(x, y, z, scene.obstacles, FAR), deviation, dimension)
+        dt_positions(scene.pursuers, x, y, z, times[k], search.k_pursuer, scene.walls, points[k])
+        if search.use_uncertainty == 1:
+            position_factor(errors[k], estimates[k], dimension, factor)
+        else:
+            factor[:] = 0.0
+        levels[k] = node_threat(
+            states[k], factor, deviation / search.unit, scene.threats, points[k], reach, scene.model,
+            scene.tables.normals, scratch, particle_levels[k],
+        )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True)
+def radar_membership(x: float, y: float, z: float, threats: Threats) -> float:
+    """Sum of (1) over all radars, known or not, at a point, with masking."""
+    total = 0.0
+    for i in range(threats.radars.shape[0]):
+        if is_hidden(x, y, z, threats.shadows[i], threats.grid):
+            continue
+        dx, dy, dz = x - threats.radars[i, 0], y - threats.radars[i, 1], z - threats.radars[i, 2]
+        flat = math.sqrt(dx * dx + dy * dy)
+        total += membership(
+            math.sqrt(flat * flat + dz * dz), dz, flat, threats.radars[i, 3], threats.radars[i, 4]
+        )
+    return total
+
+
+@nb.njit(cache=True, nogil=True)
+def radar_memberships(positions: FloatArray, inner: int, threats: Threats) -> tuple[FloatArray, FloatArray]:
+    """:func:`radar_membership` at rows (N, 3), shape (N,), and at points between, (N - 1, inner)."""
+    n = positions.shape[0]
+    rows, between = np.empty(n), np.empty((max(n - 1, 0), inner))
+    for k in range(n):
+        p = positions[k]
+        rows[k] = radar_membership(p[0], p[1], p[2], threats)
+        if k < n - 1:
+            d = positions[k + 1] - p
+            for j in range(inner):
+                t = (j + 1.0) / (inner + 1.0)
+                between[k, j] = radar_membership(p[0] + t * d[0], p[1] + t * d[1], p[2] + t * d[2], threats)
+    return rows, between

@@ -1,0 +1,440 @@
+"""MAVLink bytes in, events out; messages out as bytes. The only place that knows pymavlink.
+
+Nothing that arrives raises: what is damaged, unknown or cannot be true is counted under its
+reason in ``Codec.counters`` and left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.link.messages.track_messages import Tracks
+from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
+from companion.link.missions.mission_items import item_of
+from companion.link.wire.decoded_frame import (
+    CommandAck,
+    Frame,
+    MissionAck,
+    MissionCount,
+    MissionQuestion,
+    MissionTold,
+    ParameterTold,
+    Reply,
+    Request,
+    VersionTold,
+)
+from companion.link.wire.framing import (
+    MAGIC_V2,
+    SIGNATURE,
+    Framer,
+    RawFrame,
+    checksum,
+    raw_frame,
+    renumbered,
+)
+from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
+from companion.link.wire.source_limits import SourceLimits
+from companion.types.events import Event
+from companion.types.mission import MissionItem
+
+COMPONENT_ID = 195  # MAV_COMP_ID_PATHPLANNER
+STATUSTEXT_CHARACTERS = 50
+
+_EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
+_OWN_SYSTEM_UNTIL_KNOWN = 1
+
+
+def signer_of(
+    key: bytes, link_id: int, timestamps: Timestamps, allow_unsigned: Collection[int] = ()
+) -> Signer:
+    """Signer that knows the checksums of all messages of the dialect."""
+    return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned)
+
+
+def is_intact(raw: bytes) -> bool:
+    """Whether a frame's checksum fits; of messages that the dialect does not know it cannot be told."""
+    extra = _EXTRAS.get(raw_frame(raw).message_id)
+    if extra is None:
+        return True
+    body = len(raw) - 2 - (SIGNATURE if raw[0] == MAGIC_V2 and raw[2] & 1 else 0)
+    return checksum(raw[1:body], extra) == int.from_bytes(raw[body : body + 2], "little")
+
+
+class Codec:
+    """Both directions of one link.
+
+    Parameters
+    ----------
+    vehicle_system_id : int, optional
+        The vehicle's system id; left out, that of the first autopilot heard. Messages are sent
+        under the same system id, component 195.
+    track_sources : collection of int, optional
+        System ids whose sightings of others are believed; left out, all.
+    signer : Signer, optional
+        Verifies what comes in; left out, everything is believed unsigned.
+    limits : SourceLimits, optional
+        On what is taken from others than the own autopilot.
+    """
+
+    def __init__(
+        self,
+        vehicle_system_id: int | None = None,
+        track_sources: Collection[int] | None = None,
+        *,
+        signer: Signer | None = None,
+        limits: SourceLimits | None = None,
+    ) -> None:
+        self.counters: Counter[str] = Counter()
+        self._framer = Framer(_EXTRAS, self.counters)
+        self._reader = mavlink.MAVLink(None)
+        self._writer = mavlink.MAVLink(None, srcComponent=COMPONENT_ID)
+        self._telemetry = Telemetry(vehicle_system_id)
+        self._tracks = Tracks(self._telemetry, track_sources)
+        self._chunk_id = 0
+        self._signer = signer
+        self._limits = limits
+        if signer is not None:
+            signer.counters = self.counters
+
+    @property
+    def vehicle_system_id(self) -> int | None:
+        """System id of the vehicle, None until one is heard."""
+        return self._telemetry.vehicle_system_id
+
+    @property
+    def home_altitude_amsl_m(self) -> float | None:
+        """Height that the autopilot's relative altitudes count from, None until it is heard."""
+        return self._telemetry.home_altitude_amsl_m
+
+    @property
+    def own_ids(self) -> tuple[int, int]:
+        """System and component id under which messages go out."""
+        return self._telemetry.vehicle_system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
+
+    def feed(self, data: bytes, stamp_s: float) -> list[Frame]:
+        """Take received bytes, in any portions.
+
+        Parameters
+        ----------
+        data : bytes
+            As they came.
+        stamp_s : float
+            Clock reading of their arrival.
+
+        Returns
+        -------
+        list of Frame
+            Those that became complete, in order, without the own ones that came back.
+        """
+        frames = []
+        for raw in self._framer.feed(data):
+            if (raw.system_id, raw.component_id) == self.own_ids:
+                self.counters["own"] += 1
+            elif not self._is_taken(raw, stamp_s):
+                continue
+            elif not raw.is_verified:
+                self.counters["unknown_message"] += 1
+                frames.append(Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
+            else:
+                frames.append(self._decoded(raw, stamp_s))
+        return frames
+
+    def _is_taken(self, raw: RawFrame, stamp_s: float) -> bool:
+        """Whether a frame is signed as it must be, and its source is listened to."""
+        if raw.message_id == SETUP_SIGNING:
+            self.counters["setup_signing"] += 1  # a key: neither taken, nor passed on, nor recorded
+            return False
+        if self._signer is not None and not self._signer.accepts(raw):
+            return False
+        if self._limits is None or (raw.system_id, raw.component_id) == (self.vehicle_system_id, 1):
+            return True
+        refusal = self._limits.refusal(raw.system_id, raw.component_id, stamp_s)
+        if refusal:
+            self.counters[refusal] += 1
+        return not refusal
+
+    def on_the_wire(self, data: bytes) -> bytes:
+        """What leaves for frames of ours: signed, where there is a key."""
+        return data if self._signer is None else self._signer.signed(data)
+
+    @staticmethod
+    def unsigned(raw: bytes) -> bytes:
+        """A received frame without its signature, for a reader that has no key."""
+        return without_signature(raw, _EXTRAS)
+
+    def _decoded(self, raw: RawFrame, stamp_s: float) -> Frame:
+        try:
+            message = self._reader.decode(bytearray(raw.raw))
+        except mavlink.MAVError:
+            self.counters["undecodable"] += 1
+            return Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id)
+        self.counters["accepted"] += 1
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self._tracks.note_heartbeat(message, raw)
+        events: list[Event] = []
+        try:
+            events += self._telemetry.events(kind, message, raw, stamp_s)
+            report = self._tracks.report(kind, message, raw, stamp_s)
+            if report is not None:
+                events.append(report)
+        except RefusedError as refused:
+            self.counters[f"refused_{refused.reason}"] += 1
+        return Frame(
+            raw.raw,
+            raw.system_id,
+            raw.component_id,
+            raw.message_id,
+            tuple(events),
+            _reply(kind, message, raw, stamp_s) if raw.system_id == self.vehicle_system_id else None,
+            _request(kind, message),
+        )
+
+    def renumbered(self, raw: bytes) -> bytes:
+        """Put a frame packed elsewhere under our ids into our sequence, or receivers count losses."""
+        data = renumbered(raw, self._writer.seq, _EXTRAS[raw_frame(raw).message_id])
+        self._writer.seq = (self._writer.seq + 1) % 256
+        return data
+
+    def _packed(self, message: Any) -> bytes:  # noqa: ANN401
+        self._writer.srcSystem = self.own_ids[0]
+        data = bytes(message.pack(self._writer))
+        self._writer.seq = (self._writer.seq + 1) % 256
+        return data
+
+    def heartbeat(self, *, is_active: bool = True) -> bytes:
+        """HEARTBEAT of an onboard controller, ACTIVE or CRITICAL."""
+        state = mavlink.MAV_STATE_ACTIVE if is_active else mavlink.MAV_STATE_CRITICAL
+        return self._packed(
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
+            )
+        )
+
+    def status_text(self, severity: int, text: str) -> bytes:
+        """STATUSTEXT, in as many chunks as the text needs; characters beyond ASCII become '?'."""
+        encoded = text.encode("ascii", "replace")
+        chunks = [
+            encoded[start : start + STATUSTEXT_CHARACTERS]
+            for start in range(0, max(len(encoded), 1), STATUSTEXT_CHARACTERS)
+        ]
+        if len(chunks) > 1:
+            self._chunk_id = self._chunk_id % 0xFFFF + 1
+        number = self._chunk_id if len(chunks) > 1 else 0
+        return b"".join(
+            self._packed(mavlink.MAVLink_statustext_message(severity, chunk, number, index))
+            for index, chunk in enumerate(chunks[:256])
+        )
+
+    def named_value(self, boot_s: float, name: str, value: float) -> bytes:
+        """NAMED_VALUE_FLOAT; the name is cut to ten characters."""
+        milliseconds = int(boot_s * 1e3) % 2**32
+        encoded = name.encode("ascii", "replace")[:10]
+        return self._packed(mavlink.MAVLink_named_value_float_message(milliseconds, encoded, value))
+
+    def computer_status(
+        self,
+        uptime_s: float,
+        cores_percent: Sequence[float],
+        temperature_c: float | None,
+        memory_mb: tuple[float, float],
+        disk_mb: tuple[float, float],
+    ) -> bytes:
+        """ONBOARD_COMPUTER_STATUS: up to eight cores, memory and disk as used and total [MiB]."""
+        cores = [round(min(max(load, 0.0), 100.0)) for load in cores_percent[:8]]
+        celsius = 127 if temperature_c is None else round(min(max(temperature_c, -127.0), 126.0))
+        unknown, no_load, no_link = [2**32 - 1] * 3, [255] * 10, [2**32 - 1] * 6
+        message = mavlink.MAVLink_onboard_computer_status_message(
+            time_usec=0,
+            uptime=int(uptime_s * 1e3) % 2**32,
+            type=0,
+            cpu_cores=[*cores, *no_load][:8],
+            cpu_combined=no_load,
+            gpu_cores=no_load[:4],
+            gpu_combined=no_load,
+            temperature_board=127,
+            temperature_core=[celsius, *[127] * 7],
+            fan_speed=[2**15 - 1] * 4,
+            ram_usage=round(memory_mb[0]),
+            ram_total=round(memory_mb[1]),
+            storage_type=[0, *unknown],
+            storage_usage=[round(disk_mb[0]), *unknown],
+            storage_total=[round(disk_mb[1]), *unknown],
+            link_type=no_link,
+            link_tx_rate=no_link,
+            link_rx_rate=no_link,
+            link_tx_max=no_link,
+            link_rx_max=no_link,
+        )
+        return self._packed(message)
+
+    def command_long(self, command: int, parameters: tuple[float, ...] = (), confirmation: int = 0) -> bytes:
+        """COMMAND_LONG to the autopilot; parameters left out are 0."""
+        filled = (*parameters, *(0.0,) * 7)[:7]
+        return self._packed(
+            mavlink.MAVLink_command_long_message(self.own_ids[0], 1, command, confirmation, *filled)
+        )
+
+    def set_message_interval(self, message_id: int, rate_hz: float) -> bytes:
+        """Ask the autopilot for a message at a rate."""
+        return self.command_long(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz))
+
+    def request_message(self, message_id: int) -> bytes:
+        """Ask the autopilot for a message once."""
+        return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
+
+    def set_current_command(self, sequence: int, confirmation: int = 0) -> bytes:
+        """Make DO_SET_MISSION_CURRENT, which ArduPlane acknowledges and PX4 does not know."""
+        return self.command_long(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, (float(sequence),), confirmation)
+
+    def set_current_message(self, sequence: int) -> bytes:
+        """Make MISSION_SET_CURRENT, which is answered by MISSION_CURRENT only."""
+        return self._packed(mavlink.MAVLink_mission_set_current_message(self.own_ids[0], 1, sequence))
+
+    def set_mode(self, custom_mode: int) -> bytes:
+        """Make DO_SET_MODE with a custom_mode as HEARTBEAT has it.
+
+        PX4 takes main and sub mode as two parameters, ArduPilot the number: on ArduPilot the
+        upper bits are empty, on PX4 the lower ones, so the number tells which is meant.
+        """
+        main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
+        chosen = (float(main), float(sub)) if main else (float(custom_mode),)
+        return self.command_long(mavlink.MAV_CMD_DO_SET_MODE, (1.0, *chosen))
+
+    def command_ack(self, command: int, result: int, target_system: int, target_component: int) -> bytes:
+        """COMMAND_ACK with a MAV_RESULT: 0 accepted, 3 unsupported."""
+        return self._packed(
+            mavlink.MAVLink_command_ack_message(command, result, 0, 0, target_system, target_component)
+        )
+
+    def ping_answer(self, time_us: int, sequence: int, target_system: int, target_component: int) -> bytes:
+        """Answer a PING with its own time and number."""
+        return self._packed(mavlink.MAVLink_ping_message(time_us, sequence, target_system, target_component))
+
+    def mission_opening(self, first: int, count: int, *, is_part: bool) -> bytes:
+        """MISSION_COUNT, or MISSION_WRITE_PARTIAL_LIST for a part of a list."""
+        if is_part:
+            last = first + count - 1
+            return self._packed(
+                mavlink.MAVLink_mission_write_partial_list_message(self.own_ids[0], 1, first, last)
+            )
+        return self._packed(mavlink.MAVLink_mission_count_message(self.own_ids[0], 1, count))
+
+    def mission_item(self, item: MissionItem) -> bytes:
+        """MISSION_ITEM_INT of an upload."""
+        values = (math.nan if value is None else value for value in item.parameters)
+        return self._packed(
+            mavlink.MAVLink_mission_item_int_message(
+                self.own_ids[0], 1, item.sequence, item.frame, item.command, int(item.is_current),
+                int(item.autocontinue), *values, item.latitude_e7, item.longitude_e7, item.altitude_m,
+            )
+        )  # fmt: skip
+
+    def mission_question(self, sequence: int | None) -> bytes:
+        """MISSION_REQUEST_INT for an item of the autopilot's list; MISSION_REQUEST_LIST without one."""
+        target = self.own_ids[0], 1
+        if sequence is None:
+            return self._packed(mavlink.MAVLink_mission_request_list_message(*target))
+        return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence))
+
+    def mission_accepted(self) -> bytes:
+        """MISSION_ACK accepted: the end of a reading."""
+        accepted = mavlink.MAV_MISSION_ACCEPTED
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted))
+
+    def mission_refusal(self, target_system: int, target_component: int) -> bytes:
+        """MISSION_ACK unsupported: this component stores no missions."""
+        unsupported = mavlink.MAV_MISSION_UNSUPPORTED
+        return self._packed(mavlink.MAVLink_mission_ack_message(target_system, target_component, unsupported))
+
+    def mission_cancel(self) -> bytes:
+        """MISSION_ACK cancelled, to the autopilot: frees a PX4 from a transfer that was broken off."""
+        cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled))
+
+    def parameter_question(self, name: str) -> bytes:
+        """PARAM_REQUEST_READ of a parameter of the autopilot's, by its name."""
+        return self._packed(
+            mavlink.MAVLink_param_request_read_message(self.own_ids[0], 1, name.encode("ascii"), -1)
+        )
+
+    def parameter_value(self, name: str, value: float, index: int, count: int) -> bytes:
+        """PARAM_VALUE of a parameter of ours; the name has at most 16 characters."""
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        return self._packed(
+            mavlink.MAVLink_param_value_message(name.encode("ascii"), value, kind, count, index)
+        )
+
+    def autopilot_version(self, version: int) -> bytes:
+        """AUTOPILOT_VERSION of this component: MAVLink 2, parameters, and a version as 0xMMmmpptt."""
+        nothing = [0] * 8
+        able = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+        return self._packed(
+            mavlink.MAVLink_autopilot_version_message(
+                able, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+            )
+        )
+
+
+def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | None:  # noqa: ANN401
+    if kind == "COMMAND_ACK":
+        return CommandAck(stamp_s, message.command, message.result)
+    if kind == "MISSION_ACK":
+        payload = raw.payload.ljust(8, b"\0")  # opaque_id is younger than the dialect
+        opaque = int.from_bytes(payload[4:8], "little")
+        return MissionAck(stamp_s, message.type, message.mission_type, opaque)
+    if kind == "PARAM_VALUE":
+        bits = int.from_bytes(raw.payload[:4].ljust(4, b"\0"), "little", signed=True)
+        is_whole = message.param_type <= mavlink.MAV_PARAM_TYPE_INT32
+        return ParameterTold(message.param_id, message.param_value, bits, is_whole)
+    if kind == "AUTOPILOT_VERSION":
+        major, minor, patch, release = message.flight_sw_version.to_bytes(4, "big")
+        return VersionTold((major, minor, patch), release)
+    if kind in _TRANSFERS and message.target_component in (0, COMPONENT_ID):
+        return _TRANSFERS[kind](message)
+    return None
+
+
+_TRANSFERS: dict[str, Callable[[Any], Reply]] = {
+    "MISSION_REQUEST": lambda m: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_REQUEST_INT": lambda m: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_COUNT": lambda m: MissionCount(m.count, m.mission_type),
+    "MISSION_ITEM_INT": lambda m: MissionTold(item_of(m), m.mission_type),
+}
+
+
+def _command(message: Any) -> Request:  # noqa: ANN401
+    parameters = tuple(float(getattr(message, f"param{index}")) for index in range(1, 5))
+    return Request(
+        "command",
+        message.target_system,
+        message.target_component,
+        message.command,
+        tuple(value if math.isfinite(value) else -1.0 for value in parameters),
+    )
+
+
+_REQUESTS: dict[str, Callable[[Any], Request]] = {
+    "COMMAND_LONG": _command,
+    "COMMAND_INT": _command,
+    "PING": lambda m: Request("ping", m.target_system, m.target_component, m.seq, (m.time_usec,)),
+    "PARAM_REQUEST_LIST": lambda m: Request("parameter_list", m.target_system, m.target_component),
+    "PARAM_REQUEST_READ": lambda m: Request(
+        "parameter_read", m.target_system, m.target_component, m.param_index, name=m.param_id
+    ),
+    "PARAM_SET": lambda m: Request(
+        "parameter_set", m.target_system, m.target_component, m.param_type, (m.param_value,), m.param_id
+    ),
+    "MISSION_REQUEST_LIST": lambda m: Request("mission_list", m.target_system, m.target_component),
+    "MISSION_COUNT": lambda m: Request("mission_list", m.target_system, m.target_component),
+}
+
+
+def _request(kind: str, message: Any) -> Request | None:  # noqa: ANN401
+    make = _REQUESTS.get(kind)
+    return None if make is None else make(message)

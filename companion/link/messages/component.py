@@ -1,0 +1,115 @@
+"""How this component behaves towards others: what it answers when it is addressed.
+
+A component that stays silent makes ground stations wait and retry. It stores no missions and carries
+out no commands, and says so; it has parameters of its own; what is asked of others is left alone.
+
+References
+----------
+MAVLink guide, *Parameter Protocol*: a value that is not taken is answered with the one in force. All
+values are REAL32, which every dialect's encoding leaves alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from companion.link.messages.codec import Codec
+from companion.link.wire.decoded_frame import Frame, Request
+
+_ACCEPTED, _UNSUPPORTED = 0, 3
+_WARNING = 4
+_REAL32 = 9  # MAV_PARAM_TYPE
+_REQUEST_MESSAGE = 512
+_AUTOPILOT_VERSION, _HEARTBEAT = 148, 0
+_VERSION = 0x00010000  # 0.1.0, as AUTOPILOT_VERSION packs it
+
+
+class ParameterStore(Protocol):
+    """Parameters that may be listed, read and set."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """In the order of their numbers."""
+        ...
+
+    def value(self, name: str) -> float:
+        """The value in force."""
+        ...
+
+    def set(self, name: str, value: float) -> str:
+        """Set a value; returns why that was refused, '' if it was not."""
+        ...
+
+
+def answer(frame: Frame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
+    """Return the bytes that a frame calls for, empty for none.
+
+    Parameters
+    ----------
+    frame : Frame
+        Any received one.
+    codec : Codec
+        Whose ids and encoding the answer has.
+    parameters : ParameterStore, optional
+        Left out, there are none.
+    """
+    request = frame.request
+    if request is None:
+        return b""
+    system, component = codec.own_ids
+    if request.kind == "ping":
+        # A ping to nobody asks everybody; one with a target is itself an answer.
+        if (request.target_system, request.target_component) != (0, 0):
+            return b""
+        return codec.ping_answer(
+            int(request.parameters[0]), request.number, frame.system_id, frame.component_id
+        )
+    if request.kind == "parameter_list" and parameters is not None:
+        # Everybody is asked by component 0, and each answers for itself.
+        is_asked = request.target_system in (0, system) and request.target_component in (0, component)
+        return b"".join(_told(name, codec, parameters) for name in parameters.names) if is_asked else b""
+    if (request.target_system, request.target_component) != (system, component):
+        return b""  # an answer to a broadcast would be one of many, and the autopilot gives it
+    if request.kind == "command":
+        return _command_answer(request, frame, codec)
+    if request.kind == "mission_list":
+        # The autopilot's own count, sent to us in a download, is no request.
+        is_autopilot = frame.system_id == system and frame.component_id == 1
+        return b"" if is_autopilot else codec.mission_refusal(frame.system_id, frame.component_id)
+    return b"" if parameters is None else _parameter_answer(request, codec, parameters)
+
+
+def _told(name: str, codec: Codec, parameters: ParameterStore) -> bytes:
+    names = parameters.names
+    return codec.parameter_value(name, parameters.value(name), names.index(name), len(names))
+
+
+def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore) -> bytes:
+    """Answer to PARAM_REQUEST_READ or PARAM_SET; what there is not is counted and not answered."""
+    names, name = parameters.names, request.name
+    if request.kind == "parameter_read" and request.number >= 0:
+        name = names[request.number] if request.number < len(names) else ""
+    if name not in names:
+        codec.counters["refused_parameter"] += 1
+        return b""
+    said = b""
+    if request.kind == "parameter_set":
+        # In another type the same bytes are another number, and autopilots differ in how they take it.
+        is_real = request.number == _REAL32
+        reason = parameters.set(name, request.parameters[0]) if is_real else "not sent as REAL32"
+        if reason:
+            codec.counters["refused_parameter"] += 1
+            said = codec.status_text(_WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50])
+    return _told(name, codec, parameters) + said
+
+
+def _command_answer(request: Request, frame: Frame, codec: Codec) -> bytes:
+    sender = (frame.system_id, frame.component_id)
+    if request.number == _REQUEST_MESSAGE:
+        wanted = int(request.parameters[0])
+        if wanted == _AUTOPILOT_VERSION:
+            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.autopilot_version(_VERSION)
+        if wanted == _HEARTBEAT:
+            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.heartbeat()
+    return codec.command_ack(request.number, _UNSUPPORTED, *sender)

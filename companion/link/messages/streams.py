@@ -1,0 +1,103 @@
+"""Which messages the autopilot is asked to send, at which rate, and when it is asked again.
+
+A request may be lost, refused, or forgotten by an autopilot that rebooted; so what counts is what
+arrives. Without any I/O: the caller passes frames and time in, and sends what ``due`` returns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.link.messages.codec import Codec
+from companion.link.wire.decoded_frame import Frame
+from companion.types.events import Dialect, Heartbeat, Rebooted
+
+POSITION, ATTITUDE, AIR, MISSION_CURRENT = 33, 30, 74, 42
+WIND, WIND_COVARIANCE, ESTIMATOR_STATUS, HOME, TRACK = 168, 231, 230, 242, 246
+
+_ASK_AGAIN_S = 5.0
+_FIRST_WAIT_S = 2.0
+_LATE_PERIODS = 5.0
+
+
+@dataclass(slots=True)
+class _Stream:
+    rate_hz: float
+    is_vital: bool
+    heard_s: float
+    asked_s: float | None = None
+
+    def is_due(self, now_s: float) -> bool:
+        if self.asked_s is None:
+            return True
+        if not self.is_vital or now_s - self.asked_s < _ASK_AGAIN_S:
+            return False
+        return now_s - self.heard_s > max(_LATE_PERIODS / self.rate_hz, _FIRST_WAIT_S)
+
+
+class Streams:
+    """Keeps the wanted messages coming.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Of position; what changes slower is asked for more rarely.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
+        self._streams: dict[int, _Stream] = {}
+        self._autopilot: Dialect | None = None
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Vital messages asked for and not heard since, for the health report."""
+        return tuple(
+            number
+            for number, stream in self._streams.items()
+            if stream.is_vital and stream.asked_s is not None and stream.heard_s <= stream.asked_s
+        )
+
+    @property
+    def wanted(self) -> dict[int, float]:
+        """Rates that the vital messages are asked for at [Hz]."""
+        return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
+
+    def note(self, frame: Frame, stamp_s: float) -> None:
+        """Take note of a received frame."""
+        for event in frame.events:
+            if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:
+                self._autopilot = event.dialect
+                self._streams = self._wanted(event.dialect, stamp_s)
+            elif isinstance(event, Rebooted) and self._autopilot is not None:
+                self._streams = self._wanted(self._autopilot, stamp_s)
+        stream = self._streams.get(frame.message_id)
+        if stream is not None and frame.component_id == 1:
+            stream.heard_s = stamp_s
+
+    def due(self, codec: Codec, now_s: float) -> bytes:
+        """Return the requests to send now; call it about once a second."""
+        requests = []
+        for number, stream in self._streams.items():
+            if stream.is_due(now_s):
+                stream.asked_s = now_s
+                requests.append(codec.set_message_interval(number, stream.rate_hz))
+                if number == HOME:  # sent on change only: the interval alone may never bring it
+                    requests.append(codec.request_message(HOME))
+        return b"".join(requests)
+
+    def _wanted(self, dialect: Dialect, now_s: float) -> dict[int, _Stream]:
+        fast, slow = self._rate_hz, 1.0
+        wind = WIND if dialect is Dialect.ARDUPILOT else WIND_COVARIANCE
+        rates = {
+            POSITION: (fast, True),
+            ATTITUDE: (fast, False),
+            AIR: (min(fast, 5.0), True),
+            MISSION_CURRENT: (min(fast, 5.0), True),
+            wind: (slow, False),
+            HOME: (0.5, False),
+            TRACK: (min(fast, 5.0), False),
+        }
+        if dialect is Dialect.PX4:
+            rates[ESTIMATOR_STATUS] = (slow, False)
+        return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

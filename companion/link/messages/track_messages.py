@@ -1,0 +1,265 @@
+"""Sightings of other vehicles, in whatever message they come.
+
+One vehicle may be seen by several messages and through several links; the identity says which
+sightings belong together. Sources differ in what their altitude counts from (pressure, ellipsoid
+or mean sea level): it is passed on as if it were above mean sea level.
+
+References
+----------
+MAVLink common.xml: ADSB_FLAGS, UTM_DATA_AVAIL_FLAGS, AIS_FLAGS, MAV_ODID_HOR_ACC.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Collection
+
+from companion.link.messages.vehicle_telemetry import (
+    AUTOPILOT_COMPONENT,
+    SPEED_MAX_M_S,
+    Message,
+    RefusedError,
+    Telemetry,
+    altitude,
+    finite,
+    place,
+    velocity,
+)
+from companion.link.wire.framing import RawFrame
+from companion.types.events import Emitter, TrackReport
+
+_ECHO_MEMORY_S = 10.0
+ECHO_IDENTITIES_MAX = 10_000  # more are forgotten, the longest unheard first
+_AGE_MAX_S = 60.0
+_STD_MAX_M = 10_000.0
+_SURFACE_EMITTERS = frozenset({17, 18, 19})  # emergency and service vehicle, point obstacle
+_SURFACE_TYPES = frozenset({5, 6, 10, 11, 12})  # antenna tracker, ground station, rover, boat, submarine
+_UNKNOWN_SPEED = 0xFFFF
+_RID_UNKNOWN_SPEED_CM_S = 25_500
+_RID_UNKNOWN_COURSE_CDEG = 36_100
+_RID_UNKNOWN_CLIMB_CM_S = 6_300
+# MAV_ODID_HOR_ACC bounds 95 % of the errors; of a circular normal distribution 95 % lie in 2.45 σ.
+_RID_BOUNDS_M = (None, 18_520, 7_408, 3_704, 1_852, 926, 555.6, 185.2, 92.6, 30, 10, 3, 1)
+_SIGMAS_95 = 2.4477
+
+ReportParts = tuple[
+    str,  # identity
+    Emitter,
+    float,  # age [s]
+    tuple[float, float],  # latitude, longitude [deg]
+    float,  # altitude above mean sea level [m]
+    tuple[float, float, float] | None,  # velocity east, north, up [m/s]
+    float | None,  # one-sigma position accuracy [m]
+]
+
+
+def _along_course(course_cdeg: float, speed_m_s: float, climb_m_s: float) -> tuple[float, float, float]:
+    course = math.radians(course_cdeg * 1e-2)
+    return velocity(speed_m_s * math.sin(course), speed_m_s * math.cos(course), climb_m_s, "track_velocity")
+
+
+class Tracks:
+    """Decodes track messages.
+
+    Parameters
+    ----------
+    telemetry : Telemetry
+        Knows the own system id and the height of home.
+    sources : collection of int, optional
+        System ids that are believed; None: all.
+    """
+
+    def __init__(self, telemetry: Telemetry, sources: Collection[int] | None) -> None:
+        self._telemetry = telemetry
+        self._sources = None if sources is None else frozenset(sources)
+        self._types: dict[int, int] = {}
+        self._seen_elsewhere_s: dict[str, float] = {}
+        self._decoders: dict[str, Callable[[Message, RawFrame], ReportParts]] = {
+            "ADSB_VEHICLE": self._adsb,
+            "AIS_VESSEL": self._ais,
+            "OPEN_DRONE_ID_LOCATION": self._remote_id,
+            "GLOBAL_POSITION_INT": self._position,
+            "UTM_GLOBAL_POSITION": self._utm,
+            "FOLLOW_TARGET": self._follow,
+        }
+
+    def note_heartbeat(self, message: Message, frame: RawFrame) -> None:
+        """Remember what kind of vehicle a system is."""
+        if message.type not in (18, 26, 27, 30):  # onboard controller, gimbal, ADS-B, camera: parts of one
+            self._types[frame.system_id] = message.type
+
+    def report(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> TrackReport | None:
+        """Decode a sighting; None for other messages and for the own position.
+
+        Raises
+        ------
+        RefusedError
+            For values that cannot be true, unlisted sources and echoes.
+        """
+        decoder = self._decoders.get(kind)
+        # Until it is known which vehicle is the own one, none may be taken for another.
+        is_own = self._telemetry.vehicle_system_id in (None, frame.system_id)
+        if decoder is None or (
+            is_own and kind in ("GLOBAL_POSITION_INT", "UTM_GLOBAL_POSITION", "FOLLOW_TARGET")
+        ):
+            return None
+        if kind == "OPEN_DRONE_ID_LOCATION" and not any(message.id_or_mac):
+            return None  # what a vehicle says of itself; of others it would name them
+        if self._sources is not None and frame.system_id not in self._sources:
+            raise RefusedError("track_unlisted")
+        identity, emitter, age_s, (latitude, longitude), above_sea, moving, std = decoder(message, frame)
+        self._check_echo(identity, frame, stamp_s)
+        if age_s > _AGE_MAX_S:
+            raise RefusedError("track_old")
+        return TrackReport(
+            stamp_s=stamp_s - age_s,
+            source=f"{kind} {frame.system_id}/{frame.component_id}",
+            identity=identity,
+            emitter=emitter,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=above_sea,
+            velocity_enu_m_s=moving,
+            position_std_m=std,
+        )
+
+    def _check_echo(self, identity: str, frame: RawFrame, stamp_s: float) -> None:
+        """Refuse what the autopilot repeats of others under its own ids.
+
+        A receiver wired to the autopilot speaks under the same ids, so it is an echo only when
+        the same vehicle was lately heard from somebody else as well.
+        """
+        autopilot = (self._telemetry.vehicle_system_id, AUTOPILOT_COMPONENT)
+        if (frame.system_id, frame.component_id) != autopilot:
+            self._seen_elsewhere_s.pop(identity, None)  # to the end: the dict is in the order of hearing
+            self._seen_elsewhere_s[identity] = stamp_s
+        elif stamp_s - self._seen_elsewhere_s.get(identity, -math.inf) <= _ECHO_MEMORY_S:
+            raise RefusedError("track_echo")
+        # Two go for each that comes: what a flood left shrinks again, at a bounded cost a frame.
+        for oldest, seen in list(itertools.islice(self._seen_elsewhere_s.items(), 2)):
+            is_crowded = len(self._seen_elsewhere_s) > ECHO_IDENTITIES_MAX
+            if is_crowded or stamp_s - seen > _ECHO_MEMORY_S:
+                del self._seen_elsewhere_s[oldest]
+
+    def _emitter(self, system_id: int) -> Emitter:
+        """Ground if the system says so: of one unknown the worse is assumed, obstacles do not stop it."""
+        return Emitter.GROUND if self._types.get(system_id) in _SURFACE_TYPES else Emitter.AIR
+
+    def _adsb(self, message: Message, _frame: RawFrame) -> ReportParts:
+        has_place, has_altitude, has_course, has_velocity = (
+            bool(message.flags & bit) for bit in (0x01, 0x02, 0x04, 0x08)
+        )
+        if not has_place:
+            raise RefusedError("track_position")
+        emitter = Emitter.GROUND if message.emitter_type in _SURFACE_EMITTERS else Emitter.AIR
+        moving = None
+        speed = message.hor_velocity
+        if has_velocity and speed != _UNKNOWN_SPEED and (has_course or speed == 0):
+            climb = message.ver_velocity * 1e-2 if emitter is Emitter.AIR else 0.0
+            moving = _along_course(message.heading, speed * 1e-2, climb)
+        return (
+            self._adsb_identity(message),
+            emitter,
+            float(message.tslc),
+            place(message.lat, message.lon, "track_position"),
+            self._adsb_altitude(message.altitude * 1e-3 if has_altitude else None, emitter),
+            moving,
+            None,
+        )
+
+    def _adsb_identity(self, message: Message) -> str:
+        if message.ICAO_address:
+            return f"icao:{message.ICAO_address:06X}"
+        callsign = "".join(character for character in message.callsign if character.isalnum())
+        if not callsign:
+            raise RefusedError("track_identity")
+        return f"callsign:{callsign}"
+
+    def _adsb_altitude(self, altitude_m: float | None, emitter: Emitter) -> float:
+        if altitude_m is not None:
+            return altitude(altitude_m, "track_altitude")
+        if emitter is Emitter.AIR or self._telemetry.home_altitude_amsl_m is None:
+            raise RefusedError("track_altitude")
+        return self._telemetry.home_altitude_amsl_m  # the ground's height near here
+
+    def _ais(self, message: Message, _frame: RawFrame) -> ReportParts:
+        if not message.MMSI:
+            raise RefusedError("track_identity")
+        moving = None
+        if message.flags & 0x02 and message.flags & 0x04:
+            moving = _along_course(message.COG, message.velocity * 1e-2, 0.0)
+        where = place(message.lat, message.lon, "track_position")
+        std = 10.0 / _SIGMAS_95 if message.flags & 0x01 else None
+        return f"mmsi:{message.MMSI:09d}", Emitter.GROUND, float(message.tslc), where, 0.0, moving, std
+
+    def _remote_id(self, message: Message, _frame: RawFrame) -> ReportParts:
+        identity = bytes(message.id_or_mac).rstrip(b"\0").hex()
+        moving = None
+        if (
+            message.speed_horizontal < _RID_UNKNOWN_SPEED_CM_S
+            and message.direction < _RID_UNKNOWN_COURSE_CDEG
+        ):
+            climb = message.speed_vertical
+            climb_m_s = 0.0 if climb >= _RID_UNKNOWN_CLIMB_CM_S else climb * 1e-2
+            moving = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
+        if message.altitude_geodetic <= -1_000.0:
+            raise RefusedError("track_altitude")
+        accuracy = message.horizontal_accuracy
+        bound = _RID_BOUNDS_M[accuracy] if accuracy < len(_RID_BOUNDS_M) else None
+        return (
+            f"rid:{identity}",
+            Emitter.AIR,
+            0.0,
+            place(message.latitude, message.longitude, "track_position"),
+            altitude(message.altitude_geodetic, "track_altitude"),
+            moving,
+            None if bound is None else bound / _SIGMAS_95,
+        )
+
+    def _position(self, message: Message, frame: RawFrame) -> ReportParts:
+        return (
+            f"system:{frame.system_id}",
+            self._emitter(frame.system_id),
+            0.0,
+            place(message.lat, message.lon, "track_position"),
+            altitude(message.alt * 1e-3, "track_altitude"),
+            velocity(message.vy * 1e-2, message.vx * 1e-2, -message.vz * 1e-2, "track_velocity"),
+            None,
+        )
+
+    def _utm(self, message: Message, frame: RawFrame) -> ReportParts:
+        if not message.flags & 0x04:
+            raise RefusedError("track_position")
+        if not message.flags & 0x08:
+            raise RefusedError("track_altitude")
+        moving = None
+        if message.flags & 0x20:
+            up = -message.vz * 1e-2 if message.flags & 0x40 else 0.0
+            moving = velocity(message.vy * 1e-2, message.vx * 1e-2, up, "track_velocity")
+        named = bytes(message.uas_id).rstrip(b"\0").hex() if message.flags & 0x02 else ""
+        return (
+            f"utm:{named}" if named else f"system:{frame.system_id}",
+            Emitter.AIR,
+            0.0,
+            place(message.lat, message.lon, "track_position"),
+            altitude(message.alt * 1e-3, "track_altitude"),
+            moving,
+            message.h_acc * 1e-3 or None,
+        )
+
+    def _follow(self, message: Message, frame: RawFrame) -> ReportParts:
+        moving = None
+        if message.est_capabilities & 0x02:
+            north, east, down = (finite(value, SPEED_MAX_M_S, "track_velocity") for value in message.vel)
+            moving = velocity(east, north, -down, "track_velocity")
+        std = finite(message.position_cov[0], _STD_MAX_M, "track_accuracy")
+        return (
+            f"system:{frame.system_id}",
+            self._emitter(frame.system_id),
+            0.0,
+            place(message.lat, message.lon, "track_position"),
+            altitude(message.alt, "track_altitude"),
+            moving,
+            std if std > 0.0 else None,
+        )

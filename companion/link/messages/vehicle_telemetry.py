@@ -1,0 +1,237 @@
+"""The autopilot's own messages as events, each value checked before it is believed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from companion.link.messages.flight_modes import flight_mode
+from companion.link.wire.framing import RawFrame
+from companion.types.events import (
+    AirData,
+    Attitude,
+    Dialect,
+    EstimatorAccuracy,
+    Event,
+    GlobalPosition,
+    Heartbeat,
+    HomePosition,
+    MissionCurrent,
+    MissionItemReached,
+    Rebooted,
+    StatusText,
+    WindEstimate,
+)
+
+AUTOPILOT_COMPONENT = 1
+SPEED_MAX_M_S = 340.0
+ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
+
+_DIALECTS = {3: Dialect.ARDUPILOT, 12: Dialect.PX4}
+_ARMED = 128
+_NO_MISSION = 0xFFFF
+_REORDERED_MS = 2_000  # a frame this late on one link is the clock having gone back, not a detour
+_STD_MAX_M = 10_000.0
+
+Message = Any  # a pymavlink message; its fields are set at run time
+
+
+class RefusedError(Exception):
+    """A value that cannot be true; ``reason`` is what it is counted under."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+def finite(value: float, limit: float, reason: str) -> float:
+    """Return the value if it is finite and within ± limit."""
+    if not (math.isfinite(value) and abs(value) <= limit):
+        raise RefusedError(reason)
+    return float(value)
+
+
+def place(latitude_e7: int, longitude_e7: int, reason: str) -> tuple[float, float]:
+    """Latitude and longitude [deg] of 1e-7 degrees; (0, 0) is what a receiver without a fix sends."""
+    latitude, longitude = latitude_e7 * 1e-7, longitude_e7 * 1e-7
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0) or (latitude_e7 == 0 and longitude_e7 == 0):
+        raise RefusedError(reason)
+    return latitude, longitude
+
+
+def altitude(value_m: float, reason: str) -> float:
+    """Return the altitude [m] if it is one that an aircraft can have."""
+    low, high = ALTITUDE_RANGE_M
+    if not (math.isfinite(value_m) and low <= value_m <= high):
+        raise RefusedError(reason)
+    return float(value_m)
+
+
+def velocity(east_m_s: float, north_m_s: float, up_m_s: float, reason: str) -> tuple[float, float, float]:
+    """Return east, north and up [m/s] if an aircraft can be that fast."""
+    if not (math.hypot(east_m_s, north_m_s, up_m_s) <= SPEED_MAX_M_S):  # NaN compares false
+        raise RefusedError(reason)
+    return float(east_m_s), float(north_m_s), float(up_m_s)
+
+
+class Telemetry:
+    """Decodes what the own autopilot sends.
+
+    Parameters
+    ----------
+    vehicle_system_id : int or None
+        The vehicle's system id; None: that of the first autopilot heard.
+    """
+
+    def __init__(self, vehicle_system_id: int | None) -> None:
+        self.vehicle_system_id = vehicle_system_id
+        self.home_altitude_amsl_m: float | None = None
+        self._boot_ms: int | None = None
+        self._suspect_boot_ms: int | None = None
+        self._position_boot_ms = -1
+        self._decoders: dict[str, Callable[[Message, RawFrame, float], Event]] = {
+            "VFR_HUD": self._air_data,
+            "WIND": self._wind,
+            "WIND_COV": self._wind_cov,
+            "ESTIMATOR_STATUS": self._accuracy,
+            "MISSION_CURRENT": self._mission_current,
+            "MISSION_ITEM_REACHED": self._reached,
+            "HOME_POSITION": self._home,
+            "STATUSTEXT": self._text,
+        }
+
+    def events(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
+        """Decode a message, by whoever sent it.
+
+        Raises
+        ------
+        RefusedError
+            For values that cannot be true.
+        """
+        if kind == "HEARTBEAT":
+            return self._heartbeat(message, frame, stamp_s)
+        if (frame.system_id, frame.component_id) != (self.vehicle_system_id, AUTOPILOT_COMPONENT):
+            return []
+        if kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
+            return self._timed(kind, message, stamp_s)
+        decoder = self._decoders.get(kind)
+        return [] if decoder is None else [decoder(message, frame, stamp_s)]
+
+    def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
+        dialect = _DIALECTS.get(message.autopilot)
+        if dialect is None or frame.component_id != AUTOPILOT_COMPONENT:
+            return []
+        if self.vehicle_system_id is None:
+            self.vehicle_system_id = frame.system_id
+        if frame.system_id != self.vehicle_system_id:
+            return []
+        mode, is_mission = flight_mode(dialect, message.type, message.base_mode, message.custom_mode)
+        return [
+            Heartbeat(
+                stamp_s=stamp_s,
+                system_id=frame.system_id,
+                component_id=frame.component_id,
+                dialect=dialect,
+                mode=mode,
+                is_mission_mode=is_mission,
+                is_armed=bool(message.base_mode & _ARMED),
+            )
+        ]
+
+    def _timed(self, kind: str, message: Message, stamp_s: float) -> list[Event]:
+        events: list[Event] = []
+        if self._has_rebooted(message.time_boot_ms):
+            self._position_boot_ms = -1
+            events.append(Rebooted(stamp_s))
+        try:
+            if kind == "GLOBAL_POSITION_INT":
+                events.append(self._position(message, stamp_s))
+            elif kind == "ATTITUDE":
+                events.append(self._attitude(message, stamp_s))
+        except RefusedError:
+            if not events:
+                raise
+        return events
+
+    def _has_rebooted(self, boot_ms: int) -> bool:
+        """Tell a reboot from a frame that comes late: after a reboot the clock goes on from low."""
+        if self._boot_ms is None or boot_ms > self._boot_ms - _REORDERED_MS:
+            self._boot_ms = max(boot_ms, self._boot_ms or 0)
+            self._suspect_boot_ms = None
+            return False
+        if self._suspect_boot_ms is None or boot_ms <= self._suspect_boot_ms:
+            self._suspect_boot_ms = boot_ms
+            raise RefusedError("late")
+        self._boot_ms, self._suspect_boot_ms = boot_ms, None
+        return True
+
+    def _position(self, message: Message, stamp_s: float) -> GlobalPosition:
+        if message.time_boot_ms <= self._position_boot_ms:
+            raise RefusedError("late")
+        latitude, longitude = place(message.lat, message.lon, "position")
+        above_sea = altitude(message.alt * 1e-3, "altitude")
+        above_home = finite(message.relative_alt * 1e-3, 50_000.0, "altitude")
+        moving = velocity(message.vy * 1e-2, message.vx * 1e-2, -message.vz * 1e-2, "velocity")
+        self._position_boot_ms = message.time_boot_ms
+        self.home_altitude_amsl_m = above_sea - above_home
+        return GlobalPosition(
+            stamp_s=stamp_s,
+            boot_s=message.time_boot_ms * 1e-3,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            altitude_amsl_m=above_sea,
+            height_above_home_m=above_home,
+            velocity_enu_m_s=moving,
+        )
+
+    def _attitude(self, message: Message, stamp_s: float) -> Attitude:
+        angles = [finite(value, 7.0, "attitude") for value in (message.roll, message.pitch, message.yaw)]
+        return Attitude(stamp_s, *angles)
+
+    def _air_data(self, message: Message, _frame: RawFrame, stamp_s: float) -> AirData:
+        airspeed = finite(message.airspeed, SPEED_MAX_M_S, "airspeed")
+        return AirData(stamp_s, airspeed, finite(message.groundspeed, SPEED_MAX_M_S, "ground_speed"))
+
+    def _wind(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
+        """WIND of ArduPilot: the direction it comes from."""
+        direction = math.radians(finite(message.direction, 720.0, "wind"))
+        speed = finite(message.speed, 150.0, "wind")
+        return WindEstimate(stamp_s, -speed * math.sin(direction), -speed * math.cos(direction))
+
+    def _wind_cov(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
+        """WIND_COV of PX4: north and east velocity of the air."""
+        return WindEstimate(
+            stamp_s, finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
+        )
+
+    def _accuracy(self, message: Message, _frame: RawFrame, stamp_s: float) -> EstimatorAccuracy:
+        horizontal = finite(message.pos_horiz_accuracy, _STD_MAX_M, "accuracy")
+        vertical = finite(message.pos_vert_accuracy, _STD_MAX_M, "accuracy")
+        if horizontal < 0.0 or vertical < 0.0:
+            raise RefusedError("accuracy")
+        return EstimatorAccuracy(stamp_s, horizontal, vertical)
+
+    def _mission_current(self, message: Message, frame: RawFrame, stamp_s: float) -> MissionCurrent:
+        payload = frame.payload.ljust(10, b"\0")  # mission_id is younger than the dialect
+        total = int.from_bytes(payload[2:4], "little")
+        return MissionCurrent(
+            stamp_s=stamp_s,
+            sequence=message.seq,
+            total={0: None, _NO_MISSION: 0}.get(total, total),
+            mission_id=int.from_bytes(payload[6:10], "little"),
+            state=payload[4],
+        )
+
+    def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:
+        return MissionItemReached(stamp_s, message.seq)
+
+    def _home(self, message: Message, _frame: RawFrame, stamp_s: float) -> HomePosition:
+        latitude, longitude = place(message.latitude, message.longitude, "home")
+        above_sea = altitude(message.altitude * 1e-3, "home")
+        self.home_altitude_amsl_m = above_sea
+        return HomePosition(stamp_s, latitude, longitude, above_sea)
+
+    def _text(self, message: Message, _frame: RawFrame, stamp_s: float) -> StatusText:
+        text = "".join(character for character in message.text if character.isprintable())
+        return StatusText(stamp_s, message.severity, text)

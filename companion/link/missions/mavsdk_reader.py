@@ -1,0 +1,279 @@
+"""Reading lists from the autopilot by MAVSDK. The only place that knows it.
+
+MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it wants
+to say is handed to the transport. It speaks the mission protocol and nothing else: its heartbeats and
+questions are dropped, since ``Codec``, ``Streams`` and ``answer`` do that part.
+
+Notes
+-----
+MAVSDK's time-outs count the computer's clock, not ours: what it asks it asks again every 0.5 s, five
+times (measured with 4.1.0). A simulation's time has to be held while it is MAVSDK's turn, and to go on
+when a frame was lost.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import contextlib
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import mavsdk.logging
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError, MissionRawResult
+
+from companion.errors import NoAutopilotError, TransferError
+from companion.link.messages.codec import COMPONENT_ID, Codec
+from companion.link.missions.mission_items import item_of, log_of_mavsdk
+from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.framing import raw_frame
+from companion.types.events import Heartbeat
+from companion.types.mission import MissionItem
+
+_HEARTBEAT, _MISSION_ACK = 0, 47
+MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
+_DISCOVERY_S = 5.0
+_ACKNOWLEDGE_S = 0.5
+_END_S = 6.0  # discovery cannot be broken off, nor the reading of a fence, which is asked for during 3 s
+_LEFT: list[object] = []
+
+
+class MavsdkReader:
+    """Reads the autopilot's lists, one at a time.
+
+    Parameters
+    ----------
+    codec : Codec
+        The link's; it knows the vehicle's ids.
+    send : callable
+        Takes bytes for the transport.
+    counters : Counter of str
+        For frames of MAVSDK's that were dropped.
+    on_pending_change : callable, optional
+        Told ``pending_calls`` whenever it changes.
+    timeout_s : float
+        Wall-clock limit of one transfer, beyond MAVSDK's own limits.
+    """
+
+    def __init__(
+        self,
+        codec: Codec,
+        send: Callable[[bytes], None],
+        counters: Counter[str],
+        on_pending_change: Callable[[int], None] | None,
+        timeout_s: float,
+    ) -> None:
+        self._counters = counters
+        self._codec = codec
+        self._send = send
+        self._on_pending_change = on_pending_change
+        self._timeout_s = timeout_s
+        self._pending_calls = 0
+        self._is_our_turn = False
+        self._heartbeat: bytes | None = None
+        self._has_acknowledged = asyncio.Event()
+        self._mavsdk: Any = None
+        self._missions: Any = None
+        self._systems: list[Any] = []
+        self._under_way: asyncio.Future[Any] | None = None
+        self._answered = threading.Event()  # the call begun last has come to its end, in MAVSDK's thread
+        self._answered.set()
+
+    @property
+    def pending_calls(self) -> int:
+        """How many calls of MAVSDK are under way."""
+        return self._pending_calls
+
+    @property
+    def is_our_turn(self) -> bool:
+        """Whether a call is under way and the next word is MAVSDK's, not the autopilot's.
+
+        Simulated time stands still meanwhile: MAVSDK's threads would else take as much of it as they
+        happen to need.
+        """
+        return self._pending_calls > 0 and self._is_our_turn
+
+    def give_up_turn(self) -> None:
+        """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
+        self._is_our_turn = False
+
+    def receive(self, frame: Frame) -> None:
+        """Take a frame of the autopilot's."""
+        if any(isinstance(event, Heartbeat) for event in frame.events):
+            self._heartbeat = self._codec.unsigned(frame.raw)
+        is_awaited = self._pending_calls > 0 and frame.message_id in MISSION_MESSAGES
+        if self._mavsdk is not None and (is_awaited or frame.message_id == _HEARTBEAT):
+            self._is_our_turn = self._is_our_turn or is_awaited
+            self._mavsdk.pass_received_raw_bytes(self._codec.unsigned(frame.raw))
+
+    async def download(self) -> tuple[MissionItem, ...]:
+        """Read the mission; TransferError when it could not be read completely."""
+        return await self._downloaded("download", lambda missions: missions.download_mission_async)
+
+    async def download_fence(self) -> tuple[MissionItem, ...]:
+        """Read the fence; TransferError when it could not be read completely."""
+        return await self._downloaded("fence", lambda missions: missions.download_geofence_async)
+
+    async def close(self) -> None:
+        """End MAVSDK; a call under way fails."""
+        instance, systems, missions = self._mavsdk, self._systems, self._missions
+        self._mavsdk = self._missions = None
+        self.abandon()
+        _cancel(missions)
+        if instance is not None:
+            await asyncio.to_thread(_end, instance, systems, missions, self._answered)
+
+    def abandon(self) -> None:
+        """Fail a call that is under way."""
+        if self._under_way is not None:
+            _settle(self._under_way, None)
+
+    async def _downloaded(self, operation: str, chosen: Callable[[Any], Any]) -> tuple[MissionItem, ...]:
+        missions = await self._connected()
+        start = chosen(missions)
+        result, items = await self._transfer(
+            lambda done: start(lambda result, items, _: done(result, items)), operation
+        )
+        if result is not MissionRawResult.SUCCESS:
+            raise TransferError(operation, result.name)
+        return tuple(item_of(raw) for raw in items)
+
+    async def _connected(self) -> Any:  # noqa: ANN401
+        """Return MAVSDK's mission plugin, starting MAVSDK when it does not run."""
+        if self._missions is not None:
+            return self._missions
+        loop = asyncio.get_running_loop()
+        mavsdk.logging.log_subscribe(log_of_mavsdk)
+        self._mavsdk = Mavsdk(Configuration.create_manual(self._codec.own_ids[0], COMPONENT_ID, False))
+        self._mavsdk.add_any_connection("raw://")
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _hand_over(loop, self._outgoing, data))
+        systems = self._systems = []
+        answered = self._answered = threading.Event()
+        with self._call() as found:
+
+            def note(system: Any) -> None:  # noqa: ANN401
+                systems.append(system)
+                _hand_over(loop, _settle, found, system)
+                answered.set()
+
+            self._mavsdk.first_autopilot_async(_DISCOVERY_S, note)
+            # The one heard last, or discovery would wait for the next.
+            self._mavsdk.pass_received_raw_bytes(self._heartbeat)
+            try:
+                system = await found
+            except asyncio.CancelledError:
+                await self.close()
+                raise
+        if system is None:
+            await self.close()
+            raise NoAutopilotError("MAVSDK did not find the autopilot")
+        self._missions = MissionRaw(system)
+        return self._missions
+
+    def _outgoing(self, data: bytes) -> None:
+        """Pass on what MAVSDK wants sent, in the loop."""
+        frame = raw_frame(data)
+        message_id = frame.message_id
+        if message_id in MISSION_MESSAGES:
+            # An acknowledgement ends a download: nothing answers it, and the call is about to return.
+            self._is_our_turn = message_id == _MISSION_ACK
+            self._send(self._codec.renumbered(data))
+            if message_id == _MISSION_ACK:
+                self._has_acknowledged.set()
+        else:
+            self._counters["mavsdk_dropped"] += 1
+
+    async def _transfer(
+        self,
+        start: Callable[[Callable[[Any, Any], None]], None],
+        operation: str,
+    ) -> tuple[Any, Any]:
+        """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
+        loop = asyncio.get_running_loop()
+        self._has_acknowledged.clear()
+        answered = self._answered = threading.Event()
+        with self._call() as future:
+
+            def done(result: Any, data: Any) -> None:  # noqa: ANN401
+                _hand_over(loop, _settle, future, (result, data))
+                answered.set()
+
+            start(done)
+            try:
+                answer = await asyncio.wait_for(future, self._timeout_s)
+            except TimeoutError:
+                await self.close()  # a call that hangs would hold up every later one
+                raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None
+            except asyncio.CancelledError:
+                _cancel(self._missions)
+                raise
+            if answer is None:
+                raise TransferError(operation, "the link was closed")
+            result, data = answer
+            if result is MissionRawResult.SUCCESS:
+                # The result may overtake our acknowledgement, which then would leave after the call.
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._has_acknowledged.wait(), _ACKNOWLEDGE_S)
+            return result, data
+
+    @contextlib.contextmanager
+    def _call(self) -> Iterator[asyncio.Future[Any]]:
+        """Count a call of MAVSDK as under way; yields the future of its answer."""
+        self._under_way = asyncio.get_running_loop().create_future()
+        self._count(+1)
+        try:
+            yield self._under_way
+        finally:
+            self._under_way = None
+            self._count(-1)
+
+    def _count(self, change: int) -> None:
+        self._pending_calls += change
+        self._is_our_turn = change > 0
+        if self._on_pending_change is not None:
+            self._on_pending_change(self._pending_calls)
+
+
+def _cancel(missions: Any) -> None:  # noqa: ANN401
+    """Break off a call under way; MAVSDK complains where there is none, or it reads a fence."""
+    if missions is not None:
+        with contextlib.suppress(MissionRawError):
+            missions.cancel_mission_download()
+
+
+def _end(instance: Any, systems: list[Any], missions: Any, answered: threading.Event) -> None:  # noqa: ANN401
+    """Destroy MAVSDK once nothing of it is about to call back; with 4.1.0 the process would end otherwise.
+
+    A plugin that is destroyed frees what its calls are answered by, though an answer may be waiting in
+    MAVSDK's thread. What is asked last is answered last: then all else has been. A system must not be
+    collected meanwhile, either. An instance that does not answer is left alone with all that is its own.
+    """
+    is_silent = threading.Event()
+
+    def last(system: Any) -> None:  # noqa: ANN401
+        systems.append(system)
+        is_silent.set()
+
+    if answered.wait(_END_S):
+        instance.first_autopilot_async(0.0, last)
+    if is_silent.wait(_END_S):
+        instance.destroy()
+    else:
+        _LEFT.append((instance, systems, missions))
+
+
+atexit.register(mavsdk.logging.log_unsubscribe)  # its threads must not call into an ending interpreter
+
+
+def _hand_over(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *values: object) -> None:
+    """Call in the loop's thread, from any of MAVSDK's; a loop that ended needs nothing any more."""
+    if not loop.is_closed():
+        loop.call_soon_threadsafe(function, *values)
+
+
+def _settle(future: asyncio.Future[Any], value: object) -> None:
+    if not future.done():
+        future.set_result(value)

@@ -1,0 +1,166 @@
+"""Telemetry logs: every frame of both directions, as ground stations record and replay them.
+
+Each entry is the time in microseconds since 1970 UTC, eight bytes big-endian, and the frame.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from companion.errors import RecordError
+from companion.link.wire.framing import MAGIC_V1, MAGIC_V2
+
+_STAMP_BYTES = 8
+_FLUSH_S = 0.5
+_CHUNK = 1 << 16
+# A stamp outside these years is damage. A log of a computer whose clock was never set starts in 1970.
+_STAMP_MAX_US = 4_102_444_800_000_000  # 2100-01-01
+_LONGEST_FRAME = 280
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One recorded frame and its time [s since 1970 UTC]."""
+
+    time_s: float
+    raw: bytes
+
+
+class TlogWriter:
+    """Appends frames to a file.
+
+    What was written more than half a second ago is with the operating system, so a killed process
+    loses less than a second; ``sync`` is for what must also outlast a power cut.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; entries are added to one that exists.
+
+    Raises
+    ------
+    RecordError
+        When the file cannot be written, at first or later; the writer is closed by that.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self._flushed_s = float("-inf")
+        try:
+            self._file: BinaryIO | None = self._path.open("ab")
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def write(self, time_s: float, raw: bytes) -> None:
+        """Record one frame.
+
+        Parameters
+        ----------
+        time_s : float
+            Seconds since 1970 UTC.
+        raw : bytes
+            The frame as received or sent.
+        """
+        if self._file is None:
+            return
+        stamp = max(0, round(time_s * 1e6)).to_bytes(_STAMP_BYTES, "big")
+        try:
+            self._file.write(stamp + raw)
+            # A clock set back must not keep the buffer from being written.
+            if not 0.0 <= time_s - self._flushed_s < _FLUSH_S:
+                self._file.flush()
+                self._flushed_s = time_s
+        except OSError as error:
+            self._abandon()
+            raise self._failure(error) from error
+
+    def sync(self) -> None:
+        """Put everything on the disk; slow."""
+        if self._file is None:
+            return
+        try:
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._abandon()
+            raise self._failure(error) from error
+
+    def close(self) -> None:
+        """Write what is left and close."""
+        if self._file is None:
+            return
+        file, self._file = self._file, None
+        try:
+            file.close()
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def _abandon(self) -> None:
+        """Close without a second complaint: on a full disk closing fails as writing did."""
+        file, self._file = self._file, None
+        if file is not None:
+            try:
+                file.close()
+            except OSError:
+                return
+
+    def _failure(self, error: OSError) -> RecordError:
+        return RecordError(f"{self._path}: {error.strerror or error}")
+
+
+def read_tlog(path: str | Path, counters: Counter[str] | None = None) -> Iterator[Entry]:
+    """Entries of a log, in the order of the file.
+
+    A log that was cut off or damaged is read as far as it can be: damaged bytes are skipped
+    until an entry fits again, and counted as ``skipped_bytes``.
+
+    Raises
+    ------
+    RecordError
+        When the file cannot be read at all.
+    """
+    tally: Counter[str] = Counter() if counters is None else counters
+    try:
+        with Path(path).open("rb") as file:
+            yield from _entries(file, tally)
+    except OSError as error:
+        raise RecordError(f"{path}: {error.strerror or error}") from error
+
+
+def _entries(file: BinaryIO, tally: Counter[str]) -> Iterator[Entry]:
+    buffer, position, is_last = b"", 0, False
+    while True:
+        while not is_last and len(buffer) - position < 2 * (_STAMP_BYTES + _LONGEST_FRAME):
+            chunk = file.read(_CHUNK)
+            is_last = not chunk
+            buffer, position = buffer[position:] + chunk, 0
+        if position >= len(buffer):
+            return
+        length = _entry_length(buffer, position)
+        end = position + length
+        # What follows must look like an entry too: a magic byte alone is found in any noise.
+        if length and end <= len(buffer) and (end == len(buffer) or _entry_length(buffer, end) or is_last):
+            raw = buffer[position + _STAMP_BYTES : end]
+            stamp = int.from_bytes(buffer[position : position + _STAMP_BYTES], "big")
+            position = end
+            yield Entry(stamp * 1e-6, raw)
+        else:
+            position += 1
+            tally["skipped_bytes"] += 1
+
+
+def _entry_length(buffer: bytes, position: int) -> int:
+    """Length of the entry at a place, 0 if there is none."""
+    start = position + _STAMP_BYTES
+    if len(buffer) < start + 3 or int.from_bytes(buffer[position:start], "big") > _STAMP_MAX_US:
+        return 0
+    if buffer[start] == MAGIC_V1:
+        return _STAMP_BYTES + 8 + buffer[start + 1]
+    if buffer[start] == MAGIC_V2 and not buffer[start + 2] & ~1:
+        return _STAMP_BYTES + 12 + buffer[start + 1] + (13 if buffer[start + 2] else 0)
+    return 0

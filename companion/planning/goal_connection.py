@@ -1,0 +1,47 @@
+"""The last edge: from near the goal to the goal itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, join
+from companion.planning.explore import Exploration
+from companion.planning.route import Route
+
+BACK_STEPS = (3, 5, 8, 12, 16, 24)
+SPARE_ROWS = 64
+COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # tried on the bearing to the goal
+
+
+def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
+    """Lead a route that ends inside the goal region to the goal's centre.
+
+    From a few rows back a Dubins edge to the goal is tried, arriving along the bearing or a little
+    turned from it; the first that is flyable and clear replaces the end. Where none is, the route
+    stays as it is: it ends inside the region.
+    """
+    limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
+    for back in BACK_STEPS:
+        i = len(route) - 1 - back
+        if i < 0:
+            break
+        bearing = math.atan2(goal[1] - route.states[i, 1], goal[0] - route.states[i, 0])
+        flat = math.hypot(goal[0] - route.states[i, 0], goal[1] - route.states[i, 1])
+        climb = math.atan2(goal[2] - route.states[i, 2], max(flat, 1.0))
+        for change in COURSE_CHANGES_RAD:
+            capacity = i + 1 + SPARE_ROWS
+            states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
+            states[: i + 1], times[: i + 1] = route.states[: i + 1], route.times[: i + 1]
+            rates[: i + 1] = route.rates[: i + 1]
+            pose = np.array([*goal, bearing + change, climb, route.states[i, 5]])
+            status, n = join(states, times, rates, i + 1, pose, limits)
+            if status != JOINED or times[n - 1] > route.times[-1] + 4.0 * limits.tau:
+                continue
+            if is_flyable(states, times, rates, n, i + 1, limits) and is_clear(
+                states, rates, times, i + 1, n, obstacles, limits.margin
+            ):
+                return Route(states[:n].copy(), times[:n].copy(), rates[:n].copy())
+    return route

@@ -1,0 +1,119 @@
+"""``flight.mcap``: what was known, planned and decided, with schemas inside; opens in Foxglove."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from companion.errors import RecordError
+from companion.recording.mcap_schema import CHANNELS
+
+CHUNK_S = 0.5  # of the clock: what a killed process loses at most, and half of what is promised
+_DIGITS = 9
+
+
+class FlightLog:
+    """Writes messages to an MCAP file.
+
+    A chunk is closed, and with the operating system, every half second; a file whose process was killed
+    lacks its end, and is read by :func:`companion.recording.reader.messages_of` all the same.
+
+    Parameters
+    ----------
+    path : Path
+        The file, made anew.
+    epoch_s : float
+        UTC seconds at clock reading 0.
+
+    Raises
+    ------
+    RecordError
+        When the file cannot be written, at first or later; the log is closed by that.
+    """
+
+    def __init__(self, path: Path, epoch_s: float) -> None:
+        self._path, self._epoch_s = path, epoch_s
+        self._flushed_s = -math.inf
+        try:
+            self._file = path.open("wb")
+            self._writer: Writer | None = Writer(self._file, compression=CompressionType.ZSTD)
+            self._writer.start("", "companion")
+            self._channels = {
+                channel.topic: self._writer.register_channel(
+                    channel.topic,
+                    "json",
+                    self._writer.register_schema(
+                        channel.name, "jsonschema", json.dumps(channel.schema).encode("ascii")
+                    ),
+                )
+                for channel in CHANNELS
+            }
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def write(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
+        """Add a message; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+        if self._writer is None:
+            return
+        document = message if "timestamp" in message else {"stamp_s": now_s, **message}
+        data = json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
+        stamp = max(0, round(1e9 * (self._epoch_s + now_s)))
+        try:
+            self._writer.add_message(self._channels[topic], stamp, data, stamp)
+            if not 0.0 <= now_s - self._flushed_s < CHUNK_S:
+                self._writer.flush()
+                self._flushed_s = now_s
+        except OSError as error:
+            self._abandon()
+            raise self._failure(error) from error
+
+    def close(self) -> None:
+        """Write index and end."""
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        try:
+            writer.finish()
+            self._file.close()
+        except OSError as error:
+            self._abandon()
+            raise self._failure(error) from error
+
+    def _abandon(self) -> None:
+        """Close without a second complaint."""
+        self._writer = None
+        try:
+            self._file.close()
+        except OSError:
+            return
+
+    def _failure(self, error: OSError) -> RecordError:
+        return RecordError(f"{self._path}: {error.strerror or error}")
+
+
+def plain(value: object) -> object:
+    """A value in terms of JSON: arrays as lists, data classes as tables, what is not finite as null."""
+    if isinstance(value, float | np.floating):
+        return round(float(value), _DIGITS) if math.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(entry) for entry in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    return value

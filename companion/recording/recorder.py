@@ -1,0 +1,282 @@
+"""The recorder: listens, and decides nothing."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import logging
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from companion import __version__
+from companion.config import MissionConfig
+from companion.config.load import text_of
+from companion.errors import RecordError
+from companion.frames import LocalFrame
+from companion.link.wire.tlog import TlogWriter
+from companion.recording import mcap_schema as channels
+from companion.recording.mcap_writer import FlightLog
+from companion.types.record import Decision, FlightRecord, PlanRecord, SwapRecord, UploadedMission
+from companion.types.state import Ownship
+from companion.types.threat import Obstacle, TrackState
+from companion.world.snapshot import Snapshot
+
+TRACK_ROWS_MAX = 30_000  # of all vehicles: a few megabytes, and 100 minutes of one at 5 Hz
+STATE_ROWS_MAX = 72_000  # four hours at 5 Hz; of longer flights every second row is kept in memory
+DECISIONS_MAX = 20_000
+TLOG, MCAP, MISSION_FILE = "flight.tlog", "flight.mcap", "mission.yaml"
+LIBRARIES = ("numpy", "numba", "scipy", "pymavlink", "mavsdk", "mcap")
+_LOCATION_S = 1.0
+_COVARIANCE_DIAGONAL = 2  # foxglove.LocationFix: only the diagonal is known
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What a recording says of itself.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        What is flown.
+    seed : int
+        Of plans and filters.
+    mission_text : str
+        The mission file, to be copied; left out, it is written anew from what was understood.
+    step_s : float or None
+        Of simulated time [s]; None by a wall clock.
+    """
+
+    mission: MissionConfig
+    seed: int
+    mission_text: str = ""
+    step_s: float | None = None
+
+
+@dataclass
+class Recorder:
+    """Collects a flight.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where ``flight.tlog``, ``flight.mcap`` and the mission file go; None records in memory only.
+    epoch_s : float
+        UTC seconds at clock reading 0, for the stamps.
+    about : About, optional
+        What is recorded; left out, only what is on the wire is.
+
+    Attributes
+    ----------
+    failure : str
+        Why the recording ended before the flight; '' while it has not.
+    """
+
+    folder: Path | None = None
+    epoch_s: float = 0.0
+    about: About | None = None
+    failure: str = ""
+    flown: list[list[float]] = field(default_factory=list)
+    tracks: dict[str, list[list[float]]] = field(default_factory=dict)
+    missions: list[UploadedMission] = field(default_factory=list)
+    decisions: list[Decision] = field(default_factory=list)
+    threat: list[list[float]] = field(default_factory=list)
+    plan_ms: list[float] = field(default_factory=list)
+    track_to_mission_ms: list[float] = field(default_factory=list)
+    num_rejected: int = 0
+
+    def __post_init__(self) -> None:
+        self._tlog: TlogWriter | None = None
+        self._log: FlightLog | None = None
+        self._num_track_rows = 0
+        self._located_s = -math.inf
+        self._obstacles: tuple[Obstacle, ...] | None = None
+        if self.folder is not None:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                if self.about is not None:
+                    text = self.about.mission_text or text_of(self.about.mission)
+                    (self.folder / MISSION_FILE).write_text(text, encoding="utf-8")
+            except OSError as error:
+                raise RecordError(f"{self.folder}: {error.strerror}") from error
+            self._tlog = TlogWriter(self.folder / TLOG)
+            if self.about is not None:
+                self._log = FlightLog(self.folder / MCAP, self.epoch_s)
+
+    def begin(self, now_s: float, remembered: Mapping[str, object] | None = None) -> None:
+        """Write what the recording is about."""
+        if self.about is None:
+            return
+        about = self.about
+        self._note(
+            channels.MISSION, now_s,
+            {
+                "name": about.mission.name,
+                "mission_file": about.mission_text or text_of(about.mission),
+                "seed": about.seed,
+                "epoch_s": self.epoch_s,
+                "clock": "wall" if about.step_s is None else "simulated",
+                "step_s": about.step_s,
+                "versions": versions_now(),
+                "remembered": remembered or {},
+            },
+        )  # fmt: skip
+
+    def reloaded(self, now_s: float, mission: MissionConfig, mission_text: str) -> None:
+        """Write that another mission file is gone by from now on."""
+        if self.about is not None:
+            self.about = replace(self.about, mission=mission, mission_text=mission_text)
+            self.begin(now_s)
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether the flight goes to a disk."""
+        return self._tlog is not None
+
+    def frame(self, now_s: float, raw: bytes) -> None:
+        """Write what was received or sent; a full disk ends the recording, not the flight."""
+        tlog = self._tlog
+        if tlog is not None:
+            self._write(lambda: tlog.write(self.epoch_s + now_s, raw))
+
+    def _note(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
+        log = self._log
+        if log is not None:
+            self._write(lambda: log.write(topic, now_s, message))
+
+    def _write(self, write: Callable[[], None]) -> None:
+        """Write; what fails ends the whole recording, and is told once."""
+        try:
+            write()
+        except RecordError as error:
+            _log.error("recording stopped: %s", error)
+            self.failure = str(error)
+            tlog, log, self._tlog, self._log = self._tlog, self._log, None, None
+            for file in (tlog, log):
+                if file is not None:
+                    _closed(file)
+
+    def state(self, now_s: float, ownship: Ownship, tracks: tuple[TrackState, ...], level: float) -> None:
+        """Add a row of the flight as it is known on board."""
+        self.flown.append(
+            [
+                now_s, *ownship.position_enu_m, ownship.course_rad, ownship.flight_path_angle_rad,
+                ownship.airspeed_m_s,
+            ]
+        )  # fmt: skip
+        self.threat.append([now_s, level])
+        if len(self.flown) > STATE_ROWS_MAX:
+            self.flown, self.threat = self.flown[1::2], self.threat[1::2]
+        for track in tracks:
+            self.tracks.setdefault(track.identity, []).append([now_s, *track.position_enu_m[:2]])
+        self._num_track_rows += len(tracks)
+        if self._num_track_rows > TRACK_ROWS_MAX:
+            self._thin_tracks()
+        if self._log is not None and self.about is not None:
+            self._note(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
+            self._note(channels.TRACKS, now_s, {"tracks": [channels.table_of(track) for track in tracks]})
+            self._note(channels.THREAT, now_s, {"level": level})
+            if now_s - self._located_s >= _LOCATION_S:
+                self._located_s = now_s
+                fix = _fix(self.about.mission.frame, ownship, self.epoch_s + now_s)
+                self._note(channels.LOCATION, now_s, fix)
+
+    def _thin_tracks(self) -> None:
+        """Keep every second row; vehicles of a single one, with which a flood fills the memory, go."""
+        self.tracks = {identity: rows[1::2] for identity, rows in self.tracks.items() if len(rows) > 1}
+        self._num_track_rows = sum(map(len, self.tracks.values()))
+
+    def decide(
+        self, now_s: float, kind: str, text: str, plan_ms: float | None = None,
+        track_to_mission_ms: float | None = None, why: Mapping[str, object] | None = None,
+    ) -> Decision:  # fmt: skip
+        """Add a decision, and the numbers that led to it."""
+        _log.info("%7.1f s  %s: %s", now_s, kind, text, extra={"decision": kind})
+        decision = Decision(now_s, kind, text, plan_ms, track_to_mission_ms, why or {})
+        self.decisions.append(decision)
+        if len(self.decisions) > DECISIONS_MAX:
+            del self.decisions[: DECISIONS_MAX // 2]
+        self._note(channels.DECISION, now_s, channels.table_of(decision, leave=("stamp_s",)))
+        return decision
+
+    def plan(self, now_s: float, made: PlanRecord, snapshot: Snapshot) -> None:
+        """Add a plan and the world it was made in."""
+        self.plan_ms.append(made.plan_ms)
+        if self._log is None:
+            return
+        world: dict[str, object] = {
+            "number": snapshot.number,
+            "known_threats": [
+                radar.name
+                for radar, known in zip(snapshot.radar_list, snapshot.threats.known, strict=True)
+                if known
+            ],
+            "tracks": [channels.table_of(track) for track in snapshot.tracks],
+        }
+        if snapshot.obstacle_list is not self._obstacles:
+            self._obstacles = snapshot.obstacle_list
+            world["obstacles"] = [channels.table_of(obstacle) for obstacle in snapshot.obstacle_list]
+        self._note(channels.SNAPSHOT, made.begun_s, world)
+        self._note(channels.PLAN, now_s, channels.plan_table(made))
+
+    def swap(self, now_s: float, made: SwapRecord) -> None:
+        """Add a mission that was handed to the autopilot, and how that ended."""
+        self._note(channels.SWAP, now_s, channels.table_of(made))
+
+    def link(self, now_s: float, told: Mapping[str, object]) -> None:
+        """Add what the link tells of itself."""
+        self._note(channels.LINK, now_s, told)
+
+    def record(self, summary: dict[str, float | int | bool | str]) -> FlightRecord:
+        """The flight so far, for the report."""
+        return FlightRecord(
+            flown=np.array(self.flown, dtype=np.float64).reshape(-1, 7),
+            dt_paths=(),
+            dt_tracks=tuple(np.array(rows) for rows in self.tracks.values()),
+            missions=tuple(self.missions),
+            decisions=tuple(self.decisions),
+            threat=np.array(self.threat, dtype=np.float64).reshape(-1, 2),
+            plan_ms=tuple(self.plan_ms),
+            summary=summary,
+            epoch_s=self.epoch_s or None,
+        )
+
+    def close(self) -> None:
+        """End the files; what cannot be written any more is lost, and said."""
+        for file in (self._tlog, self._log):
+            if file is not None:
+                self._write(file.close)
+        self._tlog = self._log = None
+
+
+def _closed(file: TlogWriter | FlightLog) -> None:
+    """Close without a second complaint."""
+    try:
+        file.close()
+    except RecordError:
+        return
+
+
+def versions_now() -> dict[str, str]:
+    """Of the program and of what its results hang on, by name."""
+    return {"companion": __version__} | {name: importlib.metadata.version(name) for name in LIBRARIES}
+
+
+def _fix(frame: LocalFrame, ownship: Ownship, utc_s: float) -> dict[str, object]:
+    """Own place as Foxglove's map takes it."""
+    latitude, longitude, altitude = frame.global_from_local(*ownship.position_enu_m)
+    seconds = int(utc_s)
+    wide, high = (std**2 for std in ownship.position_std_m)
+    return {
+        "timestamp": {"sec": seconds, "nsec": round(1e9 * (utc_s - seconds))},
+        "frame_id": "wgs84",
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": altitude,
+        "position_covariance": [wide, 0.0, 0.0, 0.0, wide, 0.0, 0.0, 0.0, high],
+        "position_covariance_type": _COVARIANCE_DIAGONAL,
+    }

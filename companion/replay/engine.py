@@ -1,0 +1,348 @@
+"""A recorded flight through the same code: what the service says now, beside what it said then.
+
+Theory of operation. The recorded frames arrive at their instants, in the steps of
+:mod:`companion.replay.lockstep`, and MAVSDK takes part as in flight. What the service sends of mission
+transfers and commands is held against what it sent. While the two are the same, the recorded autopilot's
+answers fit. From the first difference on they do not: its answers are then kept from the service, and
+:class:`ReplayLink` answers from a model of its store. The aircraft goes on as recorded; what is shown from
+there on is what would have been decided had it been where it was.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import json
+import math
+import shutil
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from companion.clock import Clock, ManualClock
+from companion.config import MissionConfig, mission_from_text
+from companion.errors import ConfigError
+from companion.flight.app import App, stop
+from companion.flight.checkpoint import Memory
+from companion.link.messages.codec import COMPONENT_ID, Codec
+from companion.link.missions.mission_sniffer import Overheard, Upload
+from companion.link.wire.framing import RawFrame, frames_in, raw_frame
+from companion.link.wire.transport import MemoryTransport
+from companion.planning.plan_runner import AsRecorded, InStep, Pace
+from companion.recording.reader import Heard, Recording
+from companion.recording.recorder import Recorder
+from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
+from companion.replay.recorded_link import ReplayLink
+from companion.types.mission import MissionItem
+from companion.types.record import Decision
+
+_COMMAND, _TEXT, _CURRENT, _REACHED, _COMMAND_ACK = 76, 253, 42, 46, 77
+_COMMANDS = frozenset({176, 224})  # DO_SET_MODE, DO_SET_MISSION_CURRENT
+_TRANSFERS = frozenset({38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
+_ANSWERS = _TRANSFERS | {_COMMAND_ACK}
+_STORED = b"Flight plan received"
+_LATE_S = 3.0  # by a wall clock, MAVSDK's threads take their time
+_TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
+_FOREIGN_STEP_S = 0.1
+_TOLD_STEPS = 50
+_SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
+
+
+@dataclass(slots=True)
+class Replayed:
+    """What came of a replay.
+
+    Parameters
+    ----------
+    decisions : list of Decision
+        As decided now.
+    uploads : list of Upload
+        Missions that were sent whole now.
+    flown_decisions, flown_uploads
+        The same as recorded.
+    apart_s : float or None
+        When the service first said something else to the autopilot than in flight, None if it never did.
+    apart : str
+        What that was.
+    held : tuple of MissionItem or None
+        What the recorded autopilot held at the end.
+    wall_s : float
+        By the computer's clock.
+    """
+
+    decisions: list[Decision] = field(default_factory=list)
+    uploads: list[Upload] = field(default_factory=list)
+    flown_decisions: tuple[Decision, ...] = ()
+    flown_uploads: tuple[Upload, ...] = ()
+    apart_s: float | None = None
+    apart: str = ""
+    held: tuple[MissionItem | None, ...] | None = None
+    duration_s: float = 0.0
+    wall_s: float = 0.0
+    counters: dict[str, int] = field(default_factory=dict)
+
+
+class Replay:
+    """Replays one recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was heard and said.
+    mission : MissionConfig
+        The mission file; it need not be the flown one.
+    seed : int, optional
+        Of plans and filters; left out, the recorded one, else the mission file's.
+    """
+
+    def __init__(self, recording: Recording, mission: MissionConfig, seed: int | None = None) -> None:
+        about = recording.about
+        flown_seed = about.get("seed")
+        if seed is None:
+            seed = flown_seed if isinstance(flown_seed, int) else int(mission.planning.seed)
+        self.result = Replayed(flown_decisions=recording.decisions)
+        self._recording, self._mission = recording, mission
+        self._clock = ManualClock(recording.start_us / 1e6)
+        self._ours, self._theirs = MemoryTransport.pair()
+        self._flown, self._now = Overheard(), Overheard()
+        self._expected = deque(heard for heard in recording.frames if heard.is_ours and _is_told(heard.frame))
+        self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
+        self._last: tuple[int, bytes] | None = None
+        self._link: ReplayLink | None = None
+        self._reloads = deque(recording.reloads)
+        self._app = App(
+            mission, self._ours, self._clock, Recorder(), seed=seed, plans_inline=True,
+            memory=_memory(about), link_kind=self._linked, pace=self._pace(),
+            parameters_file=self._kept_parameters(),
+        )  # fmt: skip
+
+    def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
+        self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)
+        return self._link
+
+    def _kept_parameters(self) -> Path:
+        """What the pilot had set before the recording, in a file that ends with the replay."""
+        self._folder = tempfile.mkdtemp(prefix="replay-")
+        file = Path(self._folder) / "parameters.json"
+        file.write_text(json.dumps(_remembered(self._recording.about).get("parameters", {})))
+        return file
+
+    def _pace(self) -> Pace:
+        return InStep() if self._recording.is_simulated else AsRecorded(self._recording.taken)
+
+    async def run(self, on_progress: Callable[[float], None] = lambda done_s: None) -> Replayed:
+        """Replay to the end of the recording.
+
+        Parameters
+        ----------
+        on_progress : callable
+            Told the recording's time now and then [s].
+        """
+        began = time.perf_counter()
+        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _TURN_S
+        self._theirs.set_receiver(self._heard)
+        await self._theirs.open()
+        running = asyncio.create_task(self._app.run(), name="service")
+        if not self._recording.is_simulated:
+            await asyncio.sleep(0)  # a simulated service begins with its first step, a real one before
+        try:
+            for number, (data, until_us) in enumerate(self._steps()):
+                until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
+                await step(self._app, self._clock, self._theirs, data, until_s, turn_s)
+                self._note_missing(until_us)
+                self._reload(until_us)
+                if running.done():
+                    await running
+                if number % _TOLD_STEPS == 0:
+                    on_progress((until_us - self._recording.start_us) * 1e-6)
+        finally:
+            await stop(running)
+            shutil.rmtree(self._folder, ignore_errors=True)
+        on_progress(self._recording.duration_s)
+        return self._summed_up(time.perf_counter() - began)
+
+    def _steps(self) -> Iterator[tuple[bytes, int]]:
+        """What arrives at each instant, and the next instant [µs].
+
+        By a wall clock the service may ask a little later than it did: an answer waits for its question.
+        """
+        frames = self._recording.frames
+        step_us = round(1e6 * (STEP_S if self._recording.is_ours else _FOREIGN_STEP_S))
+        is_exact = self._recording.is_ours
+        now, index = self._recording.start_us, 0
+        instants = deque(self._instants_us())
+        num_told, num_expected = 0, len(self._expected)
+        waiting: deque[tuple[int, RawFrame]] = deque()
+        while index < len(frames):
+            num_said = num_expected - len(self._expected)
+            arrived = []
+            while waiting and (waiting[0][0] <= num_said or self._is_apart):
+                arrived += [raw for raw in [waiting.popleft()[1]] if not self._is_kept_back(raw)]
+            while index < len(frames) and frames[index].at_us <= now:
+                heard = frames[index]
+                self._follow(heard)
+                index += 1
+                if heard.is_ours:
+                    num_told += _is_told(heard.frame)
+                elif self._late_us and num_told > num_said and self._is_answer(heard.frame):
+                    waiting.append((num_told, heard.frame))
+                elif not self._is_kept_back(heard.frame):
+                    arrived.append(heard.frame)
+            is_silent = index < len(frames) and frames[index].at_us - now > _SILENCE_US
+            grid = now + _SILENT_STEP_US if is_silent else (now // step_us + 1) * step_us
+            until = min(grid, frames[index].at_us) if is_exact and index < len(frames) else grid
+            while instants and instants[0] <= now:
+                instants.popleft()
+            until = min(until, instants[0]) if instants else until
+            yield b"".join(frame.raw for frame in arrived), until
+            now = until
+
+    def _reload(self, now_us: int) -> None:
+        """Go by the mission file that was read again by now; one that is none any more is passed over."""
+        while self._reloads and round(1e6 * self._reloads[0][0]) <= now_us:
+            _, text = self._reloads.popleft()
+            try:
+                mission = mission_from_text(text, self._recording.name)
+            except ConfigError:
+                self._recording.counters["reloads_not_understood"] += 1
+            else:
+                self._app.reload(mission, text)
+
+    def _instants_us(self) -> list[int]:
+        """When plans were due and begun by a wall clock: the replay looks at just these instants, too."""
+        if self._recording.is_simulated:
+            return []
+        taken = self._recording.taken.values()
+        found = {at for entry in taken for at in (entry.due_s, entry.seen_s) if at is not None}
+        found |= {stamp_s for stamp_s, _ in self._recording.reloads}
+        return sorted(math.ceil(1e6 * at - 1e-3) for at in found)
+
+    def _follow(self, heard: Heard) -> None:
+        """Keep up what the recorded autopilot holds."""
+        if self._link is not None:
+            self._flown.dialect = self._link.dialect
+        self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
+
+    def _is_kept_back(self, frame: RawFrame) -> bool:
+        """Whether a recorded answer fits no more."""
+        if self._link is None or not self._link.is_apart:
+            return False
+        is_news = frame.message_id in (_CURRENT, _REACHED) and self._is_autopilots(frame)
+        is_text = frame.message_id == _TEXT and _STORED in frame.payload
+        return self._is_answer(frame) or (self._link.has_stored and (is_news or is_text))
+
+    @property
+    def _is_apart(self) -> bool:
+        return self._link is not None and self._link.is_apart
+
+    def _is_autopilots(self, frame: RawFrame) -> bool:
+        return (frame.system_id, frame.component_id) == (self._recording.vehicle, 1)
+
+    def _is_answer(self, frame: RawFrame) -> bool:
+        return frame.message_id in _ANSWERS and self._is_autopilots(frame)
+
+    def _heard(self, data: bytes) -> None:
+        """Hold what the service sends against what it sent."""
+        now_us = round(1e6 * self._clock.now_s())
+        for raw in frames_in(data):
+            frame = raw_frame(raw)
+            self._now.dialect = None if self._link is None else self._link.dialect
+            self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
+            if self._link is None or self._link.is_apart or not _is_told(frame):
+                continue
+            said = frame.message_id, frame.payload
+            if said == self._last and not self._recording.is_simulated:
+                continue  # a repetition, for which a wall clock gave occasion
+            while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+                self._expected.popleft()
+            wanted = self._expected[0] if self._expected else None
+            if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _said(wanted) != said:
+                self._part(now_us, f"{_named(frame)} is sent, {_instead(wanted, now_us, self._late_us)}")
+                continue
+            self._last = said
+            self._expected.popleft()
+
+    def _note_missing(self, now_us: int) -> None:
+        """Notice what was sent by now, and is not."""
+        if self._link is None or self._link.is_apart:
+            return
+        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+            self._expected.popleft()
+        if self._expected and self._expected[0].at_us < now_us - self._late_us:
+            self._part(self._expected[0].at_us, f"{_named(self._expected[0].frame)} was sent, and is not now")
+
+    def _part(self, at_us: int, why: str) -> None:
+        assert self._link is not None
+        self.result.apart_s, self.result.apart = at_us * 1e-6, why
+        self._link.part()
+
+    def _summed_up(self, wall_s: float) -> Replayed:
+        result = self.result
+        result.decisions = list(self._app.recorder.decisions)
+        ours = (self._recording.vehicle, COMPONENT_ID)
+        modelled = [] if self._link is None else self._link.uploads
+        result.uploads = [entry for entry in self._now.uploads if entry.client == ours]
+        result.uploads += [Upload(stamp, ours, items) for stamp, items in modelled]
+        result.flown_uploads = tuple(entry for entry in self._flown.uploads if entry.client == ours)
+        result.held = self._flown.items
+        result.duration_s, result.wall_s = self._recording.duration_s, wall_s
+        result.counters = dict(self._recording.counters + self._app.codec.counters)
+        return result
+
+
+def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
+    """Missions that the service sent in a recorded flight."""
+    overheard = Overheard()
+    for heard in recording.frames:
+        overheard.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
+    return tuple(entry for entry in overheard.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
+
+
+def _remembered(about: dict[str, object]) -> dict[str, object]:
+    remembered = about.get("remembered")
+    return remembered if isinstance(remembered, dict) else {}
+
+
+def _memory(about: dict[str, object]) -> Memory:
+    """What the service remembered of the flight when the recording began; damage counts for nothing."""
+    kept = _remembered(about).get("memory")
+    entries = kept.items() if isinstance(kept, dict) else ()
+    memory = {}
+    for end, text in entries:
+        with contextlib.suppress(ValueError, TypeError):
+            memory[str(end)] = base64.b64decode(text)
+    return Memory(kept=memory)
+
+
+def _is_told(frame: RawFrame) -> bool:
+    """Whether a frame of ours asks the autopilot for, or to do, something about missions."""
+    if frame.message_id == _COMMAND:
+        return int.from_bytes(frame.payload.ljust(30, b"\0")[28:30], "little") in _COMMANDS
+    return frame.message_id in _TRANSFERS
+
+
+def _said(heard: Heard) -> tuple[int, bytes]:
+    return heard.frame.message_id, heard.frame.payload
+
+
+_NAMES = {
+    38: "MISSION_WRITE_PARTIAL_LIST", 39: "MISSION_ITEM", 40: "MISSION_REQUEST", 41: "MISSION_SET_CURRENT",
+    43: "MISSION_REQUEST_LIST", 44: "MISSION_COUNT", 45: "MISSION_CLEAR_ALL", 47: "MISSION_ACK",
+    51: "MISSION_REQUEST_INT", 73: "MISSION_ITEM_INT", 76: "COMMAND_LONG",
+}  # fmt: skip
+
+
+def _named(frame: RawFrame) -> str:
+    return _NAMES.get(frame.message_id, f"message {frame.message_id}")
+
+
+def _instead(wanted: Heard | None, now_us: int, late_us: int) -> str:
+    if wanted is None or wanted.at_us > now_us + late_us:
+        return "where nothing was"
+    if wanted.at_us < now_us - late_us:
+        return f"later than {_named(wanted.frame)} was"
+    return f"where {_named(wanted.frame)} with other content was"

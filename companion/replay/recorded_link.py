@@ -1,0 +1,190 @@
+"""Mission transfers in a replay: as flown while the service says what it said, and modelled from then on.
+
+As long as the service says the same as in flight, MAVSDK speaks and the recorded autopilot answers. From
+the first difference nobody answers what was never said: then a model of the autopilot's store does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+
+from companion.clock import Clock
+from companion.errors import LinkError, TransferError
+from companion.link.messages.codec import Codec
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.link.missions.mission_sniffer import as_sent
+from companion.mission.mission_id import mission_id
+from companion.types.events import Dialect, MissionCurrent
+from companion.types.mission import Command, Frame, MissionItem
+
+ITEM_S = 0.02  # as measured on ArduPlane
+_ACTIVE = 3  # MISSION_STATE_ACTIVE
+_HOME = MissionItem(0, Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
+
+Items = tuple[MissionItem, ...]
+
+
+class ReplayLink(AutopilotLink):
+    """A link that can part from the recording.
+
+    Parameters
+    ----------
+    codec : Codec
+        The link's.
+    clock : Clock
+        The replay's.
+    send : callable
+        Takes bytes for the transport.
+    held : callable
+        What the autopilot held by then, None where that is not known.
+
+    Attributes
+    ----------
+    is_apart : bool
+        Whether the recorded autopilot answers no more.
+    uploads : list
+        When, and what, was stored since.
+    """
+
+    def __init__(
+        self, codec: Codec, clock: Clock, send: Callable[[bytes], None], held: Callable[[], Items | None]
+    ) -> None:
+        super().__init__(codec, clock, send)
+        self.is_apart = False
+        self.uploads: list[tuple[float, Items]] = []
+        self._held = held
+        self._items: Items = ()
+        self._fence: Items = ()
+        self._is_closing = False
+
+    def part(self) -> None:
+        """Answer from the model from now on; what is under way is begun again with it."""
+        if self.is_apart:
+            return
+        self.is_apart = True
+        self.abandon()
+
+    @property
+    def has_stored(self) -> bool:
+        """Whether the model holds a mission of ours; until then it holds what the recorded autopilot did."""
+        return bool(self.uploads)
+
+    def _stored(self) -> Items:
+        held = self._items if self.has_stored else self._held()
+        if held is None:
+            return () if self.dialect is Dialect.PX4 else (_HOME,)
+        return held
+
+    @property
+    def is_our_turn(self) -> bool:
+        """Whether the next word is MAVSDK's, its last one included."""
+        return self._is_closing or super().is_our_turn
+
+    def give_up_turn(self) -> None:
+        """MAVSDK has nothing to say."""
+        self._is_closing = False
+        super().give_up_turn()
+
+    async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
+        """Replace the mission, in the model once apart."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().upload(items, may_finish)
+        await self._lasts(len(items))
+        if may_finish is not None and not may_finish():
+            raise TransferError("upload", "TRANSFER_CANCELLED")
+        self._items = tuple(items)
+        self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
+        if self.dialect is not Dialect.PX4:
+            self._tell_current(0 if self.current is None else self.current.sequence)
+            return 0
+        self._tell_current(next(item.sequence for item in items if item.is_current))
+        return mission_id(items)
+
+    async def write(self, items: Sequence[MissionItem]) -> None:
+        """Overwrite a part of the list, in the model once apart."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().write(items)
+        await self._lasts(len(items))
+        first = items[0].sequence
+        stored = self._stored()
+        self._items = (*stored[:first], *items, *stored[first + len(items) :])
+        self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
+
+    async def read_back(self) -> Items:
+        """Read the list that was written to, from the model once apart."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().read_back()
+        await self._lasts(len(self._stored()))
+        return self._stored()
+
+    async def download(self) -> Items:
+        """Read the mission, from the model once apart."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().download()
+        await self._lasts(len(self._stored()))
+        return self._stored()
+
+    async def download_fence(self) -> Items:
+        """Read the fence; once apart, as it was read last."""
+        if not self.is_apart:
+            with self._unless_apart():
+                self._fence = await super().download_fence()
+                return self._fence
+        return self._fence
+
+    async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
+        """Fly to an item, in the model once apart."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().set_current(sequence, is_ahead)
+        await self._lasts(1)
+        self._tell_current(sequence)
+
+    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+        """Whether the autopilot tells something in time, the model at once."""
+        if not self.is_apart:
+            with self._unless_apart():
+                is_told = await super().told(is_it, wait_s)
+                if not self.is_apart:
+                    return is_told
+        return self.current is not None and is_it(self.current)
+
+    async def set_mode(self, mode: str) -> None:
+        """Select a mode; once apart, the recorded modes stay."""
+        if not self.is_apart:
+            with self._unless_apart():
+                return await super().set_mode(mode)
+
+    @contextlib.contextmanager
+    def _unless_apart(self) -> Iterator[None]:
+        """Leave what fails because of the parting to the model."""
+        try:
+            yield
+        except LinkError:
+            if not self.is_apart:
+                raise
+
+    async def _asked(
+        self, data: bytes, is_answer: Callable[[object], bool], *, wait_s: float
+    ) -> object | None:
+        if self.is_apart:
+            raise TransferError("question", "the recorded autopilot answers no more")
+        return await super()._asked(data, is_answer, wait_s=wait_s)
+
+    async def _lasts(self, num_items: int) -> None:
+        self._is_closing = True
+        await self.close()
+        self._is_closing = False
+        await self._clock.sleep_until(self._clock.now_s() + ITEM_S * num_items)
+
+    def _tell_current(self, sequence: int) -> None:
+        is_px4 = self.dialect is Dialect.PX4
+        items = self._stored()
+        total = len(items) - (0 if is_px4 else 1)
+        name = mission_id(items) if is_px4 else 0
+        self._current = MissionCurrent(self._clock.now_s(), sequence, total, name, _ACTIVE)

@@ -1,0 +1,138 @@
+"""``companion replay``: a replay with its progress shown, and what came of it as text."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from companion.config import MissionConfig, mission_from_text
+from companion.errors import ConfigError, RecordError
+from companion.recording.reader import Recording, load_recording
+from companion.recording.recorder import versions_now
+from companion.replay.comparison import Difference
+from companion.replay.engine import Replay, Replayed, flown_uploads
+from companion.types.record import Decision
+
+DECISIONS_SHOWN = 60
+
+
+def replayed(recording: Recording, mission: MissionConfig, seed: int | None, screen: Console) -> Replayed:
+    """Replay to the end, with a bar."""
+    bar = Progress(
+        TextColumn("replaying {task.fields[name]}"), BarColumn(), TaskProgressColumn(),
+        TextColumn("{task.completed:.0f} s"), TimeRemainingColumn(), console=screen, transient=True,
+    )  # fmt: skip
+    with bar:
+        task = bar.add_task("replay", name=recording.name, total=recording.duration_s)
+        replay = Replay(recording, mission, seed)
+        return asyncio.run(replay.run(lambda done_s: bar.update(task, completed=done_s)))
+
+
+def replayable(log: Path) -> Recording:
+    """Read a recording to replay.
+
+    Raises
+    ------
+    RecordError
+        If it cannot be read, or nothing in it is a frame of MAVLink.
+    """
+    recording = load_recording(log)
+    if not recording.frames:
+        raise RecordError(f"{log}: no frame of MAVLink in it")
+    return recording
+
+
+def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
+    """What about a recording, or beside it, keeps a replay from being the flight."""
+    if not recording.is_ours:
+        return []
+    about, said = recording.about, []
+    if not about:
+        return [
+            f"No flight.mcap beside {recording.name} can be read: seed and instants of plans are not known."
+        ]
+    with contextlib.suppress(ConfigError):
+        flown = mission_from_text(str(about.get("mission_file", "")), recording.name)
+        if flown != mission:
+            said.append(f"The mission file is not the one flown, of {flown.name}.")
+    versions = about.get("versions")
+    kept = versions if isinstance(versions, dict) else {}
+    others = [
+        f"{name} {kept[name]} (now {now})"
+        for name, now in versions_now().items()
+        if kept.get(name, now) != now
+    ]
+    if others:
+        said.append(f"Flown with {', '.join(others)}.")
+    if recording.until_s < math.inf:
+        said.append(f"flight.mcap ends early: compared up to {recording.until_s:.1f} s.")
+    return said
+
+
+def beside(expected: Recording, result: Replayed) -> Replayed:
+    """A result beside another flight than the one replayed."""
+    return replace(result, flown_decisions=expected.decisions, flown_uploads=flown_uploads(expected))
+
+
+def show(recording: Recording, result: Replayed, differs: Difference | None, screen: Console) -> None:
+    """Tell what came of a replay."""
+    speed = result.duration_s / result.wall_s if result.wall_s > 0.0 else 0.0
+    screen.print(
+        f"{recording.name}: {result.duration_s:.0f} s replayed in {result.wall_s:.1f} s, "
+        f"{speed:.0f} times real time"
+    )
+    for reason, number in sorted(result.counters.items()):
+        if reason != "accepted":
+            screen.print(f"  {number} {reason.replace('_', ' ')}", markup=False)
+    num_decisions, num_missions = (
+        sum(entry.stamp_s <= recording.until_s for entry in entries)
+        for entries in (result.decisions, result.uploads)
+    )
+    if differs is None:
+        screen.print(f"as flown: {num_decisions} decisions, {num_missions} missions")
+        return
+    if recording.is_ours:
+        screen.print(f"first difference {differs}", markup=False, highlight=False)
+        screen.print("The aircraft flew on as recorded; from there on this is what would have been decided.")
+        since = differs.stamp_s - 1e-6
+    else:
+        screen.print("No decision is recorded; this is what would have been decided.")
+        since = -1.0
+    screen.print(_table(result, since))
+
+
+def _table(result: Replayed, since_s: float) -> Table:
+    """Decisions from an instant on, flown and now, by time."""
+    table = Table()
+    table.add_column("time [s]", justify="right")
+    for column in ("flown", "now"):
+        table.add_column(column)
+    rows = list(_by_time(result.flown_decisions, result.decisions, since_s))
+    for stamp, flown, now in rows[:DECISIONS_SHOWN]:
+        table.add_row(f"{stamp:.1f}", escape(flown), escape(now))
+    if len(rows) > DECISIONS_SHOWN:
+        table.add_row("…", "", f"{len(rows) - DECISIONS_SHOWN} more; --json has all")
+    return table
+
+
+def _by_time(
+    flown: Sequence[Decision], now: Sequence[Decision], since_s: float
+) -> Iterator[tuple[float, str, str]]:
+    """Rows of time and what was decided then, flown and now; one row where both decided at once."""
+    told: dict[float, list[list[str]]] = {}
+    for column, decisions in enumerate((flown, now)):
+        for entry in decisions:
+            if entry.stamp_s >= since_s:
+                cells = told.setdefault(round(entry.stamp_s, 2), [[], []])
+                cells[column].append(f"{entry.kind}: {entry.text}")
+    for stamp, (one, other) in sorted(told.items()):
+        yield stamp, "\n".join(one), "\n".join(other)

@@ -1,0 +1,361 @@
+"""``companion run``: the service on the computer's own clock."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import faulthandler
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from companion.clock import Clock, WallClock
+from companion.config import MissionConfig, load_mission
+from companion.config.reload import changed_mission
+from companion.errors import CompanionError, ConfigError, RecordError
+from companion.flight.app import App
+from companion.flight.checkpoint import Memory
+from companion.flight.observer import Watch
+from companion.link.messages.codec import signer_of
+from companion.link.wire.signing import Signer, Timestamps, read_key
+from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
+from companion.mission.swap import SwapOutcome
+from companion.recording.recorder import About, Recorder
+from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
+from companion.service.metrics import Endpoint, Metrics
+from companion.service.sd_notify import Notifier, watchdog_of
+from companion.service.telemetry_out import Reporting
+from companion.service.warm_up import warm_up
+from companion.service.watchdog import Report, Supervision
+from companion.threads import in_thread
+from companion.types.plan import Plan
+
+REPORT_SILENCE_S = 5.0
+LOOK_S = 1.0  # for the end of a flight
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class _Flight:
+    """One flight, or a time on the ground: its app, and what goes with it.
+
+    Parameters
+    ----------
+    app : App
+        Begun anew for it, so that its recording can be replayed by itself.
+    reporting : Reporting
+        Of the app's figures.
+    folder : Path
+        Of the recording, whether it could be written to or not.
+    """
+
+    app: App
+    reporting: Reporting
+    folder: Path
+
+    def close(self) -> None:
+        """End the recording; one of which not a byte was heard is none."""
+        self.app.recorder.close()
+        if not self.app.codec.counters and self.folder.exists():
+            discard(self.folder)
+
+
+class Service(Watch):
+    """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
+
+    Parameters
+    ----------
+    file : Path
+        The mission file.
+    url : str
+        Where the autopilot is.
+    flights : Path
+        Folder of the recordings, and of what a restart needs to know.
+    environment : mapping of str to str
+        For what systemd tells by it.
+    metrics_port : int, optional
+        Where metrics and health are told, to this computer alone.
+    flights_max_bytes : int
+        What the recordings may take; the oldest flights go first.
+    clock : Clock, optional
+        Left out, the computer's.
+    line : Transport, optional
+        To the autopilot; left out, what the URL names.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        url: str,
+        flights: Path,
+        environment: Mapping[str, str],
+        metrics_port: int | None = None,
+        flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+        clock: Clock | None = None,
+        line: Transport | None = None,
+    ) -> None:
+        self._file = file
+        self._url = url
+        self._flights = flights
+        self._flights_max_bytes = flights_max_bytes
+        self._mission, self._text = load_mission(file), file.read_text(encoding="utf-8-sig")
+        self._clock = clock or WallClock()
+        self._line = LastingTransport(line or transport_from_url(url, self._clock))
+        self._begun_s = self._clock.now_s()
+        self._watchdog_s = watchdog_of(environment)
+        _check_budget(self._mission, file, self._watchdog_s)
+        state = _folder_of("STATE_DIRECTORY", environment)
+        self._timestamps, self._signer = signing_of(self._mission, state)
+        self._is_warm = False
+        self._on_ground: Path | None = None
+        self._metrics = None if metrics_port is None else Metrics()
+        self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
+        self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
+        self._metrics_port = metrics_port
+        self._endpoint: Endpoint | None = None
+        self._flight = self._begun()
+
+    @property
+    def app(self) -> App:
+        """Of the present flight."""
+        return self._flight.app
+
+    def _begun(self) -> _Flight:
+        """What the next flight goes by."""
+        mission, flights, clock = self._mission, self._flights, self._clock
+        seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
+        folder = folder_for(flights, mission.name, datetime.now(UTC))
+        recorder = _recorder(folder, epoch_s, About(mission, seed, self._text))
+        app = App(
+            mission,
+            self._line,
+            clock,
+            recorder,
+            seed=seed,
+            plans_inline=False,
+            memory=Memory(flights / mission.name),
+            signer=self._signer,
+            watch=self,
+            parameters_file=flights / f"{mission.name}.parameters.json",
+        )
+        app.is_warm = self._is_warm
+        reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
+        return _Flight(app, reporting, folder)
+
+    def progress(self) -> None:
+        """Pass it on to whoever supervises."""
+        self._supervision.progress()
+
+    def planned(self, plan: Plan, plan_ms: float) -> None:
+        """Pass it on to whoever reports."""
+        self._flight.reporting.planned(plan, plan_ms)
+        if self._metrics is not None:
+            self._metrics.planned(plan, plan_ms)
+
+    def exchanged(self, outcome: SwapOutcome) -> None:
+        """Pass it on to whoever reports."""
+        if self._metrics is not None:
+            self._metrics.exchanged(outcome)
+
+    def report(self) -> Report:
+        """What the service does now."""
+        app, decisions = self.app, self.app.recorder.decisions
+        last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
+        mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
+        return Report(app.is_warm, app.codec.vehicle_system_id is not None, mode, last)
+
+    async def run(self) -> None:
+        """Run until a signal to stop, then leave in order.
+
+        Raises
+        ------
+        LinkError
+            If the link's address cannot be used, or the port for metrics.
+        """
+        loop, stopping = asyncio.get_running_loop(), asyncio.Event()
+        for number in STOP_SIGNALS:
+            loop.add_signal_handler(number, stopping.set)
+        loop.add_signal_handler(signal.SIGHUP, self.reload)
+        try:
+            if self._metrics is not None and self._metrics_port is not None:
+                self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
+            async with asyncio.TaskGroup() as tasks:
+                warming = tasks.create_task(self._warm())
+                while True:
+                    await self._fly(stopping)
+                    if stopping.is_set():
+                        break
+                    self._flight = self._begun()
+                warming.cancel()
+        except* CompanionError as group:
+            raise _first(group) from None
+        finally:
+            for number in (*STOP_SIGNALS, signal.SIGHUP):
+                loop.remove_signal_handler(number)
+            self.close()
+            await self._line.end()
+        _log.info("stopped; the autopilot keeps the mission it flies")
+
+    def close(self) -> None:
+        """Close every file and socket but the link."""
+        self._flight.close()
+        if self._timestamps is not None:
+            self._timestamps.close()
+        self._notifier.close()
+        if self._endpoint is not None:
+            self._endpoint.close()
+
+    async def _fly(self, stopping: asyncio.Event) -> None:
+        """Carry on until the flight is over, or the service is told to stop."""
+        flight, clock, epoch_s = self._flight, self._clock, self.app.recorder.epoch_s
+        _log.info("listening on %s; recording to %s", self._url, flight.folder)
+        async with asyncio.TaskGroup() as tasks:
+            running = [
+                tasks.create_task(flight.app.run()),
+                tasks.create_task(flight.reporting.run()),
+                tasks.create_task(_report_silence(flight.app, clock, self._url)),
+                tasks.create_task(
+                    keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, epoch_s)
+                ),
+            ]
+            ends = [tasks.create_task(stopping.wait()), tasks.create_task(_over(flight.app, clock))]
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            if stopping.is_set():
+                self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
+                await flight.app.withdraw()
+            for task in running + ends:
+                task.cancel()
+        flight.close()
+        self._tidy(flight)
+
+    def _tidy(self, ended: _Flight) -> None:
+        """Of recordings in which nothing was flown keep only the last before a flight."""
+        if ended.app.ground.has_flown or not ended.folder.exists():
+            self._on_ground = None
+            return
+        if self._on_ground is not None:
+            discard(self._on_ground)
+        self._on_ground = ended.folder
+
+    async def _warm(self) -> None:
+        """Compile beside everything else; the first plan waits for it."""
+        _log.info("compiling the planner's kernels")
+        await in_thread(warm_up, self._mission)
+        self._is_warm = self.app.is_warm = True
+        _log.info("ready to plan")
+
+    def reload(self) -> None:
+        """Read the mission file again; a bad one, or one that needs a restart, changes nothing."""
+        if self._supervision.is_ready:  # else the READY=1 that ends it would say too much
+            self._notifier.reloading()
+        try:
+            mission = changed_mission(self._mission, self._file)
+            _check_budget(mission, self._file, self._watchdog_s)
+        except ConfigError as error:
+            _log.error("not reloaded: %s", error)
+            self.app.decide("reload", f"refused: {error.key}")
+        else:
+            self._mission, self._text = mission, self._file.read_text(encoding="utf-8-sig")
+            self.app.reload(mission, self._text)
+        if self._supervision.is_ready:
+            self._notifier.tell(READY=1, STATUS=str(self.report()))
+
+
+async def serve(
+    file: Path,
+    url: str,
+    flights: Path,
+    metrics_port: int | None = None,
+    flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+) -> None:
+    """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
+
+    Raises
+    ------
+    CompanionError
+        If it cannot begin.
+    """
+    with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+        await Service(file, url, flights, os.environ, metrics_port, flights_max_bytes).run()
+
+
+@contextlib.contextmanager
+def _stacks_told(folder: Path | None) -> Iterator[None]:
+    """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a full disk, or nothing to write to
+            target = sys.stderr if folder is None else stack.enter_context((folder / "crash.log").open("a"))
+            faulthandler.enable(target)
+        stack.callback(faulthandler.disable)
+        yield
+
+
+def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:
+    """The first error of a group of them, or of groups."""
+    error = group.exceptions[0]
+    return _first(error) if isinstance(error, BaseExceptionGroup) else error
+
+
+def _folder_of(name: str, environment: Mapping[str, str]) -> Path | None:
+    """A folder that systemd made for the service; None without."""
+    value = environment.get(name, "").partition(":")[0]
+    return Path(value) if value else None
+
+
+def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) -> None:
+    """See that a plan is long done when the watchdog becomes impatient."""
+    budget = float(mission.planning.planning_budget_s)
+    if watchdog_s is not None and budget > 0.5 * watchdog_s:
+        expected = f"at most {0.5 * watchdog_s:g}, half of the unit's WatchdogSec"
+        raise ConfigError(str(file), None, "planning.planning_budget_s", f"{budget:g}", expected)
+
+
+def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
+    """What signs and verifies, as the mission file says; nothing without a key.
+
+    The times go beside the key, or to the state folder: configuration is read only under systemd.
+    """
+    signing = mission.link.signing
+    if signing is None:
+        return None, None
+    key_file = Path(signing.key_file)
+    beside = key_file if state is None else state / key_file.name
+    times = signing.timestamp_file or f"{beside}.times"
+    timestamps = Timestamps(Path(times), time.time)
+    signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
+    return timestamps, signer
+
+
+def _recorder(folder: Path, epoch_s: float, about: About) -> Recorder:
+    """A recorder into a folder; where it cannot write, the flight goes without and that is said."""
+    try:
+        return Recorder(folder, epoch_s, about)
+    except RecordError as error:
+        _log.error("not recorded: %s", error)
+        return Recorder(None, epoch_s, about, failure=str(error))
+
+
+async def _over(app: App, clock: Clock) -> None:
+    """Wait for the end of a flight, or of an hour on the ground."""
+    while True:
+        now = clock.now_s()
+        if app.ground.is_over(now) or app.ground.is_idle(now):
+            return
+        await clock.sleep_until(now + LOOK_S)
+
+
+async def _report_silence(app: App, clock: Clock, url: str) -> None:
+    """Say every few seconds that no autopilot is heard, while that is so."""
+    while True:
+        await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
+        if not app.hears_autopilot:
+            why = f" ({app.transport.trouble})" if app.transport.trouble else ""
+            _log.warning("no autopilot heard on %s for %.0f s; still trying%s", url, REPORT_SILENCE_S, why)

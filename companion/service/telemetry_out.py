@@ -1,0 +1,82 @@
+"""What is told every second beside the decisions: figures for the ground station, and for Prometheus."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from companion.clock import Clock
+from companion.flight.app import App
+from companion.flight.observer import Watch
+from companion.service.host_status import look_at
+from companion.service.metrics import Metrics
+from companion.types.plan import Plan
+
+PERIOD_S = 1.0
+COMPUTER_PERIODS = 5  # it changes slowly, and a telemetry radio is slow
+
+
+class Reporting(Watch):
+    """Tells figures while the service runs.
+
+    Parameters
+    ----------
+    app : App
+        Whose.
+    clock : Clock
+        Its time.
+    folder : Path
+        On the disk that is looked at.
+    metrics : Metrics or None
+        Renewed as well.
+    begun_s : float
+        When the service began, by the clock [s].
+    """
+
+    def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None, begun_s: float) -> None:
+        self._app = app
+        self._clock = clock
+        self._folder = folder
+        self._metrics = metrics
+        self._begun_s = begun_s
+        self._plan_quality = math.nan
+
+    def planned(self, plan: Plan, plan_ms: float) -> None:
+        """Remember the quality Q of the last plan."""
+        if plan.path is not None:
+            self._plan_quality = plan.measures.quality
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+        turn = 0
+        while True:
+            now = self._clock.now_s()
+            self.tell(now, with_computer=turn % COMPUTER_PERIODS == 0)
+            turn += 1
+            await self._clock.sleep_until(now + PERIOD_S)
+
+    def tell(self, now_s: float, *, with_computer: bool) -> None:
+        """Tell everything once."""
+        app = self._app
+        if self._metrics is not None:
+            self._metrics.renew(app, now_s)
+        if app.codec.vehicle_system_id is None:
+            return
+        boot_s = now_s - self._begun_s
+        state = app.picture.ownship.state(now_s)
+        if state is not None:
+            level = app.picture.threat_at(state, app.picture.tracker.tracks(now_s))
+            app.send(app.codec.named_value(boot_s, "threat", level))
+        if math.isfinite(self._plan_quality):
+            app.send(app.codec.named_value(boot_s, "plan_q", self._plan_quality))
+        if with_computer:
+            computer = look_at(self._folder)
+            app.send(
+                app.codec.computer_status(
+                    computer.uptime_s,
+                    computer.cores_percent,
+                    computer.temperature_c,
+                    (computer.memory_used_mb, computer.memory_total_mb),
+                    (computer.disk_used_mb, computer.disk_total_mb),
+                )
+            )

@@ -1,0 +1,156 @@
+"""The autopilots' parameters: those that mean something here."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim.autopilot.channel import Message
+
+_INT8 = mavlink.MAV_PARAM_TYPE_INT8
+_INT16 = mavlink.MAV_PARAM_TYPE_INT16
+_INT32 = mavlink.MAV_PARAM_TYPE_INT32
+_REAL = mavlink.MAV_PARAM_TYPE_REAL32
+
+# Name: default, type. Defaults are ArduPlane's where the scenario sets no other.
+_ARDUPLANE: dict[str, tuple[float, int]] = {
+    "ADSB_TYPE": (0, _INT8),
+    "AIRSPEED_CRUISE": (22, _REAL),
+    "AIRSPEED_MAX": (38, _INT16),
+    "AIRSPEED_MIN": (12, _INT16),
+    "AVD_ENABLE": (0, _INT8),
+    "AVD_F_ACTION": (1, _INT8),
+    "AVD_W_ACTION": (1, _INT8),
+    "FENCE_ENABLE": (0, _INT8),
+    "FS_GCS_ENABL": (0, _INT8),
+    "FS_LONG_ACTN": (0, _INT8),
+    "GLIDE_SLOPE_MIN": (15, _INT16),
+    "MIS_OPTIONS": (0, _INT16),
+    "MIS_RESTART": (0, _INT8),
+    "MIS_TOTAL": (0, _INT16),
+    "NAVL1_DAMPING": (0.75, _REAL),
+    "NAVL1_PERIOD": (17, _REAL),
+    "PTCH_LIM_MAX_DEG": (20, _REAL),
+    "PTCH_LIM_MIN_DEG": (-20, _REAL),
+    "ROLL_LIMIT_DEG": (50, _REAL),
+    "RTL_ALTITUDE": (100, _REAL),
+    "RTL_RADIUS": (100, _INT16),
+    "SERIAL1_BAUD": (57, _INT16),
+    "SERIAL1_PROTOCOL": (2, _INT8),
+    "SERIAL2_BAUD": (921, _INT16),
+    "SERIAL2_PROTOCOL": (2, _INT8),
+    "SYSID_THISMAV": (1, _INT16),
+    "TECS_CLMB_MAX": (7, _REAL),
+    "TECS_SINK_MAX": (7, _REAL),
+    "WP_LOITER_RAD": (80, _INT16),
+    "WP_RADIUS": (50, _INT16),
+}
+# PX4's, with its defaults; where the simulator's own loops read an ArduPlane name, that is given beside it.
+_PX4: dict[str, tuple[float, int]] = {
+    "FW_AIRSPD_MAX": (38, _REAL),
+    "FW_AIRSPD_MIN": (12, _REAL),
+    "FW_AIRSPD_TRIM": (22, _REAL),
+    "FW_LND_ANG": (5, _REAL),
+    "FW_P_LIM_MAX": (20, _REAL),
+    "FW_P_LIM_MIN": (-20, _REAL),
+    "FW_R_LIM": (50, _REAL),
+    "FW_T_CLMB_MAX": (7, _REAL),
+    "FW_T_SINK_MAX": (7, _REAL),
+    "MIS_TKO_LAND_REQ": (2, _INT32),
+    "NAV_ACC_RAD": (10, _REAL),
+    "NAV_FW_ALT_RAD": (10, _REAL),
+    "NAV_LOITER_RAD": (80, _REAL),
+    "NAV_TRAFF_AVOID": (1, _INT32),
+    "NPFG_DAMPING": (0.7, _REAL),
+    "NPFG_PERIOD": (10, _REAL),
+    "RTL_RETURN_ALT": (100, _REAL),
+}
+_PX4_NAMES = {
+    "AIRSPEED_CRUISE": "FW_AIRSPD_TRIM",
+    "AIRSPEED_MAX": "FW_AIRSPD_MAX",
+    "AIRSPEED_MIN": "FW_AIRSPD_MIN",
+    "NAVL1_DAMPING": "NPFG_DAMPING",
+    "NAVL1_PERIOD": "NPFG_PERIOD",
+    "PTCH_LIM_MAX_DEG": "FW_P_LIM_MAX",
+    "PTCH_LIM_MIN_DEG": "FW_P_LIM_MIN",
+    "ROLL_LIMIT_DEG": "FW_R_LIM",
+    "TECS_CLMB_MAX": "FW_T_CLMB_MAX",
+    "TECS_SINK_MAX": "FW_T_SINK_MAX",
+    "WP_LOITER_RAD": "NAV_LOITER_RAD",
+}
+_READ_ONLY = frozenset({"MIS_TOTAL"})
+UNINDEXED = 65535
+
+
+class Parameters:
+    """Named values, in alphabetical order.
+
+    Parameters
+    ----------
+    table : mapping, optional
+        Name to default and MAV_PARAM_TYPE; ArduPlane's if left out.
+    names : mapping, optional
+        ArduPlane's name to this autopilot's, for those that the control loops read.
+    """
+
+    def __init__(
+        self,
+        table: Mapping[str, tuple[float, int]] = _ARDUPLANE,
+        names: Mapping[str, str] | None = None,
+    ) -> None:
+        self._types = {name: kind for name, (_, kind) in table.items()}
+        self._values = {name: float(default) for name, (default, _) in table.items()}
+        self._aliases = dict(names or {})
+        self._names = sorted(self._values)
+
+    @classmethod
+    def of_px4(cls) -> Parameters:
+        """PX4's parameters."""
+        return cls(_PX4, _PX4_NAMES)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[self._aliases.get(name, name)]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        name = self._aliases.get(name, name)
+        if name not in self._values:
+            raise KeyError(name)
+        self._values[name] = float(value)
+
+    def set_from_client(self, name: str, value: float) -> bool:
+        """Set a value as a client may; ``False`` if there is no such parameter or it is read only."""
+        if name not in self._values:
+            return False
+        kind = self._types[name]
+        if kind == _INT32:
+            # PX4 sends whole numbers as they lie in memory.
+            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+        if name not in _READ_ONLY and value == value and abs(value) < 1e9:
+            self._values[name] = value if kind == _REAL else float(round(value))
+        return True
+
+    def name_of(self, identifier: str | bytes, index: int) -> str | None:
+        """Name asked for by index, or by identifier where the index is -1."""
+        if index >= 0:
+            return self._names[index] if index < len(self._names) else None
+        name = identifier.decode("ascii", "replace") if isinstance(identifier, bytes) else identifier
+        name = name.rstrip("\0")
+        return name if name in self._values else None
+
+    def message(self, name: str, *, indexed: bool = True) -> Message:
+        """PARAM_VALUE of a parameter."""
+        index = self._names.index(name) if indexed else UNINDEXED
+        kind, value = self._types[name], self._values[name]
+        if kind == _INT32:
+            value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+        return mavlink.MAVLink_param_value_message(name.encode("ascii"), value, kind, len(self._names), index)
+
+    @property
+    def names(self) -> list[str]:
+        """All names, in the order of their indices."""
+        return list(self._names)

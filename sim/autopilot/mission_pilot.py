@@ -1,0 +1,139 @@
+"""Flying mission items: what all autopilots here do alike once an item is begun."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+from companion.frames import wrapped_angle
+from companion.types.mission import Command, Frame, MissionItem
+from sim.autopilot.autopilot_parameters import Parameters
+from sim.autopilot.base import Autopilot
+from sim.autopilot.telemetry import Home, Target
+from sim.projection import FastProjection
+from sim.vehicle.control import Circle, Flight, Leg, progress_on
+
+RELATIVE_FRAMES = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, 10, 11)
+_TAKEOFF_REACH_M = 5000.0
+_LOITERS = (17, 18, 19, 31)
+
+
+class MissionPilot(Autopilot):
+    """Turns items into steering, and tells when they are done.
+
+    Parameters
+    ----------
+    flight, projection, parameters, home
+        As of :class:`sim.autopilot.base.Autopilot`.
+    """
+
+    def __init__(
+        self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home
+    ) -> None:
+        super().__init__(flight, projection, parameters, home)
+        self._previous: Target | None = None
+        self._begun_us = 0
+        self._arrived_us: int | None = None
+        self._turned_rad = 0.0
+        self._bearing_rad = 0.0
+        self._speed_m_s: float | None = None
+
+    @abstractmethod
+    def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
+        """Whether the end of a leg counts as reached."""
+
+    def _steer_item(self, item: MissionItem) -> None:
+        """Steer for a navigation item: from the last target if there is one, else from here."""
+        self._begun_us, self._arrived_us, self._turned_rad = self.now_us, None, 0.0
+        estimate = self.flight.estimate
+        target = self._position(item)
+        if item.command == Command.NAV_TAKEOFF:
+            # Straight ahead, up to the height.
+            reach, course = _TAKEOFF_REACH_M, estimate.course_rad
+            end = (estimate.east_m + reach * math.sin(course), estimate.north_m + reach * math.cos(course))
+            self.flight.steering = Leg(self.flight.position, end, target[2], target[2])
+            self.telemetry.target = target
+        elif item.command in _LOITERS:
+            radius = item.parameters[1 if item.command == Command.NAV_LOITER_TO_ALT else 2] or 0.0
+            self._steer_circle(target[:2], radius or self.parameters["WP_LOITER_RAD"], target[2])
+        else:
+            start = self._previous or (estimate.east_m, estimate.north_m, estimate.up_m)
+            self.flight.steering = Leg(start[:2], target[:2], start[2], target[2])
+            self.telemetry.target = target
+        self._previous = None if item.command == Command.NAV_TAKEOFF else target
+
+    def _steer_circle(self, centre: tuple[float, float], radius_m: float, height_m: float) -> None:
+        """Circle, clockwise unless the radius is negative."""
+        direction = -1 if radius_m < 0 else 1
+        self.flight.steering = Circle(centre, max(abs(radius_m), 1.0), direction, height_m)
+        self.telemetry.target = (*centre, height_m)
+
+    def has_arrived(self, item: MissionItem) -> bool:
+        """Whether a navigation item is done."""
+        steering = self.flight.steering
+        if item.command == Command.NAV_TAKEOFF:
+            is_waiting = self.now_us - self._begun_us < 100_000
+            return not is_waiting and self.flight.estimate.up_m >= self._position(item)[2] - 2.0
+        if isinstance(steering, Leg):
+            return self._has_passed(steering, item)
+        if isinstance(steering, Circle) and item.command != Command.NAV_LOITER_UNLIM:
+            return self._has_circled(steering, item)
+        return not isinstance(steering, Circle)
+
+    def do(self, item: MissionItem) -> None:
+        """Change speed; all else is skipped."""
+        if item.command == Command.DO_CHANGE_SPEED:
+            self._change_speed(item.parameters[0] or 0.0, item.parameters[1] or 0.0)
+
+    def _distance_to_end(self, leg: Leg) -> float:
+        estimate = self.flight.estimate
+        return math.hypot(leg.end[0] - estimate.east_m, leg.end[1] - estimate.north_m)
+
+    def _is_abeam(self, leg: Leg) -> bool:
+        return progress_on(leg, self.flight.position) >= 1.0
+
+    def _is_on_circle(self) -> bool:
+        steering = self.flight.steering
+        if not isinstance(steering, Circle):
+            return False
+        east, north = self.flight.position
+        return math.hypot(east - steering.centre[0], north - steering.centre[1]) < 1.25 * steering.radius_m
+
+    def _has_circled(self, circle: Circle, item: MissionItem) -> bool:
+        """Whether a loiter's turns, time or height are done; counted from when the circle is met."""
+        east, north = self.flight.position
+        bearing = math.atan2(east - circle.centre[0], north - circle.centre[1])
+        if self._arrived_us is None:
+            if self._is_on_circle():
+                self._arrived_us, self._bearing_rad = self.now_us, bearing
+            return False
+        self._turned_rad += circle.direction * wrapped_angle(bearing - self._bearing_rad)
+        self._bearing_rad = bearing
+        if item.command == Command.NAV_LOITER_TURNS:
+            return self._turned_rad >= 2.0 * math.pi * (item.parameters[0] or 1.0)
+        if item.command == Command.NAV_LOITER_TIME:
+            return self.now_us - self._arrived_us >= 1_000_000 * (item.parameters[0] or 0.0)
+        return abs(self.flight.estimate.up_m - circle.height_m) < 5.0
+
+    def _position(self, item: MissionItem) -> Target:
+        """East, north, up of an item [m]; 0/0 stands for the present position."""
+        if item.latitude_e7 == 0 and item.longitude_e7 == 0:
+            east, north = self.flight.position
+        else:
+            east, north = self.projection.local(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7)
+        return east, north, self._height(item.frame, item.altitude_m)
+
+    def _height(self, frame: int, altitude_m: float) -> float:
+        if frame in RELATIVE_FRAMES:
+            return self.home.up_m + altitude_m
+        return altitude_m - self.projection.frame.altitude_amsl_m
+
+    def _change_speed(self, kind: float, speed_m_s: float) -> bool:
+        """Set the airspeed until the next mode change; ground speed (kind 1) is taken and not followed."""
+        if kind == 0.0 and speed_m_s == -2.0:
+            self._speed_m_s = None
+            return True
+        if kind == 0.0 and self.parameters["AIRSPEED_MIN"] <= speed_m_s <= self.parameters["AIRSPEED_MAX"]:
+            self._speed_m_s = speed_m_s
+            return True
+        return kind == 1.0

@@ -1,0 +1,125 @@
+"""``companion sitl``: a whole flight in the simulator, with live progress, a table and a report."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from companion.cli import EXIT_FAILED, MissionFile, require_goals, write_json
+from companion.types.events import Dialect
+
+if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
+    from sim.sitl import Flight
+
+REFRESH_S = 1.0  # simulated seconds between two looks of the live table
+
+_log = logging.getLogger(__name__)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to ``companion``."""
+    app.command("sitl")(sitl)
+
+
+def sitl(
+    mission: MissionFile,
+    speed: Annotated[
+        float, typer.Option(min=0.0, help="Simulated seconds a second; 0 is as fast as it goes.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of weather, sensors, tracks and plans.")] = 1,
+    headless: Annotated[bool, typer.Option("--headless", help="No live table, no report.")] = False,
+    autopilot: Annotated[
+        Dialect, typer.Option(help="Whose mission semantics the simulator has.")
+    ] = Dialect.ARDUPILOT,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write measures and true paths here; - is standard output.")
+    ] = None,
+    flights: Annotated[Path, typer.Option(help="Folder of the flights' reports and recordings.")] = Path(
+        "flights"
+    ),
+) -> None:
+    """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
+    from companion.config import load_mission
+    from companion.config.compose import world_of
+    from companion.recording.retention import folder_for
+    from companion.service.warm_up import warm_up
+    from sim.sitl import Flight
+
+    if not headless:
+        from companion.ui.report import write_report
+
+    config = load_mission(mission)
+    require_goals(config, mission)
+    console = Console(stderr=json_file is not None and str(json_file) == "-")
+    folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
+    logging.getLogger("companion.flight.app").setLevel(logging.WARNING)
+    if not headless:
+        console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")
+    warm_up(config)
+    flight = Flight(
+        config, seed, folder, autopilot, speed if speed > 0.0 else float("inf"),
+        mission_text=mission.read_text(encoding="utf-8-sig"),
+    )  # fmt: skip
+    if headless:
+        logging.getLogger("companion.recording.recorder").setLevel(logging.WARNING)
+        asyncio.run(flight.fly())
+    else:
+        with Live(_progress(flight), console=console, refresh_per_second=4, transient=True) as live:
+            shown = 0.0
+
+            def show(now: Flight) -> None:
+                nonlocal shown
+                if now.now_s - shown >= REFRESH_S:
+                    shown = now.now_s
+                    live.update(_progress(now))
+
+            logging.getLogger("companion.recording.recorder").setLevel(logging.WARNING)
+            asyncio.run(flight.fly(show))
+    if json_file is not None:
+        write_json(json_file, flight.document())
+    console.print(_result(flight))
+    if folder is not None:
+        page, picture = write_report(folder, config, world_of(config, none_known=False), flight.record())
+        console.print(f"report: {page}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
+    if not flight.summary()["success"]:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _progress(flight: Flight) -> Table:
+    """The live table: where the flight is and what was decided last."""
+    table = Table(title=f"{flight.mission.name}, seed {flight.seed}", show_header=False, width=100)
+    truth = flight.simulator.truth
+    row = truth.path[-1]
+    goal = flight.mission.goals[-1]
+    left = ((row[1] - goal.east_m) ** 2 + (row[2] - goal.north_m) ** 2) ** 0.5
+    table.add_row("simulated time", f"{flight.now_s:.0f} s")
+    table.add_row("position", f"{row[1]:.0f} E  {row[2]:.0f} N  {row[3]:.0f} m up, {row[6]:.1f} m/s")
+    table.add_row("to the goal", f"{left:.0f} m")
+    if hasattr(flight, "app"):
+        table.add_row("mode", f"{flight.simulator.autopilot.mode} / {flight.app.mode.value}")
+        table.add_row("missions, plans", f"{flight.app.num_swaps}, {len(flight.recorder.plan_ms)}")
+    for decision in flight.recorder.decisions[-5:]:
+        table.add_row(f"{decision.stamp_s:.1f} s", f"{decision.kind}: {decision.text}"[:80])
+    return table
+
+
+def _result(flight: Flight) -> Table:
+    """The summary table."""
+    summary = flight.summary()
+    verdict = "goal reached" if summary["success"] else "FAILED"
+    table = Table(title=f"{flight.mission.name}, seed {flight.seed}: {verdict}")
+    table.add_column("measure")
+    table.add_column("value", justify="right")
+    for key, value in summary.items():
+        table.add_row(key, str(value))
+    wall = flight.wall_s
+    table.add_row("times real time", f"{flight.now_s / wall:.0f}" if wall > 0.0 else "-")
+    return table

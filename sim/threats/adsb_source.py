@@ -1,0 +1,94 @@
+"""What a surveillance source tells of the dynamic threats: noisy ADSB_VEHICLE reports at 1 Hz."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim.autopilot.base import Autopilot
+from sim.autopilot.channel import Message
+from sim.projection import FastProjection
+from sim.threats.pursuer import Pursuer
+
+SOURCE_SYSTEM = 200
+SOURCE_COMPONENT = mavlink.MAV_COMP_ID_ADSB
+FIRST_ICAO_ADDRESS = 0xD70001
+_PERIOD_US = 1_000_000
+_POSITION_STD_M = 8.0
+_HEIGHT_STD_M = 3.0
+_VELOCITY_STD_M_S = 1.0
+_FLAGS = 63  # coordinates, altitude, heading, velocity, callsign and squawk are valid
+
+
+class TrackSource:
+    """Reports every pursuer once a second, under a system id of its own.
+
+    Parameters
+    ----------
+    autopilot : Autopilot
+        On whose links the reports appear.
+    pursuers : list of tuple
+        Name and vehicle.
+    projection : FastProjection
+        To degrees.
+    generator : numpy.random.Generator
+        Source of the noise.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        pursuers: list[tuple[str, Pursuer]],
+        projection: FastProjection,
+        generator: np.random.Generator,
+    ) -> None:
+        self._autopilot = autopilot
+        self._pursuers = pursuers
+        self._projection = projection
+        self._generator = generator
+        self._next_us = 0
+
+    def update(self, now_us: int) -> None:
+        """Report if it is time."""
+        if now_us < self._next_us or not self._pursuers:
+            return
+        self._next_us += _PERIOD_US
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+        )
+        reports = [
+            self._report(FIRST_ICAO_ADDRESS + index, name, vehicle)
+            for index, (name, vehicle) in enumerate(self._pursuers)
+        ]
+        for channel in self._autopilot.channels:
+            channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
+        for report in reports:
+            self._autopilot.relay_traffic(report, (SOURCE_SYSTEM, SOURCE_COMPONENT))
+
+    def _report(self, address: int, name: str, vehicle: Pursuer) -> Message:
+        noise = self._generator.standard_normal(5)
+        latitude, longitude = self._projection.degrees(
+            vehicle.position[0] + _POSITION_STD_M * float(noise[0]),
+            vehicle.position[1] + _POSITION_STD_M * float(noise[1]),
+        )
+        east, north = vehicle.velocity_m_s
+        east += _VELOCITY_STD_M_S * float(noise[2])
+        north += _VELOCITY_STD_M_S * float(noise[3])
+        altitude = self._projection.frame.altitude_amsl_m + _HEIGHT_STD_M * float(noise[4])
+        return mavlink.MAVLink_adsb_vehicle_message(
+            address,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
+            round(altitude * 1000),
+            round(math.degrees(math.atan2(east, north)) * 100) % 36000,
+            min(round(math.hypot(east, north) * 100), 65535),
+            0,
+            name.upper().encode("ascii", "replace")[:8],
+            mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE,
+            0,
+            _FLAGS,
+            0,
+        )

@@ -1,0 +1,168 @@
+"""The aircraft under its autopilot's control loops: steered along legs, round circles, or level."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sim.autopilot.autopilot_parameters import Parameters
+from sim.vehicle.attitude import Airframe, AttitudeController
+from sim.vehicle.fdm import STEP_S, FlightDynamics
+from sim.vehicle.guidance import EnergyControl, LateralGuidance, Point, bank_for
+from sim.vehicle.sensors import Estimate, Sensors
+
+FDM_STEPS_A_TICK = 2
+TICK_S = FDM_STEPS_A_TICK * STEP_S
+_TICKS_A_GUIDANCE = 3
+_LOAD_MARGIN = 0.8
+_BANK_LIMIT_MIN = math.radians(15.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """From start to end [m]; the height changes along it from ``start_height_m`` to ``height_m``."""
+
+    start: Point
+    end: Point
+    start_height_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """Round a centre; direction 1 is clockwise."""
+
+    centre: Point
+    radius_m: float
+    direction: int
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A bank held, at a height."""
+
+    bank_rad: float
+    height_m: float
+
+
+Steering = Leg | Circle | Level
+
+
+@dataclass(slots=True)
+class NavigationOutput:
+    """What the loops last asked for and how far off they were."""
+
+    bank_rad: float = 0.0
+    pitch_rad: float = 0.0
+    throttle: float = 0.0
+    bearing_rad: float = 0.0
+    cross_track_m: float = 0.0
+    height_error_m: float = 0.0
+
+
+class Flight:
+    """Flight dynamics, sensors and control loops, advanced together.
+
+    Parameters
+    ----------
+    dynamics : FlightDynamics
+        The aircraft.
+    sensors : Sensors
+        Its estimator.
+    parameters : Parameters
+        Limits and tuning, read at every guidance update.
+
+    Attributes
+    ----------
+    steering : Steering
+        Where to fly.
+    airspeed_m_s : float
+        Demanded equivalent airspeed.
+    goes_beyond : bool
+        Whether a leg is flown on past its end.
+    slope_min_m : float
+        Change of height from which a leg is flown as a slope; a lesser one is made at once.
+    """
+
+    def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
+        self.dynamics = dynamics
+        self._sensors = sensors
+        self._parameters = parameters
+        self._airframe = Airframe()
+        self._attitude = AttitudeController(self._airframe, TICK_S)
+        self.lateral = LateralGuidance()
+        self.energy = EnergyControl(self._airframe, _TICKS_A_GUIDANCE * TICK_S, dynamics.state.up_m)
+        self.estimate: Estimate = sensors.estimate(dynamics.state)
+        self.output = NavigationOutput(throttle=dynamics.trim_throttle)
+        self.steering: Steering = Level(0.0, dynamics.state.up_m)
+        self.airspeed_m_s = dynamics.state.equivalent_airspeed_m_s
+        self.goes_beyond = False
+        self.slope_min_m = 0.0
+        self._ticks = 0
+
+    @property
+    def position(self) -> Point:
+        """Estimated east and north [m]."""
+        return self.estimate.east_m, self.estimate.north_m
+
+    def tick(self) -> None:
+        """Sense, guide (every third time), move the servos, and fly for one tick."""
+        estimate = self.estimate = self._sensors.estimate(self.dynamics.state)
+        if self._ticks % _TICKS_A_GUIDANCE == 0:
+            self._guide(estimate)
+        self._ticks += 1
+        output = self.output
+        servos = self._attitude.update(estimate, output.bank_rad, output.pitch_rad, output.throttle)
+        self.dynamics.command(servos.aileron_rad, servos.elevator_rad, servos.rudder_rad, servos.throttle)
+        self.dynamics.run(FDM_STEPS_A_TICK)
+
+    def target_height_m(self) -> float:
+        """Height to fly at now: along a leg that climbs or descends more than a little, a slope."""
+        steering = self.steering
+        if not isinstance(steering, Leg):
+            return steering.height_m
+        change = steering.height_m - steering.start_height_m
+        if abs(change) < self.slope_min_m:
+            return steering.height_m
+        return steering.start_height_m + change * max(0.0, min(1.0, progress_on(steering, self.position)))
+
+    def _guide(self, estimate: Estimate) -> None:
+        parameters, output, steering = self._parameters, self.output, self.steering
+        self.lateral.period_s = max(parameters["NAVL1_PERIOD"], 5.0)
+        self.lateral.damping = max(parameters["NAVL1_DAMPING"], 0.4)
+        limit = self._bank_limit(estimate)
+        if isinstance(steering, Level):
+            output.bank_rad = max(-limit, min(limit, steering.bank_rad))
+            self.lateral.cross_track_m = 0.0
+        elif isinstance(steering, Leg):
+            turn = self.lateral.along(estimate, steering.start, steering.end, beyond=self.goes_beyond)
+            output.bank_rad = bank_for(turn, limit)
+        else:
+            turn = self.lateral.circle(estimate, steering.centre, steering.radius_m, steering.direction)
+            output.bank_rad = bank_for(turn, limit)
+        limits = self.energy.limits
+        limits.climb_m_s, limits.sink_m_s = parameters["TECS_CLMB_MAX"], parameters["TECS_SINK_MAX"]
+        limits.pitch_max_rad = math.radians(parameters["PTCH_LIM_MAX_DEG"])
+        limits.pitch_min_rad = math.radians(parameters["PTCH_LIM_MIN_DEG"])
+        height = self.target_height_m()
+        output.pitch_rad, output.throttle = self.energy.update(estimate, height, self.airspeed_m_s)
+        output.bearing_rad = self.lateral.bearing_rad
+        output.cross_track_m = self.lateral.cross_track_m
+        output.height_error_m = height - estimate.up_m
+
+    def _bank_limit(self, estimate: Estimate) -> float:
+        """Bank whose load factor stays clear of the stall at this airspeed [rad]."""
+        load = _LOAD_MARGIN * (estimate.airspeed_m_s / self._airframe.stall_speed_m_s) ** 2
+        limit = math.radians(self._parameters["ROLL_LIMIT_DEG"])
+        return min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
+
+
+def progress_on(leg: Leg, position: Point) -> float:
+    """Part of the leg that lies behind a position: 0 at the start, 1 at the end or abeam of it."""
+    along = (leg.end[0] - leg.start[0], leg.end[1] - leg.start[1])
+    square = along[0] ** 2 + along[1] ** 2
+    if square < 1.0:
+        return 1.0
+    away = (position[0] - leg.start[0], position[1] - leg.start[1])
+    return (away[0] * along[0] + away[1] * along[1]) / square

@@ -1,0 +1,418 @@
+"""One planning cycle with hand-made paths: which plan is flown, from where, and how it ends."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.config import mission_from_text
+from companion.config.compose import world_of
+from companion.flight.cycle import Cycle, Flown, Start
+from companion.mission.list_layout import new_banks
+from companion.mission.waypoints import mended
+from companion.types.mission import Command, Mission
+from companion.types.plan import Measures, Plan, PlanStatus
+from companion.types.state import Ownship
+from tests.mission.made import item, path_along, waypoints
+from tests.sim.client import PLAIN
+
+EAST = 0.5 * math.pi
+OPEN = PLAIN.replace(
+    "  - {east_m: 1750, north_m: 750, up_m: 100}",
+    "  - {east_m: 1500, north_m: 0, up_m: 100, acceptance_radius_m: 400}",
+).replace("total_planning_time_s: 80", "total_planning_time_s: 80, threat_level_max: 0.2")
+CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
+BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
+WALL = "obstacles:\n" + BLOCK.format("wall", 700, -100, 750, 100)
+
+
+def cycle(extra="", text=OPEN):
+    return Cycle(mission_from_text(text + extra, "open.yaml"), seed=1)
+
+
+def straight(north=0.0, levels=0.0, rows=60):
+    """East along a line, 25 m and 1 s a row, 1500 m in all."""
+    path = path_along((25.0 * rows, rows), course=EAST)
+    places = path.positions_enu_m + np.array([0.0, north, 0.0])
+    return replace(path, positions_enu_m=places, threat_levels=np.full(len(path), levels))
+
+
+def plan(path, cost=100.0, flown_cost=None, flown_threat=0.0, status=PlanStatus.EXACT, notes=()):
+    return Plan(
+        status, path, Measures(path_cost=cost), 1, "safe-rrt", 1, notes=notes,
+        flown_cost=flown_cost, flown_threat=flown_threat,
+    )  # fmt: skip
+
+
+def start(rest=None):
+    return Start(None, rest)
+
+
+def state(east=0.0, north=0.0, up=100.0, course=EAST, speed=25.0, stamp=50.0):
+    return Ownship(stamp, (east, north, up), course, 0.0, 25.0, speed)
+
+
+def flying(made, path, carried_until_s=math.inf, row=0):
+    made.flown = Flown(path, Mission((), 1, 1), carried_until_s, row)
+    return made
+
+
+# --- judging
+
+
+def test_nothing_flown_yet():
+    judged = cycle().judge(plan(straight()), start())
+    assert (judged.swap, judged.kind) == (True, "first plan")
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        plan(None, status=PlanStatus.INVALID_START, notes=("in an obstacle",)),
+        plan(straight(), status=PlanStatus.APPROXIMATE, notes=("budget",)),
+    ],
+)
+def test_a_plan_that_does_not_arrive_is_none(found):
+    judged = cycle().judge(found, start())
+    assert (judged.swap, judged.kind) == (False, "no plan")
+    assert found.notes[0] in judged.text
+    assert found.status.value in judged.text
+
+
+def test_a_plan_through_a_wall_is_rejected():
+    judged = cycle(WALL).judge(plan(straight()), start())
+    assert (judged.swap, judged.kind) == (False, "rejected")
+    assert "clearance" in judged.text
+
+
+def test_a_plan_that_ends_elsewhere_is_rejected():
+    judged = cycle().judge(plan(straight(rows=40)), start())  # 500 m short of it, 400 m are allowed
+    assert (judged.swap, judged.kind) == (False, "rejected")
+
+
+def test_a_rejected_plan_stays_so_whatever_is_flown():
+    judged = cycle(WALL).judge(plan(straight(), 1.0, 100.0), start(straight(north=300.0)))
+    assert (judged.swap, judged.kind) == (False, "rejected")
+
+
+def threatened(first, later):
+    levels = np.full(61, later)
+    levels[0] = first
+    return replace(straight(), threat_levels=levels)
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "kind"), [(0.1, 0.2, "first plan"), (0.1, 0.3, "rejected"), (0.3, 0.3, "first plan")]
+)
+def test_threat_levels_are_limited_but_for_a_way_out(first, later, kind):
+    assert cycle().judge(plan(threatened(first, later)), start()).kind == kind
+
+
+def test_the_flown_path_has_become_unsafe():
+    judged = cycle(WALL).judge(plan(straight(north=300.0), 500.0, 100.0), start(straight()))
+    assert (judged.swap, judged.kind) == (True, "unsafe")
+    assert "clearance" in judged.text
+
+
+def test_the_flown_path_has_come_under_threat():
+    found = plan(straight(levels=0.1), 500.0, 100.0, flown_threat=0.5)
+    judged = cycle().judge(found, start(straight()))
+    assert (judged.swap, judged.kind) == (True, "threat")
+    assert "0.50" in judged.text
+
+
+def test_a_threatened_path_is_not_left_for_a_worse_one():
+    made = flying(cycle(), straight())
+    judged = made.judge(plan(straight(levels=0.5), 500.0, 100.0, flown_threat=0.5), start(straight()))
+    assert (judged.swap, judged.kind) == (False, "keep")
+
+
+@pytest.mark.parametrize(("cost", "kind"), [(94.9, "better"), (95.1, "keep"), (120.0, "keep")])
+def test_better_by_a_twentieth(cost, kind):
+    made = flying(cycle(), straight())
+    judged = made.judge(plan(straight(), cost, 100.0), start(straight()))
+    assert (judged.swap, judged.kind) == (kind == "better", kind)
+
+
+@pytest.mark.parametrize(("carried_s", "kind"), [(32.4, "extend"), (32.6, "keep"), (60.0, "keep")])
+def test_a_mission_is_extended_when_less_than_22_seconds_and_a_half_are_left(carried_s, kind):
+    """The rest begins at row 10, at 10 s; 1.5 horizons of 15 s."""
+    made = flying(cycle(), straight(), carried_s)
+    rest = replace(straight(), **{name: getattr(straight(), name)[10:] for name in straight().__slots__})
+    judged = made.judge(plan(straight(), 100.0, 100.0), start(rest))
+    assert (judged.swap, judged.kind) == (kind == "extend", kind)
+
+
+def test_a_rest_too_short_to_be_costed_counts_as_none():
+    assert cycle().judge(plan(straight(), 100.0, None), start(straight())).kind == "first plan"
+
+
+# --- goals and progress
+
+TWO_GOALS = OPEN.replace(
+    "  - {east_m: 1500",
+    "  - {east_m: 500, north_m: 0, up_m: 100, acceptance_radius_m: 60}\n  - {east_m: 1500",
+)
+
+
+def test_goals_are_counted_in_order():
+    made = cycle(text=TWO_GOALS)
+    assert not made.note_position(state(1500.0))  # the second one is not next
+    assert len(made.goals_left) == 2
+    assert not made.note_position(state(445.0, 30.0))  # 62.6 m away
+    assert not made.note_position(state(445.0, 20.0))  # 58.5 m
+    assert len(made.goals_left) == 1
+    assert not made.note_position(state(1000.0))
+    assert made.note_position(state(1150.0))
+    assert made.goals_left == ()
+    assert made.note_position(state(0.0))
+
+
+def test_height_counts_for_a_goal():
+    made = cycle(text=TWO_GOALS)
+    made.note_position(state(500.0, 0.0, 165.0))
+    assert len(made.goals_left) == 2
+
+
+def test_the_way_along_the_flown_path_only_goes_on():
+    made = flying(cycle(), straight())
+    made.note_position(state(260.0))
+    assert made.flown.row == 10
+    made.note_position(state(100.0))
+    assert made.flown.row == 10
+
+
+def test_lead_by_hand():
+    """1 s of planning, 2 s of margin, 40 items at 20 ms down, up and down again, and 0.5 s."""
+    assert cycle().lead_s(2.9) == pytest.approx(1.0 + 2.0 + 2.9)
+
+
+@pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])
+def test_the_last_leg(east, is_last):
+    """5 s of lead and 10 s: 375 m from the end."""
+    assert flying(cycle(), straight(), row=40).is_on_last_leg(state(east), 5.0) is is_last
+
+
+def test_a_path_not_carried_to_its_end_has_no_last_leg():
+    assert not flying(cycle(), straight(), 50.0, row=50).is_on_last_leg(state(1300.0), 5.0)
+    assert not cycle().is_on_last_leg(state(1300.0), 5.0)
+
+
+# --- where a plan begins
+
+
+def test_a_plan_begins_on_the_flown_path():
+    """At 500 m and 25 m/s, in 3.5 s: between rows 23 and 24, so from row 24, half a second later."""
+    made = flying(cycle(), straight())
+    begin = made.start_after(state(500.0, 10.0), 3.5)
+    assert len(begin.rest) == 61 - 24
+    assert begin.state.stamp_s == pytest.approx(50.0 + 3.5 + 0.5)
+    assert begin.state.position_enu_m == pytest.approx((600.0, 0.0, 100.0))
+    assert begin.state.direction_rad == pytest.approx(0.0)
+    assert begin.state.airspeed_m_s == 25.0
+
+
+def test_against_the_wind_it_begins_earlier_on_it():
+    """At 20 m/s over the ground 3.5 s are 70 m: row 22.8, so from row 23."""
+    begin = flying(cycle(), straight()).start_after(state(500.0, speed=20.0), 3.5)
+    assert len(begin.rest) == 61 - 23
+
+
+@pytest.mark.parametrize(("north", "is_on"), [(79.0, True), (81.0, False)])
+def test_off_the_path_a_plan_begins_where_the_aircraft_is_going(north, is_on):
+    begin = flying(cycle(), straight()).start_after(state(500.0, north), 4.0)
+    assert (begin.rest is not None) is is_on
+    if not is_on:
+        assert begin.state.position_enu_m == pytest.approx((600.0, north, 100.0))
+        assert begin.state.stamp_s == 54.0
+
+
+def test_without_a_path_or_at_its_end_too():
+    assert cycle().start_after(state(), 4.0).rest is None
+    assert flying(cycle(), straight(), row=50).start_after(state(1450.0), 4.0).rest is None
+
+
+def test_a_start_keeps_the_aircrafts_limits_and_the_missions_level():
+    slow = replace(state(up=107.0), airspeed_m_s=9.0, flight_path_angle_rad=0.3)
+    begin = cycle().start_after(slow, 4.0).state
+    assert (begin.airspeed_m_s, begin.climb_rad, begin.position_enu_m[2]) == (12.5, 0.0, 100.0)
+
+
+# --- what is uploaded
+
+
+def circle_of(waypoints):
+    centre = shapely.Point(waypoints.loiter_centre_enu_m[:2])
+    return centre.buffer(abs(waypoints.loiter_radius_m), quad_segs=64)
+
+
+def test_a_mission_carries_three_horizons_and_ends_in_a_circle():
+    made = cycle()
+    waypoints, until_s, violations = made.waypoints(straight(), 30)
+    assert violations == ()
+    assert until_s == pytest.approx(45.0)
+    np.testing.assert_allclose(waypoints.positions_enu_m[-1], [1125.0, 0.0, 100.0], atol=1e-9)
+    assert abs(waypoints.loiter_radius_m) == 125.0
+    assert circle_of(waypoints).exterior.distance(shapely.Point(1125.0, 0.0)) < 0.1
+
+
+PILLARS = (
+    "obstacles:\n" + BLOCK.format("north", 1000, 60, 1250, 300) + BLOCK.format("south", 1000, -300, 1250, -60)
+)
+GORGE = "obstacles:\n" + BLOCK.format("north", -50, 40, 1700, 60) + BLOCK.format("south", -50, -60, 1700, -40)
+
+
+def test_the_circle_is_put_where_it_is_clear():
+    made = cycle(PILLARS)
+    waypoints, until_s, violations = made.waypoints(straight(), 30)
+    assert violations == ()
+    assert until_s > 45.0
+    walls = shapely.union_all([shapely.box(1000, 60, 1250, 300), shapely.box(1000, -300, 1250, -60)])
+    assert circle_of(waypoints).distance(walls) >= 7.5 - 0.1  # half of clearance_min_m
+
+
+def test_a_path_that_nowhere_has_room_for_a_circle_is_not_flown():
+    _, _, violations = cycle(GORGE).waypoints(straight(), 30)
+    assert {violation.rule for violation in violations} == {"clearance"}
+
+
+def test_a_path_with_too_many_corners_for_the_bank_is_not_flown():
+    """An entry and an end are two waypoints."""
+    _, _, violations = cycle().waypoints(straight(), 1)
+    assert [violation.rule for violation in violations] == ["bank"]
+
+
+def test_the_mission_is_what_was_decided():
+    made = cycle()
+    made.num_plans = 7
+    waypoints, _, _ = made.waypoints(straight(), 30)
+    mission, banks = made.mission_for(waypoints, new_banks((item(0),), len(waypoints.positions_enu_m)))
+    assert mission.plan_number == 7
+    assert mission.entry == 1
+    assert banks.flown == tuple(replace(entry, sequence=0, is_current=False) for entry in mission.items[1:])
+    assert mission.items[-1].command == Command.NAV_LOITER_UNLIM
+
+
+@pytest.mark.parametrize(("east", "first"), [(0.0, 0), (19.0, 0), (21.0, 1), (190.0, 1)])
+def test_entry_at_the_first_waypoint_thirty_metres_ahead(east, first):
+    """Waypoints at 50 m and at the end; the last may be nearer."""
+    made = cycle()
+    waypoints, _, _ = made.waypoints(straight(), 30)
+    assert made.entry(state(east), straight(), waypoints) == first
+
+
+def test_no_entry_through_a_wall():
+    made = cycle(WALL)
+    path = straight(north=200.0)
+    waypoints, _, violations = made.waypoints(path, 30)
+    assert violations == ()
+    assert made.entry(state(0.0, 200.0), path, waypoints) == 0
+    columns = {name: getattr(waypoints, name)[1:] for name in ("positions_enu_m", "distances_m")}
+    behind = replace(waypoints, **columns)
+    assert made.entry(state(100.0, 200.0), path, behind) == 0
+    assert made.entry(state(600.0, -100.0), path, behind) is None  # its leg to (1125, 200) crosses the wall
+
+
+# --- planning
+
+
+def test_equal_cycles_plan_alike_and_the_next_plan_is_another():
+    first, second = cycle(WALL), cycle(WALL)
+    begin = [made.start_after(state(stamp=0.0), 4.0) for made in (first, second)]
+    world = world_of(mission_from_text(OPEN + WALL, "open.yaml"))
+    one, other = (
+        made.plan(at, world, lambda: False) for made, at in zip((first, second), begin, strict=True)
+    )
+    assert one.reaches_goal
+    np.testing.assert_array_equal(one.path.positions_enu_m, other.path.positions_enu_m)
+    assert one.seed == other.seed == 100_004
+    assert first.plan(begin[0], world, lambda: False).seed == 100_005
+    assert cycle(WALL).judge(one, begin[0]).kind == "first plan"
+
+
+def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_it():
+    # East to an entry 300 m on, which counts as reached 50 m before: from there straight on; in a turn to
+    # a waypoint 400 m beside it; and by no turn to one that lies behind.
+    made = cycle()
+    legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
+    (onwards,) = made._turns_at(legs, np.array([[700.0, 0.0, 100.0]]), legs[0])
+    assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
+    (turn,) = made._turns_at(legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]), legs[0])
+    assert len(turn) > 3
+    assert turn[:, 0].max() > 320.0  # wider than the corner
+    assert made._turns_at(legs, np.array([[0.0, 20.0, 100.0]]), legs[0]) is None
+
+
+def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into_a_wall():
+    # A path east past the south side of a block, 22 m from it, with waypoints 25 m apart at its corner. Who
+    # comes to the second of them from the south-west is still turning when it passes the third.
+    block = "obstacles:\n" + BLOCK.format("block", 1150, 420, 1210, 1300)
+    made = cycle(block)
+    made.flies_by = False
+    places = waypoints((905, 349, 100), (972, 374, 100), (1170, 398, 100), (1194, 406, 100), (1341, 430, 100),
+                       (1450, 487, 100), loiter_radius_m=125.0)  # fmt: skip
+    legs = np.array([[882.0, 130.0, 100.0], [1170.0, 398.0, 100.0]])
+    turns = made._turns_at(legs, places.positions_enu_m[3:], places.positions_enu_m[1])
+    assert len(turns) == 3  # until one is farther than the radius of the turn
+    as_the_path = np.array([[972.0, 374.0, 100.0], [1170.0, 398.0, 100.0]])
+    assert len(made._turns_at(as_the_path, places.positions_enu_m[3:], as_the_path[0])) == 1
+    wrong = [
+        entry.rule
+        for way in turns
+        for entry in made.checker.check_legs(way, ends_in_loiter=True, loiter_radius_m=125.0)
+    ]
+    assert "clearance" in wrong
+
+
+def crowded(*places):
+    """Waypoints, and what the checker says of the legs to them from 300 m before the first."""
+    made, checker = waypoints(*places), cycle().checker
+
+    def wrong_with(found):
+        legs = np.vstack([np.asarray(places[0]) - [300.0, 0.0, 0.0], found.positions_enu_m])
+        return checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
+
+    return made, wrong_with
+
+
+def test_waypoints_too_close_for_their_turns_lose_one():
+    # Two corners of 40 degrees 12 m apart: each needs 125 m · tan(20°) = 45 m of the leg between them.
+    made, wrong_with = crowded((0, 0, 100), (200, 0, 100), (209, 8, 100), (350, 300, 100), (600, 800, 100))
+    assert {entry.rule for entry in wrong_with(made)} == {"corner"}
+    kept, violations = mended(made, wrong_with)
+    assert violations == ()
+    assert len(kept.positions_enu_m) == len(kept.distances_m) == 4
+    assert (kept.positions_enu_m[[0, -1]] == made.positions_enu_m[[0, -1]]).all()
+
+
+def test_waypoints_through_a_wall_are_not_mended():
+    made, wrong_with = crowded((0, 0, 100), (900, 0, 100), (1300, 0, 100))
+    walled = cycle(WALL).checker
+
+    def wrong(found):
+        legs = np.vstack([[-300.0, 0.0, 100.0], found.positions_enu_m])
+        return walled.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
+
+    kept, violations = mended(made, wrong)
+    assert wrong_with(made) == ()
+    assert {entry.rule for entry in violations} == {"clearance"}
+    assert kept is made
+
+
+@given(st.lists(st.tuples(st.floats(5, 300), st.floats(-1.2, 1.2)), min_size=3, max_size=8))
+def test_mending_never_claims_what_the_checker_denies(steps):
+    places, course = [(0.0, 0.0, 100.0)], EAST
+    for length, turn in steps:
+        course += turn
+        places.append(
+            (places[-1][0] + length * math.sin(course), places[-1][1] + length * math.cos(course), 100.0)
+        )
+    made, wrong_with = crowded(*places)
+    kept, violations = mended(made, wrong_with)
+    assert violations == wrong_with(kept)
+    assert len(violations) <= len(wrong_with(made))
+    assert set(map(tuple, kept.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))

@@ -1,0 +1,162 @@
+"""The emergency strategy carried out: what is flown when no plan passes, and that it is announced."""
+
+import math
+
+import numpy as np
+import pytest
+from shapely import LineString, Polygon
+
+from companion.assurance.emergency import EmergencyStep
+from companion.config import mission_from_text
+from companion.flight.cycle import Flown
+from companion.flight.fallback import flown_violations, respond, straight_ahead
+from companion.flight.modes import Mode
+from companion.types.mission import Mission
+from companion.types.plan import PlanStatus
+from tests.flight.test_cycle import BLOCK, OPEN, WALL, cycle, plan, state, straight
+from tests.support.sitl_harness import SitlHarness
+
+NO_PLAN = plan(None, status=PlanStatus.APPROXIMATE)
+ROOM = 20
+# The goal stands in a closed yard.
+YARD = "obstacles:\n" + "".join(
+    BLOCK.format(*wall)
+    for wall in (
+        ("west", 1150, -350, 1200, 350), ("east", 1800, -350, 1850, 350),
+        ("south", 1200, -350, 1800, -300), ("north", 1200, 300, 1800, 350),
+    )
+)  # fmt: skip
+SHUT_IN = OPEN.replace("acceptance_radius_m: 400", "acceptance_radius_m: 60").replace(
+    "total_planning_time_s: 80", "total_planning_time_s: 80, max_iterations: 4000"
+)
+
+
+def begun(made, **changes):
+    return made.start_after(state(**changes), 4.0)
+
+
+def answered(made, start, least=NO_PLAN, failed=(), may_return=False):
+    return respond(made, start, least, failed, ROOM, may_return=may_return)
+
+
+def test_straight_ahead_by_hand():
+    made = cycle()
+    path = straight_ahead(begun(made).state)
+    assert path.times_s[[0, 1, -1]].tolist() == [54.0, 55.0, 78.0]
+    assert path.positions_enu_m[[0, -1]] == pytest.approx(
+        np.array([[100.0, 0.0, 100.0], [700.0, 0.0, 100.0]])
+    )
+    assert path.courses_rad == pytest.approx(np.full(25, 0.5 * math.pi))
+
+
+def test_the_least_threat_plan_is_flown_though_its_threat_is_past_the_limit():
+    made = cycle()
+    start = begun(made)
+    path = straight(levels=0.7)
+    path = path.until(len(path) - 1)
+    response = answered(made, start, plan(path))
+    assert response.decision.step is EmergencyStep.LEAST_THREAT
+    assert response.way.path is path
+    assert response.way.waypoints.positions_enu_m[-1, 0] <= 1500.0
+
+
+def test_a_refuge_lies_where_the_threat_is_least():
+    # An approximate path whose threat falls to nothing between 500 and 600 m: the circle begins there.
+    made = cycle()
+    start = begun(made)
+    levels = np.full(31, 0.9)
+    levels[20:25] = 0.0
+    path = straight(rows=30)
+    path = type(path)(
+        path.times_s, path.positions_enu_m + start.state.position_enu_m - path.positions_enu_m[0],
+        *(getattr(path, name) for name in ("courses_rad", "climb_angles_rad", "speeds_m_s")),
+        path.position_covariances_m2, path.collision_free, levels,
+    )  # fmt: skip
+    response = answered(made, start, NO_PLAN, [path])
+    assert response.decision.step is EmergencyStep.LOITER
+    assert response.way.path.threat_levels[-1] == 0.0
+    assert 600.0 <= response.way.path.positions_enu_m[-1, 0] <= 700.0
+    assert response.way.waypoints.loiter_centre_enu_m is not None
+
+
+def test_straight_ahead_is_a_refuge_only_as_far_as_it_is_clear():
+    made = cycle(WALL)  # from 700 to 750 m east
+    response = answered(made, begun(made))
+    assert response.decision.step is EmergencyStep.LOITER
+    centre = response.way.waypoints.loiter_centre_enu_m
+    assert response.way.path.positions_enu_m[-1, 0] < 685.0
+    wall = Polygon([(700, -100), (750, -100), (750, 100), (700, 100)])
+    assert wall.distance(LineString([centre[:2], centre[:2] + 1e-6])) >= 125.0
+
+
+def test_paths_from_elsewhere_are_no_refuge():
+    made = cycle(WALL)
+    elsewhere = straight(north=500.0, levels=0.0)
+    response = answered(made, begun(made), NO_PLAN, [elsewhere])
+    assert abs(response.way.path.positions_enu_m[-1, 1]) < 1.0
+
+
+def test_with_nowhere_to_go_the_autopilot_returns_if_it_may_and_keeps_its_mission_if_not():
+    made = cycle("obstacles:\n" + BLOCK.format("wall", 150, -900, 200, 900))  # 50 m ahead of the start
+    start = begun(made)
+    for may_return, step in (
+        (True, EmergencyStep.RETURN_TO_LAUNCH),
+        (False, EmergencyStep.LEAVE_TO_AUTOPILOT),
+    ):
+        response = answered(made, start, may_return=may_return)
+        assert response.decision.step is step
+        assert response.way is None
+
+
+def test_the_flown_path_is_judged_with_its_goal_and_a_refuge_without():
+    made = cycle()
+    start = begun(made)
+    assert flown_violations(made, start) is None
+    made.flown = Flown(straight(), Mission((), 1, 1), math.inf)
+    assert made.flies_to_goal
+    assert flown_violations(made, made.start_after(state(), 4.0)) == ()
+    made.flown = Flown(straight().until(20), Mission((), 1, 1), math.inf)
+    assert not made.flies_to_goal
+    assert flown_violations(made, start) == ()
+    assert not made.is_on_last_leg(state(east=450.0), 10.0)
+
+
+def flown_in(text, until_s, **changes):
+    harness = SitlHarness(mission_from_text(text, "shut-in.yaml"), **changes)
+    return harness.fly(until_s)
+
+
+def test_a_goal_that_cannot_be_reached_ends_in_a_circle_that_was_announced():
+    harness = flown_in(SHUT_IN + YARD, 85.0)
+    assert harness.app.mode is Mode.ACTIVE
+    assert [text.split(":")[0] for text in harness.texts("emergency")] == [
+        "loiter at the safest reachable point"
+    ]
+    assert any(
+        "emergency" in message.text and message.severity == 2 for _, message in harness.said("STATUSTEXT")
+    )
+    flown = np.array(harness.simulator.truth.path)[:, 1:3]
+    yard = [Polygon(obstacle.polygon_enu_m) for obstacle in harness.flight.mission.obstacle_list]
+    assert min(wall.distance(LineString(flown)) for wall in yard) > 15.0
+    last = flown[-350:]  # a whole circle
+    assert np.ptp(last, axis=0).max() < 2.0 * 125.0 + 60.0
+    # It goes on looking for a plan, without sending the same refuge again and again.
+    assert len(harness.recorder.missions) <= 2
+    assert harness.kinds().count("no plan") >= 5
+
+
+def test_return_to_launch_where_the_mission_file_allows_it():
+    # No way out at all: walls stand right in front of the first leg and beside it.
+    walls = "obstacles:\n" + "".join(
+        BLOCK.format(*wall)
+        for wall in (
+            ("ahead", 420, -300, 460, 300), ("left", -400, 110, 460, 150), ("right", -400, -150, 460, -110)
+        )
+    )  # fmt: skip
+    harness = flown_in(SHUT_IN + walls + "authority: {allow_rtl: true}\n", 22.0)
+    steps = [text.split(":")[0] for text in harness.texts("emergency")]
+    assert steps[-1] == "return to launch"
+    assert harness.simulator.autopilot.mode == "RTL"
+    assert harness.app.mode is Mode.SUSPENDED
+    left = harness.texts("suspended")
+    assert left

@@ -1,0 +1,60 @@
+"""Who flies: every row of the state table, and that there are no others."""
+
+import itertools
+import re
+
+import pytest
+
+from companion.flight import modes
+from companion.flight.modes import Mode, ModeEvent, next_mode
+
+ROWS = {
+    (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.WAITING, ModeEvent.MISSION_NOT_FLOWN): Mode.STANDBY,
+    (Mode.STANDBY, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.STANDBY, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
+    (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
+    (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
+    (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
+    (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+}
+EVERYTHING = list(itertools.product(Mode, ModeEvent))
+
+
+def told(pair):
+    return f"{pair[0].name}-{pair[1].name}"
+
+
+@pytest.mark.parametrize("pair", ROWS, ids=told)
+def test_rows(pair):
+    assert next_mode(*pair, may_resume=True) is ROWS[pair]
+
+
+@pytest.mark.parametrize("pair", [pair for pair in EVERYTHING if pair not in ROWS], ids=told)
+@pytest.mark.parametrize("may_resume", [True, False])
+def test_what_has_no_row_changes_nothing(pair, may_resume):
+    assert next_mode(*pair, may_resume=may_resume) is pair[0]
+
+
+@pytest.mark.parametrize("pair", [pair for pair in ROWS if pair[0] is not Mode.SUSPENDED], ids=told)
+def test_only_suspension_asks_whether_it_may_resume(pair):
+    assert next_mode(*pair, may_resume=False) is ROWS[pair]
+
+
+def test_suspended_for_good():
+    assert next_mode(Mode.SUSPENDED, ModeEvent.MISSION_FLOWN, may_resume=False) is Mode.SUSPENDED
+
+
+def test_arrival_is_final():
+    assert {next_mode(Mode.ARRIVED, event, may_resume=True) for event in ModeEvent} == {Mode.ARRIVED}
+
+
+def test_the_docstring_has_the_same_rows():
+    """The table a pilot reads is the one that is flown."""
+    lines = re.findall(r"^([A-Z]+) {2,}([a-z ]+?) {2,}([A-Z]+)", modes.__doc__, re.MULTILINE)
+    pairs = {(Mode[before], ModeEvent(event)): Mode[after] for before, event, after in lines}
+    assert pairs == ROWS

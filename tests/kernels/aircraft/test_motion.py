@@ -1,0 +1,135 @@
+"""One step of the aircraft against fine integration, and the controls' limits."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from companion.kernels.aircraft import motion as m
+from companion.vehicle.vehicle_model import VehicleModel
+
+VEHICLE = VehicleModel()
+BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 0.0, 300.0)
+LIMITS = VEHICLE.limits(3, BOUNDS, 15.0, 1.0)
+PLANE = VEHICLE.limits(2, BOUNDS, 15.0, 1.0)
+STATES = st.tuples(st.floats(-math.pi, math.pi), st.floats(-0.17, 0.17), st.floats(12.5, 37.5))
+
+
+def derivative(state, a, w, wp):
+    _, _, _, theta, phi, v = state
+    flat = v * math.cos(phi)
+    return np.array([flat * math.cos(theta), flat * math.sin(theta), v * math.sin(phi), w, wp, a])
+
+
+def integrated(state, a, w, wp, tau, steps=200):
+    state, h = state.copy(), tau / steps
+    for _ in range(steps):
+        k1 = derivative(state, a, w, wp)
+        k2 = derivative(state + 0.5 * h * k1, a, w, wp)
+        k3 = derivative(state + 0.5 * h * k2, a, w, wp)
+        k4 = derivative(state + h * k3, a, w, wp)
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return state
+
+
+def test_steps_by_hand():
+    out = np.empty(6)
+    # Straight east at 25 m/s, gaining 0.4 m/s: 25.2 m. A quarter circle of 50 m: to (50, 50).
+    m.advance(np.array([0.0, 0, 100, 0, 0, 25.0]), 0.4, 0.0, 0.0, 1.0, out)
+    assert out == pytest.approx([25.2, 0.0, 100.0, 0.0, 0.0, 25.4])
+    m.advance(np.array([0.0, 0, 100, 0, 0, 25.0]), 0.0, 0.5, 0.0, math.pi, out)
+    assert out == pytest.approx([50.0, 50.0, 100.0, math.pi / 2, 0.0, 25.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(STATES, st.floats(-0.5, 0.5), st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(0.2, 1.5))
+@example((math.nextafter(math.pi, 0.0), 0.0, 13.0), 0.0, 0.0, 0.0, 1.0)  # its remainder rounds past -π
+def test_a_step_agrees_with_fine_integration(state, a, w, wp, tau):
+    start = np.array([10.0, 20.0, 100.0, *state])
+    out = np.empty(6)
+    m.advance(start, a, w, wp, tau, out)
+    exact = integrated(start, a, w, wp, tau)
+    # What the mid-step angles leave out is of third order: v·wp²·τ³/24 + a·w·τ³/12 < 0.1 m here.
+    assert out[:3] == pytest.approx(exact[:3], abs=0.1)
+    assert math.remainder(out[3] - exact[3], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert out[4:] == pytest.approx(exact[4:], abs=1e-9)
+    assert -math.pi <= out[3] <= math.pi
+
+
+@settings(max_examples=60, deadline=None)
+@given(STATES, st.floats(-0.3, 0.3), st.floats(0.2, 1.5))
+def test_a_level_turn_at_constant_speed_is_exact(state, w, tau):
+    start = np.array([10.0, 20.0, 100.0, state[0], 0.0, state[2]])
+    out = np.empty(6)
+    m.advance(start, 0.0, w, 0.0, tau, out)
+    assert out[:3] == pytest.approx(integrated(start, 0.0, w, 0.0, tau)[:3], abs=1e-6)
+
+
+@settings(max_examples=300, deadline=None)
+@given(STATES, st.sampled_from([-1, 0, 1]), st.floats(0.0, 200.0), st.floats(-500.0, 500.0),
+       st.floats(-500.0, 500.0), st.floats(-200.0, 200.0))  # fmt: skip
+def test_controls_keep_every_limit(state, turn, straight, x, y, z):
+    start = np.array([0.0, 0.0, 100.0, *state])
+    a, w, wp = m.steer(start, turn, straight, x, y, 100.0 + z, LIMITS)
+    out = np.empty(6)
+    m.advance(start, a, w, wp, 1.0, out)
+    assert abs(a) <= 0.5 + 1e-12
+    assert abs(wp) <= 0.1 + 1e-12
+    assert 12.5 - 1e-9 <= out[5] <= 37.5 + 1e-9
+    slowest = min(start[5], out[5])
+    assert abs(w) <= slowest * math.cos(start[4]) / 125.0 + 1e-12
+    assert out[4] <= max(VEHICLE.climb_angle_max_rad, state[1]) + 1e-9
+    assert out[4] >= min(-VEHICLE.descent_angle_max_rad, state[1]) - 1e-9
+    sign = (w > m.STRAIGHT_RATE) - (w < -m.STRAIGHT_RATE)
+    if turn == 0 and straight < 125.0:
+        assert w == 0.0
+    if turn != 0:
+        assert sign in (0, turn)
+    assert m.steer(start, turn, straight, x, y, 100.0 + z, PLANE)[2] == 0.0
+
+
+def test_a_step_turns_towards_its_target():
+    east = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0])
+    assert m.steer(east, 0, 125.0, 100.0, 100.0, 100.0, LIMITS) == pytest.approx((0.0, 0.2, 0.0))
+    assert m.steer(east, 0, 125.0, 100.0, -100.0, 100.0, LIMITS) == pytest.approx((0.0, -0.2, 0.0))
+    # 3° aside: taken up in one step. 45° up: as far as the climb's rate of change allows.
+    assert m.steer(east, 0, 125.0, 100.0, 100.0 * math.tan(0.05), 200.0, LIMITS)[1:] == pytest.approx(
+        (0.05, 0.1)
+    )
+
+
+def test_straight_length_since_the_last_turn():
+    assert m.straight_after(0, 100.0, 0.0, 25.0) == (0, 125.0)
+    assert m.straight_after(0, 100.0, 0.2, 25.0) == (1, 0.0)
+    assert m.straight_after(1, 0.0, 0.0, 25.0) == (0, 25.0)
+    assert m.straight_after(-1, 0.0, -0.2, 25.0) == (-1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, m.OK),
+        ({0: -1.0}, m.OUT_OF_BOUNDS),
+        ({0: 1001.0}, m.OUT_OF_BOUNDS),
+        ({1: -1.0}, m.OUT_OF_BOUNDS),
+        ({1: 1001.0}, m.OUT_OF_BOUNDS),
+        ({2: -1.0}, m.OUT_OF_BOUNDS),
+        ({2: 301.0}, m.OUT_OF_BOUNDS),
+        ({5: 12.4}, m.TOO_SLOW_OR_FAST),
+        ({5: 37.6}, m.TOO_SLOW_OR_FAST),
+    ],
+)  # fmt: skip
+def test_states_within_bounds_and_speeds(changes, status):
+    state = np.array([500.0, 500.0, 100.0, 0.0, 0.0, 25.0])
+    for index, value in changes.items():
+        state[index] = value
+    assert m.state_status(state, LIMITS) == status
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(-100.0, 100.0))
+def test_angles_are_wrapped(angle):
+    assert -math.pi - 1e-12 <= m.wrapped(angle) <= math.pi + 1e-12
+    assert math.remainder(m.wrapped(angle) - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)

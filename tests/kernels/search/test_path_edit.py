@@ -1,0 +1,203 @@
+"""Joining and splicing of paths: poses, curvature, times, and what may be flown."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from companion.assurance.checker import Checker
+from companion.frames import course_from_direction
+from companion.kernels.aircraft import dubins
+from companion.kernels.search.dynamic_domain_rrt import path_edit as s
+from companion.vehicle.vehicle_model import VehicleModel
+from tests.support.paths import box, check_limits, path_of
+from tests.support.worlds import packed
+
+BOUNDS = (-5000.0, 5000.0, -5000.0, 5000.0, 0.0, 500.0)
+LIMITS = VehicleModel().limits(3, BOUNDS, 15.0, 1.0)
+COORDINATE = st.floats(-900.0, 900.0)
+ANGLE = st.floats(-math.pi, math.pi)
+
+
+def rows(capacity=400):
+    states, times, rates = np.zeros((capacity, 6)), np.zeros(capacity), np.zeros((capacity, 2))
+    states[0] = 0.0, 0.0, 200.0, 0.0, 0.0, 25.0
+    times[0] = 10.0
+    return states, times, rates
+
+
+def joined(goal, capacity=400):
+    states, times, rates = rows(capacity)
+    status, n = s.join(states, times, rates, 1, np.array(goal, dtype=float), LIMITS)
+    return status, n, states, times, rates
+
+
+def as_path(states, times, n):
+    courses = [course_from_direction(theta) for theta in states[:n, 3]]
+    return path_of(times[:n], states[:n, :3], courses, states[:n, 4], 25.0)
+
+
+def test_a_straight_join_by_hand():
+    # 250 m ahead at 25 m/s, not level: ten edges of 25 m could be too long on a slope of up to 10°, so
+    # eleven of 250/11 m (level). Climbing at 0.08 rad, entered in the first edge and left in the last,
+    # which so climb at 0.04 on the mean: 250/11·(2·tan 0.04 + 9·tan 0.08) = 18.22 m.
+    ds = 250.0 / 11.0
+    rise = ds * (2.0 * math.tan(0.04) + 9.0 * math.tan(0.08))
+    status, n, states, times, rates = joined((250.0, 0.0, 200.0 + rise, 0.0, 0.0, 25.0))
+    assert (status, n) == (s.JOINED, 12)
+    assert states[1:12, 0] == pytest.approx(ds * np.arange(1.0, 12.0))
+    assert states[1:11, 4] == pytest.approx(np.full(10, 0.08), abs=1e-4)
+    assert (states[11, 4], states[11, 2]) == (0.0, 200.0 + rise)
+    assert states[2, 2] == pytest.approx(200.0 + ds * (math.tan(0.04) + math.tan(0.08)), abs=0.01)
+    assert times[2] - times[1] == pytest.approx(ds / 25.0 / math.cos(0.08), abs=1e-5)
+    assert rates[1, 1] == pytest.approx(0.08 / (ds / 25.0 / math.cos(0.04)), abs=1e-3)
+    assert not rates[1:12, 0].any()
+
+
+def test_a_climb_angle_is_entered_no_faster_than_the_pitch_rate():
+    # 0.12 rad over 300 m takes two edges in and two out at 0.1 rad/s and about a second each.
+    _, n, states, _, rates = joined((300.0, 0.0, 230.0, 0.0, 0.0, 25.0))
+    assert np.abs(rates[1:n, 1]).max() <= 0.1 + 1e-9
+    assert states[1, 4] == pytest.approx(0.1 * 25.0 * 12.0 / 13.0 / 25.0, rel=0.01)
+    assert states[2, 4] > 0.1 > states[1, 4]
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        (100.0, 0.0, 230.0, 0.0, 0.0, 25.0),  # 16.7°
+        (100.0, 0.0, 170.0, 0.0, 0.0, 25.0),
+        (100.0, 0.0, 212.0, 0.0, 0.0, 25.0),  # 0.12 rad of climb and back in 4 s, of 0.1 rad/s
+        (50.0, 0.0, 200.0, 0.0, 0.25, 25.0),  # 0.25 rad at the end after 2 s
+        (100.0, 60.0, 200.0, 0.0, 0.0, 25.0),  # a turn to the left and back with nothing between
+        (0.0, 100.0, 200.0, math.pi, 0.0, 25.0),  # right, left, right
+        (100.0, 0.0, 200.0, 0.0, 0.0, 26.0),
+        (0.5, 0.0, 200.0, 0.0, 0.0, 25.0),
+    ],
+)
+def test_joins_that_cannot_be_flown(goal):
+    assert joined(goal)[0] == s.NOT_FLYABLE
+
+
+def test_a_join_that_does_not_fit_in_the_rows():
+    assert joined((1000.0, 0.0, 200.0, 0.0, 0.0, 25.0), capacity=10)[:2] == (s.TOO_LONG, 1)
+
+
+@settings(max_examples=150, deadline=None)
+@given(COORDINATE, COORDINATE, st.floats(-20.0, 20.0), ANGLE)
+def test_a_join_ends_at_the_pose_and_is_sampled_along_a_dubins_path(x, y, rise, theta):
+    status, n, states, times, rates = joined((x, y, 200.0 + rise, theta, 0.0, 25.0))
+    assume(status == s.JOINED)
+    last = states[n - 1]
+    assert last[:3] == pytest.approx([x, y, 200.0 + rise], abs=1e-3)
+    assert math.remainder(last[3] - theta, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+    length = dubins.distance(0.0, 0.0, 0.0, x, y, theta, 125.0, np.empty(3))
+    steepest = np.abs(states[:n, 4]).max()
+    assert math.hypot(length, rise) * (1.0 - 1e-6) <= 25.0 * (times[n - 1] - 10.0)
+    assert 25.0 * (times[n - 1] - 10.0) <= length / math.cos(steepest) * (1.0 + 1e-6)
+    assert np.diff(times[:n]).min() > 0.0
+    assert np.diff(times[:n]).max() <= 1.0 + 1e-6
+    # No sample turns faster than the smallest radius allows at this climb.
+    climbs = 0.5 * (states[: n - 1, 4] + states[1:n, 4])
+    assert (np.abs(rates[1:n, 0]) <= 25.0 * np.cos(climbs) / 125.0 * (1.0 + 1e-6)).all()
+
+
+@settings(max_examples=150, deadline=None)
+@given(COORDINATE, COORDINATE, st.floats(-20.0, 20.0), ANGLE, COORDINATE, COORDINATE, ANGLE)
+def test_what_is_called_flyable_passes_the_independent_checker(x, y, rise, theta, x2, y2, theta2):
+    status, n, states, times, rates = joined((x, y, 200.0 + rise, theta, 0.0, 25.0))
+    assume(status == s.JOINED)
+    goal = np.array([x2, y2, states[n - 1, 2], theta2, 0.0, 25.0])
+    status, n = s.join(states, times, rates, n, goal, LIMITS)
+    assume(status == s.JOINED)
+    flyable = s.is_flyable(states, times, rates, n, 1, LIMITS)
+    found = Checker([], check_limits()).check_path(as_path(states, times, n))
+    if flyable:
+        assert found == ()
+    tighter = LIMITS._replace(r_min=200.0)
+    if np.abs(rates[1:n, 0]).max() > 25.0 / 200.0 * 1.01:
+        assert not s.is_flyable(states, times, rates, n, 1, tighter)
+
+
+def test_flyable_by_hand():
+    # 10 straight edges of 25 m, then a turn of 0.2 rad/s (the limit at 25 m/s and 125 m).
+    states, times, rates = rows(20)
+    for k in range(1, 12):
+        states[k] = states[k - 1] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        times[k] = times[k - 1] + 1.0
+    rates[10, 0] = 0.2
+    assert s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    rates[10, 0] = 0.201
+    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert s.is_flyable(states, times, rates, 11, 11, LIMITS)  # rows before the first asked for
+    rates[10, 0], rates[3, 0] = 0.1, 0.1  # 150 m of straight flight between the two turns
+    assert s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    rates[3, 0], rates[6, 0] = 0.0, -0.1  # 75 m
+    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    rates[6, 0] = 0.0
+    states[7, 4] = 0.2
+    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    states[7, 4], states[7, 2] = 0.0, 600.0
+    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+
+
+def test_clear_by_hand():
+    # A wall 16 m beside a straight path: clear by 15 m, not if the edge bulges by 1.6 m or more.
+    world = packed([box("wall", -500.0, 16.0, 500.0, 30.0)])
+    states, times, rates = rows(5)
+    states[1] = states[0] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    times[1] = 11.0
+    assert s.is_clear(states, rates, times, 1, 2, world, 15.0)
+    assert not s.is_clear(states, rates, times, 1, 2, world, 16.1)
+    rates[1, 0] = 0.33  # sagitta 25·0.33/8 = 1.03 m
+    assert not s.is_clear(states, rates, times, 1, 2, world, 15.0)
+
+
+def straight_rows(n):
+    states, times, rates = rows(n)
+    for k in range(1, n):
+        states[k] = states[k - 1] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        times[k] = times[k - 1] + 1.0
+    return states, times, rates
+
+
+def empty_rows(n):
+    return np.full((n, 6), np.nan), np.full(n, np.nan), np.full((n, 2), np.nan)
+
+
+def test_a_splice_keeps_what_comes_before_and_after():
+    states, times, rates = straight_rows(41)
+    via = states[20].copy()
+    via[1] += 8.0
+    out = empty_rows(80)
+    status, m, at = s.splice(states, times, rates, 41, 5, via, True, 35, LIMITS, *out)
+    assert status == s.JOINED
+    assert np.array_equal(out[0][:6], states[:6])
+    assert np.array_equal(out[1][:6], times[:6])
+    assert np.array_equal(out[0][at + 1 : m], states[36:41])
+    assert np.diff(out[1][at:m]) == pytest.approx(np.diff(times[35:41]))
+    assert out[0][at] == pytest.approx(states[35], abs=1e-4)
+    assert np.min(np.linalg.norm(out[0][:m, :2] - via[:2], axis=1)) < 1e-3
+    assert np.isfinite(out[0][:m]).all()
+    assert out[1][m - 1] > times[40]  # the way round is longer
+
+
+def test_a_splice_without_a_via_is_the_straight_line_again():
+    states, times, rates = straight_rows(41)
+    out = empty_rows(80)
+    status, m, at = s.splice(states, times, rates, 41, 5, np.zeros(6), False, 35, LIMITS, *out)
+    assert (status, m, at) == (s.JOINED, 41, 35)
+    assert out[0][:m] == pytest.approx(states, abs=1e-6)
+    assert out[1][:m] == pytest.approx(times, abs=1e-6)
+
+
+def test_splices_that_fail_say_so():
+    states, times, rates = straight_rows(41)
+    via = states[20].copy()
+    via[2] += 100.0
+    assert s.splice(states, times, rates, 41, 15, via, True, 25, LIMITS, *empty_rows(80))[0] == s.NOT_FLYABLE
+    nothing = np.zeros(6)
+    tight = empty_rows(38)
+    assert s.splice(states, times, rates, 41, 5, nothing, False, 35, LIMITS, *tight)[0] == s.TOO_LONG

@@ -1,0 +1,467 @@
+"""Missions to and from a small autopilot in the same process, by MAVSDK and by our own transfers."""
+
+import asyncio
+import math
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.clock import ManualClock, WallClock
+from companion.errors import NoAutopilotError, TransferError
+from companion.link.messages.codec import Codec
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.types.mission import Command, Frame, MissionItem
+from tests.link.fake_autopilot import FakeAutopilot
+from tests.link.wire import packed
+
+
+def mission(count=14, current=1):
+    return tuple(
+        MissionItem(
+            sequence=index,
+            command=Command.NAV_WAYPOINT,
+            frame=Frame.GLOBAL_RELATIVE_ALT,
+            parameters=(0.0, 30.0, None, None),
+            latitude_e7=-353_632_610 + 1_000 * index,
+            longitude_e7=1_491_652_300,
+            altitude_m=100.5,
+            is_current=index == current,
+        )
+        for index in range(count)
+    )
+
+
+class Bench:
+    """A link whose bytes reach the autopilot in the next round of the loop."""
+
+    def __init__(self, autopilot, *, clock=None, timeout_s=20.0):
+        self.autopilot = autopilot
+        self.codec = Codec()
+        self.pending = []
+        self.sent = []
+        self.link = AutopilotLink(
+            self.codec,
+            clock or WallClock(),
+            self.send,
+            on_pending_change=self.pending.append,
+            timeout_s=timeout_s,
+        )
+
+    def send(self, data):
+        self.sent.append(data)
+        for reply in self.autopilot.receive(data):
+            asyncio.get_running_loop().call_soon(self.hear, reply)
+
+    def hear(self, data):
+        for frame in self.codec.feed(data, 0.0):
+            self.link.receive(frame)
+
+
+@asynccontextmanager
+async def bench(autopilot, **settings):
+    made = Bench(autopilot, **settings)
+    made.hear(autopilot.heartbeat())
+    try:
+        yield made
+    finally:
+        await made.link.close()
+
+
+async def until(condition):
+    while not condition():  # noqa: ASYNC110 the answer comes from MAVSDK's thread
+        await asyncio.sleep(0.001)
+
+
+def run(body):
+    return asyncio.run(asyncio.wait_for(body, 30.0))
+
+
+@pytest.mark.parametrize("request_id", [40, 51])
+def test_what_is_uploaded_is_read_back(request_id):
+    async def body():
+        autopilot = FakeAutopilot(request_id=request_id)
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            assert [item.seq for item in autopilot.items] == list(range(14))
+            assert math.isnan(autopilot.items[3].param4)
+            autopilot.current = 1
+            assert await made.link.download() == mission()
+            assert made.link.pending_calls == 0
+
+    run(body())
+
+
+def test_calls_under_way_are_told():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            assert made.pending == []  # no call of MAVSDK's
+            await made.link.download()
+            assert made.pending == [1, 0, 1, 0]  # finding the autopilot, then the transfer
+
+    run(body())
+
+
+def test_nothing_but_the_mission_protocol_leaves():
+    async def body():
+        autopilot = FakeAutopilot()
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            await made.link.download()
+            kinds = {message.get_type() for message in autopilot.heard}
+            assert kinds == {
+                "MISSION_COUNT",
+                "MISSION_ITEM_INT",
+                "MISSION_REQUEST_LIST",
+                "MISSION_REQUEST_INT",
+                "MISSION_ACK",
+            }
+            assert {message.get_srcSystem() for message in autopilot.heard} == {1}
+            assert {message.get_srcComponent() for message in autopilot.heard} == {195}
+            numbers = [message.get_seq() for message in autopilot.heard]
+            assert numbers == list(range(len(numbers)))
+
+    run(body())
+
+
+@pytest.mark.parametrize(("ack", "reason"), [(1, "ERROR"), (4, "NO_SPACE"), (14, "DENIED")])
+def test_refused_upload(ack, reason):
+    async def body():
+        async with bench(FakeAutopilot(ack=ack)) as made:
+            with pytest.raises(TransferError, match=reason):
+                await made.link.upload(mission())
+
+    run(body())
+
+
+async def passing(clock, until_s):
+    """Let simulated time pass."""
+    while clock.now_s() < until_s:
+        for _ in range(10):
+            await asyncio.sleep(0)
+        clock.advance_to(clock.now_s() + 0.1)
+
+
+@pytest.mark.parametrize("silent_after", [0, 5])
+def test_silence_ends_in_an_error_and_the_next_upload_works(silent_after):
+    async def body():
+        autopilot, clock = FakeAutopilot(silent_after=silent_after), ManualClock()
+        async with bench(autopilot, clock=clock) as made:
+            task = asyncio.create_task(made.link.upload(mission()))
+            await passing(clock, 9.0)
+            with pytest.raises(TransferError, match="upload: TIMEOUT"):
+                await task
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+            assert len(autopilot.items) == 14
+
+    run(body())
+
+
+class Mute(FakeAutopilot):
+    """Tells three items of its list, and then no more."""
+
+    def on_mission_request_int(self, message):
+        return super().on_mission_request_int(message) if message.seq < 3 else []
+
+
+def test_a_transfer_that_lasts_too_long_is_given_up_and_the_next_works():
+    async def body():
+        autopilot = Mute()
+        async with bench(autopilot, timeout_s=0.2) as made:
+            await made.link.upload(mission())
+            with pytest.raises(TransferError, match=r"download: not finished after 0\.2 s"):
+                await made.link.download()
+            assert made.link.pending_calls == 0
+            autopilot.on_mission_request_int = super(Mute, autopilot).on_mission_request_int
+            assert len(await made.link.download()) == 14
+
+    run(body())
+
+
+def test_a_cancelled_upload_is_cancelled_at_the_autopilot():
+    async def body():
+        autopilot = FakeAutopilot(silent_after=3)
+        async with bench(autopilot) as made:
+            task = asyncio.create_task(made.link.upload(mission()))
+            await until(lambda: len(autopilot.incoming) == 3)
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            await until(lambda: autopilot.heard[-1].get_type() == "MISSION_ACK")
+            assert autopilot.heard[-1].type == 15
+            autopilot.silent_after = None
+            await made.link.upload(mission())
+            assert len(autopilot.items) == 14
+
+    run(body())
+
+
+def test_closing_ends_the_call_under_way():
+    async def body():
+        autopilot = Mute()
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            task = asyncio.create_task(made.link.download())
+            await until(lambda: autopilot.heard[-1].get_type() == "MISSION_REQUEST_INT")
+            await made.link.close()
+            with pytest.raises(TransferError, match="download: the link was closed"):
+                await task
+            autopilot.on_mission_request_int = super(Mute, autopilot).on_mission_request_int
+            await made.link.download()
+
+    run(body())
+
+
+def test_cancelling_while_the_autopilot_is_looked_for():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            task = asyncio.create_task(made.link.download())
+            await asyncio.sleep(0)
+            assert made.link.pending_calls == 1
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert made.link.pending_calls == 0
+            assert await made.link.download() == ()
+
+    run(body())
+
+
+def test_a_part_of_a_list_is_overwritten_and_the_whole_read_back():
+    async def body():
+        autopilot = FakeAutopilot()
+        async with bench(autopilot) as made:
+            await made.link.upload(mission())
+            higher = tuple(replace(item, altitude_m=200.0) for item in mission()[5:9])
+            await made.link.write(higher)
+            autopilot.current = 1
+            read = await made.link.read_back()
+            assert read == (*mission()[:5], *higher, *mission()[9:])
+            kinds = [message.get_type() for message in autopilot.heard]
+            assert kinds.count("MISSION_COUNT") == 1
+            assert kinds.count("MISSION_WRITE_PARTIAL_LIST") == 1
+            assert kinds.count("MISSION_ITEM_INT") == 14 + 4
+
+    run(body())
+
+
+class Lossy(FakeAutopilot):
+    """Loses every seventh frame in and every fifth answer but the last, and says some answers twice."""
+
+    count = 0
+
+    def receive(self, data):
+        self.count += 1
+        if self.count % 7 == 3:
+            return []
+        replies = super().receive(data)
+        is_last = len(self.incoming) == self.expected
+        return [] if self.count % 5 == 2 and not is_last else replies * (1 + (self.count % 4 == 1))
+
+
+def test_losses_and_repetitions_are_survived():
+    async def body():
+        async with bench(Lossy(request_id=51)) as made:
+
+            async def repeat():
+                while True:
+                    await asyncio.sleep(0.02)
+                    made.hear(made.autopilot.repeat())
+
+            repeating = asyncio.create_task(repeat())
+            await made.link.upload(mission())
+            repeating.cancel()
+            assert len(made.autopilot.items) == 14
+            made.autopilot.current = 1
+            assert await made.link.download() == mission()
+            assert await made.link.read_back() == mission()
+
+    run(body())
+
+
+def test_calls_at_the_same_time_take_turns():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            made.autopilot.current = 1
+            first, second = await asyncio.gather(made.link.download(), made.link.download())
+            assert first == second == mission()
+            assert max(made.pending) == 1
+
+    run(body())
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        (mission(current=99), "not exactly one item is current"),
+        (mission()[1:], "not numbered from 0"),
+        ((), "not exactly one item is current"),
+    ],
+)
+def test_lists_that_must_not_be_sent(items, reason):
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            with pytest.raises(TransferError, match=reason):
+                await made.link.upload(items)
+            assert made.sent == []
+
+    run(body())
+
+
+def test_silence_ends_a_download():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            made.autopilot.on_mission_request_list = lambda message: []
+            with pytest.raises(TransferError, match="download: TIMEOUT"):
+                await made.link.download()
+            assert [message.get_type() for message in made.autopilot.heard] == ["MISSION_REQUEST_LIST"] * 5
+
+    run(body())
+
+
+def test_others_do_not_answer_for_the_autopilot():
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(), clock=clock) as made:
+            made.autopilot.on_command_long = lambda message: []
+            task = asyncio.create_task(made.link.set_current(1))
+            await asyncio.sleep(0)
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 0), component=191))
+            made.hear(packed(mavlink.MAVLink_command_ack_message(176, 0)))
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 5)))
+            await asyncio.sleep(0)
+            assert not task.done()
+            made.hear(packed(mavlink.MAVLink_command_ack_message(224, 0)))
+            await task
+            assert clock.now_s() == 0.0
+
+    run(body())
+
+
+def test_an_empty_autopilot_has_an_empty_mission():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            assert await made.link.download() == ()
+
+    run(body())
+
+
+@pytest.mark.parametrize("autopilot", [3, 12], ids=["ardupilot", "px4"])
+def test_set_current(autopilot):
+    async def body():
+        request_id = 40 if autopilot == 3 else 51
+        async with bench(FakeAutopilot(autopilot=autopilot, request_id=request_id)) as made:
+            await made.link.upload(mission())
+            await made.link.set_current(7)
+            assert made.autopilot.current == 7
+            sent = made.autopilot.heard[-1].get_type()
+            assert sent == ("COMMAND_LONG" if autopilot == 3 else "MISSION_SET_CURRENT")
+
+    run(body())
+
+
+def test_set_current_refused():
+    async def body():
+        async with bench(FakeAutopilot()) as made:
+            await made.link.upload(mission())
+            with pytest.raises(TransferError, match="set_current: DENIED"):
+                await made.link.set_current(99)
+
+    run(body())
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_set_current_unanswered_is_tried_again_for_four_and_a_half_seconds_by_our_clock(autopilot):
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(autopilot=autopilot), clock=clock) as made:
+            made.autopilot.on_command_long = lambda message: []
+            task = asyncio.create_task(made.link.set_current(99))
+            await passing(clock, 4.4)
+            assert not task.done()
+            await passing(clock, 4.7)
+            with pytest.raises(TransferError, match="set_current: no answer"):
+                await task
+            assert len(made.sent) == 6  # 0.8 s apart, as long as no round trip is known
+
+    run(body())
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_set_current_is_not_tried_again_once_the_item_is_passed(autopilot):
+    async def body():
+        clock = ManualClock()
+        async with bench(FakeAutopilot(autopilot=autopilot), clock=clock) as made:
+            made.autopilot.on_command_long = made.autopilot.on_mission_set_current = lambda message: []
+            ahead = [True, False]
+            task = asyncio.create_task(made.link.set_current(1, lambda: ahead.pop(0)))
+            await passing(clock, 5.0)
+            with pytest.raises(TransferError):
+                await task
+            assert len(made.sent) == 2
+
+    run(body())
+
+
+def test_the_new_item_itself_answers_where_the_acknowledgement_is_lost():
+    async def body():
+        async with bench(FakeAutopilot(), clock=ManualClock()) as made:
+            await made.link.upload(mission())
+            made.autopilot.on_command_long = lambda message: []
+            task = asyncio.create_task(made.link.set_current(5))
+            await asyncio.sleep(0)
+            made.autopilot.current = 4
+            made.hear(made.autopilot.mission_current())
+            await asyncio.sleep(0)
+            assert not task.done()
+            made.autopilot.current = 5
+            made.hear(made.autopilot.mission_current())
+            await task
+
+    run(body())
+
+
+def test_the_last_item_is_held_back_however_often_it_is_asked_for():
+    async def body():
+        autopilot = FakeAutopilot(autopilot=12, request_id=51)
+        async with bench(autopilot) as made:
+            with pytest.raises(TransferError, match="WITHDRAWN"):
+                await made.link.upload(mission(), lambda: False)
+            assert len(autopilot.incoming) == 13
+            assert autopilot.items == []
+            assert made.link.counters["withdrawn"] == 1
+            assert autopilot.heard[-1].get_type() == "MISSION_ACK"
+            assert autopilot.heard[-1].type == 15
+            await made.link.upload(mission(), lambda: True)
+            assert len(autopilot.items) == 14
+
+    run(body())
+
+
+def test_modes():
+    async def body():
+        autopilot = FakeAutopilot()
+        async with bench(autopilot) as made:
+            with pytest.raises(TransferError, match="set_mode: UNSUPPORTED"):
+                await made.link.set_mode("RTL")
+            assert (autopilot.heard[-1].command, autopilot.heard[-1].param1) == (176, 1.0)
+            assert autopilot.heard[-1].param2 == 11.0
+            with pytest.raises(TransferError, match="set_mode: no mode DANCE"):
+                await made.link.set_mode("DANCE")
+
+    run(body())
+
+
+def test_without_an_autopilot():
+    async def body():
+        made = Bench(FakeAutopilot())
+        for call in (made.link.upload(mission()), made.link.download(), made.link.set_current(1)):
+            with pytest.raises(NoAutopilotError):
+                await call
+        await made.link.close()
+
+    run(body())

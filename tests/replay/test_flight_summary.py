@@ -1,0 +1,95 @@
+"""A flight's report from its recording alone."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from companion.config import load_mission
+from companion.errors import RecordError
+from companion.recording.recorder import About, Recorder
+from companion.replay.flight_summary import FROM_TLOG, ON_BOARD, flight_of
+from companion.types.events import Dialect
+from companion.ui.plots import flight_start
+from tests.sim.client import CONFIGS
+from tests.support.recorded import recorded
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return recorded("first-flight", 3, Dialect.PX4)
+
+
+def test_it_shows_what_the_service_knew(flown):
+    folder, flight = flown
+    mission, world, record = flight_of(folder)
+    known = flight.recorder.record({})
+    assert mission == flight.mission
+    assert [entry.name for entry in world.obstacle_list] == ["wall"]
+    np.testing.assert_allclose(record.flown, known.flown, atol=1e-6)
+    np.testing.assert_allclose(record.threat, known.threat, atol=1e-6)
+    assert [track.shape for track in record.dt_tracks] == [track.shape for track in known.dt_tracks]
+    told = [(round(entry.stamp_s, 6), entry.kind, entry.text) for entry in known.decisions]
+    assert [(entry.stamp_s, entry.kind, entry.text) for entry in record.decisions] == told
+    assert record.plan_ms == pytest.approx(known.plan_ms)
+    assert len(record.missions) == len(known.missions) == record.summary["missions_entered"]
+    np.testing.assert_allclose(record.missions[0].positions_enu_m, known.missions[0].positions_enu_m)
+    assert record.dt_paths == ()
+    assert record.note == ON_BOARD
+
+
+def test_it_answers_why_it_replanned(flown, companion_command):
+    folder, _ = flown
+    assert companion_command("report", folder).code == 0
+    assert not (folder / "report.html").exists()  # there would be the simulator's, which knows more
+    page = (folder / "report-on-board.html").read_text(encoding="utf-8")
+    row = next(row for row in page.split("<tr>") if "extend, cost" in row)
+    assert "00:00:35" in row  # the simulated day begins at midnight, UTC
+    assert "15 s since the last plan" in row
+    assert "carried min 22.5 s" in row
+    assert ON_BOARD in page
+
+
+def test_from_a_tlog_alone_it_shows_the_flight_and_what_was_told(flown, tmp_path):
+    folder, flight = flown
+    for name in ("flight.tlog", "mission.yaml"):
+        shutil.copy(folder / name, tmp_path)
+    _, _, record = flight_of(tmp_path)
+    assert FROM_TLOG in record.note
+    known = flight.recorder.record({}).flown
+    assert len(record.flown) > 0.9 * len(known)
+    np.testing.assert_allclose(record.flown[-1, 1:4], known[-1, 1:4], atol=15.0)
+    assert [entry.kind for entry in record.decisions] == [entry.kind for entry in flight.recorder.decisions]
+
+
+def test_a_recording_that_was_cut_off_is_reported_as_far_as_it_goes(flown, tmp_path):
+    folder, _ = flown
+    whole = (folder / "flight.mcap").read_bytes()
+    (tmp_path / "flight.mcap").write_bytes(whole[: len(whole) // 2])
+    _, _, record = flight_of(tmp_path)
+    assert 5.0 < record.flown[-1, 0] < 55.0
+    assert record.summary["mcap_ends_early"] == 1
+
+
+def test_instants_are_those_of_the_decisions(flown):
+    """The simulator's report and this one count from the same instant."""
+    folder, flight = flown
+    _, _, record = flight_of(folder)
+    assert flight_start(record) == pytest.approx(flight_start(flight.record()), abs=0.05)
+
+
+def test_a_recording_in_which_nothing_was_flown_is_named(tmp_path, companion_command):
+    recorder = Recorder(tmp_path, about=About(load_mission(CONFIGS / "first-flight.yaml"), 1))
+    recorder.begin(0.0)
+    recorder.close()
+    done = companion_command("report", tmp_path)
+    assert done.code == 2
+    assert "nothing was flown" in done.err
+
+
+def test_a_folder_without_a_flight_is_named(tmp_path, companion_command):
+    with pytest.raises(RecordError, match=r"neither flight\.mcap nor flight\.tlog"):
+        flight_of(tmp_path)
+    done = companion_command("report", tmp_path)
+    assert done.code == 2
+    assert tmp_path.name in done.err

@@ -1,0 +1,237 @@
+"""Flight after flight in one run of the service: each begins anew, in a folder of its own."""
+
+import asyncio
+import os
+import signal
+import socket
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.clock import ManualClock
+from companion.config import load_mission
+from companion.errors import LinkError
+from companion.flight.checkpoint import Memory
+from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S
+from companion.flight.modes import Mode
+from companion.link.wire.transport import MemoryTransport
+from companion.recording.reader import load_recording
+from companion.replay.comparison import first_difference
+from companion.service import service as services
+from companion.service.service import Service
+from tests.sim.client import CONFIGS
+from tests.support.recorded import replayed
+
+MISSION = CONFIGS / "first-flight.yaml"
+GOALS = [(1750.0, 750.0, 100.0)]
+AUTO, FBWA = 10, 5
+STEP_S = 0.5
+ROUNDS_MAX = 100_000
+
+
+class Bench:
+    """A service whose clock and autopilot, of which there are only heartbeats, are in the test's hands."""
+
+    def __init__(self, folder):
+        self.clock = ManualClock(100.0)
+        ours, self.theirs = MemoryTransport.pair()
+        self.flights = folder / "flights"
+        self.service = Service(MISSION, "tcp://nowhere:1", self.flights, {}, clock=self.clock, line=ours)
+        self._packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.said = []
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+
+    def folders(self):
+        return sorted(self.flights.glob("*Z-first-flight*"))
+
+    async def pass_time(self, seconds, beat=None, step_s=STEP_S):
+        """Let time pass; ``beat`` is the mode and whether the aircraft is armed, None is silence."""
+        end_s = self.clock.now_s() + seconds
+        while self.clock.now_s() < end_s:
+            if beat is not None:
+                mode, is_armed = beat
+                base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+                base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if is_armed else 0
+                message = self._packer.heartbeat_encode(1, 3, base, mode, 4)
+                self.theirs.send(message.pack(self._packer))
+            self.clock.advance_to(min(end_s, self.clock.now_s() + step_s))
+            for _ in range(30):
+                await asyncio.sleep(0)
+
+    async def until(self, is_so, beat=None):
+        """Let as little time pass as that takes: MAVSDK ends in threads of its own."""
+        for _ in range(ROUNDS_MAX):
+            if is_so():
+                return
+            await self.pass_time(1e-3, beat)
+        raise AssertionError("it never is so")
+
+    def receive(self, data):
+        self.said += [
+            message.text for message in self._parser.parse_buffer(data) or []
+            if message.get_type() == "STATUSTEXT"
+        ]  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _needs_no_kernels(monkeypatch):
+    monkeypatch.setattr(services, "warm_up", lambda mission: None)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(tmp_path)
+
+
+def served(bench, script):
+    """Run the service beside a script, then stop it by the signal of a service manager."""
+
+    async def run():
+        bench.theirs.set_receiver(bench.receive)
+        await bench.theirs.open()
+        running = asyncio.create_task(bench.service.run())
+        await asyncio.sleep(0)
+        try:
+            await script()
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            await bench.until(running.done)
+        await running
+
+    asyncio.run(run())
+
+
+def test_two_flights_are_two_recordings_and_the_second_is_planned_anew(bench):
+    apps, modes = [], []
+
+    async def script():
+        await bench.pass_time(5.0, (FBWA, False))
+        await bench.pass_time(20.0, (AUTO, True))
+        apps.append(bench.service.app)
+        modes.append(bench.service.app.mode)
+        bench.service.app.mode = Mode.ARRIVED
+        await bench.pass_time(LANDED_S + 2.0, (AUTO, False))
+        await bench.until(lambda: bench.service.app is not apps[0])
+        await bench.pass_time(2.0, (AUTO, False))
+        apps.append(bench.service.app)
+        modes.append(bench.service.app.mode)
+        await bench.pass_time(20.0, (AUTO, True))
+        modes.append(bench.service.app.mode)
+
+    served(bench, script)
+    first, second = apps
+    assert first is not second
+    assert modes == [Mode.ACTIVE, Mode.STANDBY, Mode.ACTIVE]
+    recordings = [load_recording(folder / "flight.tlog") for folder in bench.folders()]
+    assert len(recordings) == 2
+    kinds = [[decision.kind for decision in recording.decisions] for recording in recordings]
+    assert kinds[0][-1] == "landed"
+    assert kinds[1][0] == "mode"
+    assert kinds[1][-1] == "stopped"
+    assert recordings[1].start_us >= recordings[0].frames[-1].at_us
+    assert bench.said.count("Planner landed: the flight is over") == 1
+    log = bench.folders()[1] / "flight.tlog"
+    recording, result = replayed(log, load_mission(log.with_name("mission.yaml")))
+    assert first_difference(recording, result) is None
+    assert [entry.kind for entry in result.decisions] == kinds[1][:-1]
+    assert not any("stopped" in text for text in bench.said[:-1])
+
+
+def test_a_slip_of_the_pilots_goes_on_in_the_same_recording(bench):
+    async def script():
+        await bench.pass_time(20.0, (AUTO, True))
+        await bench.pass_time(LANDED_S - 2.0, (AUTO, False))
+        await bench.pass_time(20.0, (AUTO, True))
+        await bench.pass_time(60.0)  # out of reach
+
+    served(bench, script)
+    assert len(bench.folders()) == 1
+
+
+def test_hours_on_the_ground_keep_the_last_recording_before_a_flight(bench):
+    seen = []
+
+    async def script():
+        for _ in range(4):
+            app = bench.service.app
+            await bench.pass_time(GROUND_MAX_S, (FBWA, False), step_s=4.0)
+            await bench.until(lambda app=app: bench.service.app is not app)
+            seen.append(len(bench.folders()))
+        await bench.pass_time(20.0, (AUTO, True))
+
+    served(bench, script)
+    assert max(seen) == 2
+    before, flight = (load_recording(folder / "flight.tlog") for folder in bench.folders())
+    assert before.frames[-1].at_us < flight.frames[0].at_us
+    assert [decision.kind for decision in flight.decisions][-1] == "stopped"
+
+
+def test_goals_of_the_last_flight_are_forgotten_on_the_ground(tmp_path):
+    Memory(tmp_path / "flights" / "first-flight").note_reached(GOALS, 1)
+    bench, left = Bench(tmp_path), []
+
+    async def script():
+        await bench.pass_time(LANDED_S - 1.0, (FBWA, False))
+        left.append(Memory(bench.flights / "first-flight").reached(GOALS))
+        await bench.pass_time(2.0, (FBWA, False))
+        left.append(Memory(bench.flights / "first-flight").reached(GOALS))
+
+    served(bench, script)
+    assert left == [1, 0]
+
+
+def test_a_disk_that_cannot_be_written_costs_the_recording_and_not_the_flight(tmp_path, caplog):
+    (tmp_path / "flights").write_text("a file where the folder belongs")
+    bench = Bench(tmp_path)
+    modes = []
+
+    async def script():
+        await bench.pass_time(5.0, (AUTO, True))
+        modes.append(bench.service.app.mode)
+
+    served(bench, script)
+    assert modes == [Mode.ACTIVE]
+    assert "not recorded" in caplog.text
+    assert any("recording: stopped, flight goes on"[:40] in text for text in bench.said)
+
+
+def test_names_that_are_taken_are_counted_on(bench):
+    taken = bench.service._flight.folder
+    again = Service(MISSION, "tcp://nowhere:1", bench.flights, {}, clock=bench.clock, line=MemoryTransport())
+    names = {taken.name, again._flight.folder.name}
+    assert len(names) == 2
+    bench.service.close()
+    again.close()
+
+
+def test_an_address_that_is_taken_ends_the_service_with_one_error(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = f"udpin://127.0.0.1:{taken.getsockname()[1]}"
+        service = Service(MISSION, url, tmp_path / "flights", {})
+        with pytest.raises(LinkError, match=f"{url}: Address already in use"):
+            asyncio.run(service.run())
+    assert list((tmp_path / "flights").iterdir()) == []
+
+
+def test_a_port_for_metrics_that_is_taken_leaves_nothing_behind(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        service = Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, port)
+        with pytest.raises(LinkError, match=f"metrics on 127.0.0.1:{port}: Address already in use"):
+            asyncio.run(service.run())
+    assert list((tmp_path / "flights").iterdir()) == []
+
+
+def test_hours_of_silence_leave_no_recording(bench):
+    async def script():
+        for _ in range(2):
+            app = bench.service.app
+            await bench.pass_time(GROUND_MAX_S, step_s=60.0)
+            await bench.until(lambda app=app: bench.service.app is not app)
+
+    served(bench, script)
+    assert bench.folders() == []

@@ -1,0 +1,321 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.tracking.threat_assigner import REMEMBERED_MAX, Kind, KindRegister, KindSettings
+from companion.tracking.track import TrackSettings, chi_square_quantile
+from companion.tracking.tracker import Tracker, TrackerSettings
+from companion.types.events import Emitter
+from companion.types.threat import DynamicThreat
+from tests.tracking.reports import FRAME, report
+
+PURSUER = DynamicThreat("pursuer", (0.0, 0.0, 0.0), 25.0, 400.0, 20.0)
+PARKED = DynamicThreat("launcher", (1000.0, 0.0, 0.0), 0.0, 600.0, 15.0)
+
+
+def tracker(*threats, **changes):
+    return Tracker(FRAME, threats or (PURSUER,), replace(TrackerSettings(), **changes), seed=7)
+
+
+def drive(target, times, speed=10.0, **keywords):
+    for stamp in times:
+        target.observe(report(float(stamp), speed * stamp, 0.0, **keywords), float(stamp))
+
+
+def test_the_gate_of_two_dimensions_has_a_closed_form():
+    assert chi_square_quantile(0.99) == pytest.approx(9.2103, abs=1e-4)  # any table of chi-square
+
+
+def test_a_track_is_initiated_and_followed():
+    target = tracker()
+    drive(target, range(20))
+    (track,) = target.tracks(19.5)
+    assert track.identity == "icao:00ABCD"
+    assert track.stamp_s == 19.5
+    assert track.observed_s == 19.0
+    assert track.position_enu_m[:2] == pytest.approx((195.0, 0.0), abs=8.0)
+    assert track.velocity_enu_m_s == pytest.approx((10.0, 0.0, 0.0), abs=4.0)
+    assert (track.speed_max_m_s, track.max_threat_radius_m, track.turn_radius_m) == (25.0, 400.0, 20.0)
+    assert not track.is_airborne
+    assert target.counters == {"initiated": 1, "applied": 19}
+
+
+def test_a_vehicle_faster_than_configured_is_believed():
+    target = tracker(replace(PURSUER, speed_m_s=5.0))
+    drive(target, range(15), speed=12.0, velocity=(12.0, 0.0, 0.0))
+    assert target.tracks(14.0)[0].speed_max_m_s == pytest.approx(12.0, abs=3.0)
+
+
+def test_tracks_coast_with_growing_spread_and_age_out():
+    target = tracker()
+    drive(target, range(5))
+    early, late = target.tracks(10.0)[0], target.tracks(60.0)[0]
+    assert np.trace(late.covariance) > np.trace(early.covariance)
+    assert late.observed_s == 4.0
+    assert target.tracks(64.1) == ()
+    assert target.counters["aged_out"] == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"stamp_s": 3.0}, "future"),
+        ({"stamp_s": math.nan}, "not_finite"),
+        ({"latitude_deg": math.nan}, "not_finite"),
+        ({"altitude_amsl_m": math.inf}, "not_finite"),
+        ({"velocity_enu_m_s": (math.nan, 0.0, 0.0)}, "not_finite"),
+        ({"position_std_m": math.nan}, "not_finite"),
+        ({"latitude_deg": 91.0}, "out_of_range"),
+        ({"longitude_deg": 181.0}, "out_of_range"),
+        ({"latitude_deg": 10.0}, "out_of_range"),
+        ({"altitude_amsl_m": 90_000.0}, "out_of_range"),
+        ({"velocity_enu_m_s": (900.0, 0.0, 0.0)}, "out_of_range"),
+        ({"stamp_s": -70.0}, "old"),
+    ],
+)
+def test_reports_that_cannot_be_true_are_dropped_and_counted(changes, reason):
+    target = tracker()
+    target.observe(replace(report(0.0), **changes), 0.0)
+    assert target.tracks(0.0) == ()
+    assert target.counters == {reason: 1}
+
+
+def test_a_teleporting_report_is_dropped_and_the_track_goes_on():
+    target = tracker()
+    drive(target, range(10))
+    target.observe(report(10.0, 5000.0, 5000.0), 10.0)
+    target.observe(report(11.0, 110.0, 0.0), 11.0)
+    assert target.counters["teleporting"] == 1
+    assert target.tracks(11.0)[0].position_enu_m[:2] == pytest.approx((110.0, 0.0), abs=10.0)
+
+
+def test_a_track_proven_wrong_starts_over():
+    target = tracker()
+    drive(target, range(10))
+    for stamp in (10.0, 11.0, 12.0):
+        target.observe(report(stamp, 5000.0 + 10.0 * stamp, 0.0), stamp)
+    assert target.counters["teleporting"] == 2
+    assert target.counters["restarted"] == 1
+    track = target.tracks(12.0)[0]
+    assert track.position_enu_m[0] == pytest.approx(5120.0, abs=10.0)
+    assert track.max_threat_radius_m == 400.0, "it is the same vehicle still"
+
+
+def test_scattered_outliers_never_take_a_track_over():
+    target = tracker()
+    drive(target, range(10))
+    for stamp in range(10, 20):
+        target.observe(report(float(stamp), 20_000.0 * (-1) ** stamp, 3000.0 * stamp), float(stamp))
+    assert target.counters["teleporting"] == 10
+    assert target.counters["restarted"] == 0
+    assert abs(target.tracks(20.0)[0].position_enu_m[0] - 200.0) < 60.0
+
+
+def test_copies_are_counted_once():
+    target = tracker()
+    drive(target, range(10), velocity=(10.0, 0.0, 0.0))
+    before = target.tracks(9.5)[0]
+    target.observe(report(9.0, 90.0, 0.0, velocity=(10.0, 0.0, 0.0)), 9.5)
+    target.observe(report(9.5, 90.0, 0.0, velocity=(10.0, 0.0, 0.0)), 9.5)  # a repeat stamped anew
+    assert target.counters["duplicate"] == 2
+    assert target.tracks(9.5)[0].position_enu_m == before.position_enu_m
+
+
+def test_late_reports_are_used_while_they_say_something():
+    target = tracker()
+    drive(target, range(10))
+    target.observe(report(7.5, 75.0, 0.0), 9.2)
+    target.observe(report(2.0, 21.0, 0.0), 9.2)
+    assert target.counters["applied_late"] == 1
+    assert target.counters["too_late"] == 1
+    assert target.tracks(9.2)[0].observed_s == 9.0
+
+
+@pytest.mark.parametrize("reports_velocity", [False, True])
+def test_a_parked_vehicle_stays_parked_through_an_hour_of_noise(reports_velocity):
+    target = tracker(PARKED)
+    rng = np.random.default_rng(2)
+    for stamp in range(0, 3600, 4):
+        east, north, speed_east, speed_north = rng.standard_normal(4)
+        velocity = (float(speed_east), float(speed_north), 0.0) if reports_velocity else None
+        target.observe(
+            report(float(stamp), 1000.0 + 8.0 * east, 8.0 * north, velocity=velocity), float(stamp)
+        )
+        if stamp % 20 == 0:
+            (track,) = target.tracks(float(stamp) + 1.0)
+            assert track.speed_max_m_s == 0.0
+            assert track.velocity_enu_m_s == (0.0, 0.0, 0.0)
+            assert track.max_threat_radius_m == 600.0
+    assert target.counters["restarted"] == 0
+
+
+def test_a_parked_vehicle_that_drives_off_is_a_mover_within_seconds():
+    target = tracker(PARKED)
+    rng = np.random.default_rng(3)
+    for stamp in range(60):
+        gone = max(0.0, 10.0 * (stamp - 45))
+        east, north = 1000.0 + gone + 5.0 * rng.standard_normal(), 5.0 * rng.standard_normal()
+        target.observe(report(float(stamp), east, north, std=5.0), float(stamp))
+        if stamp == 45:
+            assert target.tracks(45.0)[0].speed_max_m_s == 0.0
+    track = target.tracks(59.0)[0]
+    assert track.speed_max_m_s == pytest.approx(10.0, abs=4.0)
+    assert track.velocity_enu_m_s[0] == pytest.approx(10.0, abs=4.0)
+
+
+def test_a_parked_vehicle_that_is_found_elsewhere_is_a_mover():
+    target = tracker(PARKED)
+    for stamp in range(20):
+        target.observe(report(float(stamp), 1000.0 + 0.1 * stamp, 0.0), float(stamp))
+    for stamp in range(20, 26):
+        target.observe(report(float(stamp), 500.0 + 30.0 * stamp, 400.0), float(stamp))
+    assert target.counters["restarted"] == 1
+    assert target.tracks(25.0)[0].speed_max_m_s > 10.0
+
+
+def test_a_vehicle_cannot_have_come_from_anywhere_after_a_gap():
+    target = tracker()
+    drive(target, range(10))
+    target.observe(report(39.0, 4000.0, 0.0), 39.0)  # 3.9 km in 30 s
+    assert target.counters["teleporting"] == 1
+    target.observe(report(40.0, 400.0, 0.0), 40.0)
+    assert target.counters["teleporting"] == 1
+
+
+def test_acceleration_noise_follows_the_kind():
+    noise = TrackSettings().acceleration_std
+    assert [noise(speed) for speed in (0.0, 20.0, 100.0)] == [3.0, 10.0, 12.0]
+
+
+def test_vehicles_become_the_nearest_free_kind_of_the_mission_file():
+    target = tracker(PURSUER, PARKED)
+    target.observe(report(0.0, 990.0, 5.0, identity="a"), 0.0)
+    target.observe(report(0.0, 995.0, 5.0, identity="b"), 0.0)
+    target.observe(report(0.0, 0.0, 5.0, identity="c"), 0.0)
+    a, b, c = target.tracks(0.0)
+    assert (a.max_threat_radius_m, a.speed_max_m_s) == (600.0, 0.0)
+    assert b.max_threat_radius_m == 400.0
+    assert c.max_threat_radius_m == KindSettings().ground.max_threat_radius_m
+
+
+def test_a_vehicle_that_comes_back_is_what_it_was():
+    target = tracker(PURSUER, PARKED)
+    target.observe(report(0.0, 0.0, 0.0, identity="hunter"), 0.0)
+    target.observe(report(100.0, 990.0, 0.0, identity="hunter"), 100.0)
+    assert target.counters["aged_out"] == 1
+    assert target.tracks(100.0)[0].max_threat_radius_m == 400.0
+
+
+def test_airborne_vehicles_are_of_a_kind_only_near_its_start():
+    target = tracker()
+    target.observe(report(0.0, 3000.0, 0.0, identity="far", emitter=Emitter.AIR, up_m=300.0), 0.0)
+    target.observe(
+        report(0.0, 100.0, 0.0, identity="near", emitter=Emitter.AIR, velocity=(1.0, 2.0, 3.0)), 0.0
+    )
+    far, near = target.tracks(0.0)
+    assert far.is_airborne
+    assert far.speed_max_m_s == KindSettings().air.speed_m_s
+    assert far.position_enu_m[2] == pytest.approx(300.0, abs=0.01)
+    assert near.max_threat_radius_m == 400.0
+    assert near.velocity_enu_m_s[2] == 3.0
+
+
+def test_with_too_many_vehicles_the_near_and_the_fresh_are_followed():
+    target = tracker(num_tracks_max=2)
+    target.note_ownship(1000.0, 0.0)
+    target.observe(report(0.0, 900.0, identity="stale"), 0.0)
+    target.observe(report(20.0, 5000.0, identity="far"), 20.0)
+    target.observe(report(20.0, 1200.0, identity="near"), 20.0)
+    assert [track.identity for track in target.tracks(20.0)] == ["far", "near"]
+    target.observe(report(20.0, 1100.0, identity="nearer"), 20.0)
+    target.observe(report(20.0, 9000.0, identity="farther"), 20.0)
+    assert [track.identity for track in target.tracks(20.0)] == ["near", "nearer"]
+    assert target.counters["evicted"] == 2
+    assert target.counters["crowded"] == 1
+    assert len(target) == 2
+
+
+def test_estimates_do_not_depend_on_whom_else_is_seen():
+    alone, together, shuffled = tracker(), tracker(), tracker()
+    drive(alone, range(10))
+    for stamp in range(10):
+        both = [report(float(stamp), 10.0 * stamp), report(float(stamp), 5000.0, identity="icao:000001")]
+        for each in both:
+            together.observe(each, float(stamp))
+        for each in both[::-1] if stamp else both:  # who starts first is of the pursuer's kind
+            shuffled.observe(each, float(stamp))
+    (expected,) = alone.tracks(10.0)
+    for states in (together.tracks(10.0), shuffled.tracks(10.0)):
+        assert [state.identity for state in states] == ["icao:000001", "icao:00ABCD"]
+        assert states[1].position_enu_m == expected.position_enu_m
+        assert np.array_equal(states[1].covariance, expected.covariance)
+
+
+def test_asking_often_changes_nothing():
+    often, once = tracker(), tracker()
+    for stamp in range(10):
+        drive(often, [stamp])
+        often.tracks(stamp + 0.5)
+    drive(once, range(10))
+    assert often.tracks(10.0)[0].position_enu_m == once.tracks(10.0)[0].position_enu_m
+
+
+def test_settings_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match="one track"):
+        TrackerSettings(num_tracks_max=0)
+    with pytest.raises(ValueError, match="exact"):
+        TrackerSettings(position_std_min_m=0.0)
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        TrackSettings(gate_probability=1.0)
+    with pytest.raises(ValueError, match="least"):
+        TrackSettings(moving_sightings=0)
+    with pytest.raises(ValueError, match="below the largest"):
+        TrackSettings(acceleration_std_min_m_s2=20.0)
+    with pytest.raises(ValueError, match="no number"):
+        KindSettings(ground=Kind(1, 1.0, 1.0, 1.0))
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(-10.0, 200.0) | numbers,
+            st.floats(-3e4, 3e4),
+            st.floats(-3e4, 3e4),
+            st.none() | st.tuples(st.floats(-300.0, 300.0), st.floats(-300.0, 300.0), numbers),
+            st.none() | st.floats(0.0, 1e6) | numbers,
+            st.sampled_from(["a", "b"]),
+        ),
+        max_size=10,
+    )
+)
+def test_whatever_is_reported_tracks_stay_finite(rows):
+    target = tracker(PURSUER, PARKED)
+    for index, (stamp, east, north, velocity, std, identity) in enumerate(rows):
+        entry = report(0.0, east, north, identity=identity, velocity=velocity, std=std)
+        target.observe(replace(entry, stamp_s=stamp), 20.0 * index)
+    for track in target.tracks(20.0 * len(rows)):
+        assert np.isfinite([*track.position_enu_m, *track.velocity_enu_m_s, track.speed_max_m_s]).all()
+        assert np.array_equal(track.covariance, track.covariance.T)
+        assert np.linalg.eigvalsh(track.covariance).min() >= -1e-9 * np.trace(track.covariance)
+    assert sum(target.counters[key] for key in target.counters if key not in ("aged_out", "evicted")) == len(
+        rows
+    )
+
+
+def test_former_kinds_are_remembered_up_to_a_number():
+    register = KindRegister((PURSUER, PARKED), KindSettings())
+    for number in range(REMEMBERED_MAX + 1):
+        register.release(register.assigned(str(number), 0.0, 0.0, is_airborne=False))
+    # Near the launcher, but what held the pursuer before gets it again; the first is forgotten.
+    assert register.assigned("1", 1000.0, 0.0, is_airborne=False).number == 0
+    assert register.assigned("0", 1000.0, 0.0, is_airborne=False).number == 1
