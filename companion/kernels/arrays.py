@@ -163,7 +163,8 @@ class Pursuers(NamedTuple):
     nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
     ``bounds`` (4,) x_min x_max y_min y_max of where they drive; ``corners`` (D, 2) first row and number of
     the nodes at corners of obstacles (:func:`~companion.kernels.threat.threat_tree.add_corners`), and
-    ``by_corner`` (D, C) through which of them a cell's centre is reached earliest: -1 none, -2 not looked at yet.
+    ``by_corner`` (D, C) through which of them a cell's centre is reached earliest: -1 none, -2 not looked
+    at yet.
 
     The other fields are indices of places by square cells (see :mod:`companion.kernels.geometry.grid_index`):
     ``cells`` (D, C), ``chain`` (D, N), ``places`` (D, N, 2), ``extent`` (D, 4), ``filled`` (D,) of the

@@ -1,7 +1,7 @@
 """Transfers over a link that loses, delays, doubles and reorders, to the simulator's mission machines.
 
-Those (``arduplane_transfer`` and ``px4_transfer`` in ``sim.autopilot``) were written apart from what is tested
-here, after what real autopilots were measured to do.
+Those (``arduplane_transfer`` and ``px4_transfer`` in ``sim.autopilot``) were written apart from what is
+tested here, after what real autopilots were measured to do.
 """
 
 import asyncio

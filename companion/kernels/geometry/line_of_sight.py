@@ -1,9 +1,9 @@
 """Lines among upright prisms, for callers that ask thousands of times a plan.
 
 The same answers as :func:`~companion.kernels.geometry.prism_distance.segment_blocked`, sooner: a line is
-clipped to a prism's box before its polygon is looked at, and where the polygon is its own box that settles it. Only
-the arrays needed are passed on: numba passes a tuple's arrays one by one, which costs more than most of
-these tests do.
+clipped to a prism's box before its polygon is looked at, and where the polygon is its own box that settles
+it. Only the arrays needed are passed on: numba passes a tuple's arrays one by one, which costs more than
+most of these tests do.
 
 References
 ----------

@@ -1,8 +1,8 @@
 """Calls that the autopilot answers: missions to and from it, the current item, the mode.
 
 What is written, and what is read back of it, goes by :mod:`~companion.link.missions.mission_transfer`: a
-swap has seconds, may be over a link that loses every fifth frame, writes only a part of an ArduPlane's list, and
-is timed by our clock. MAVSDK reads everything else: lists that others made, and fences.
+swap has seconds, may be over a link that loses every fifth frame, writes only a part of an ArduPlane's
+list, and is timed by our clock. MAVSDK reads everything else: lists that others made, and fences.
 
 ``set_current`` and ``set_mode`` do not go through MAVSDK either: its set-current waits for ever when the
 autopilot stores no mission, and queues every later transfer behind. They wait by our clock.
