@@ -17,13 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from companion.clock import ManualClock
+from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig
 from companion.errors import NoAutopilotError
-from companion.flight.app import App, stop
 from companion.flight.modes import Mode
 from companion.link.wire.transport import MemoryTransport
+from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
 from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
+from companion.tasks.app import App, stop
+from companion.tasks.composition import composed
 from companion.types.events import Dialect
 from companion.types.record import FlightRecord
 from sim.faults import FaultyLink
@@ -111,7 +114,9 @@ class Flight:
         """
         clock = ManualClock()
         ours, theirs = MemoryTransport.pair()
-        self.app = App(self.mission, ours, clock, self.recorder, seed=self.seed, plans_inline=True)
+        link = VehicleLink(self.mission, ours, clock, self.recorder)
+        parts = composed(self.mission, link, clock, self.recorder, seed=self.seed, runner=InlineRunner())
+        self.app = App(parts)
         theirs.set_receiver(self.wire.receive)
         await theirs.open()
         running = asyncio.create_task(self.app.run(), name="service")

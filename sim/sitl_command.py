@@ -60,7 +60,7 @@ def sitl(
     require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
-    logging.getLogger("companion.flight.app").setLevel(logging.WARNING)
+    logging.getLogger("companion.tasks.app").setLevel(logging.WARNING)
     if not headless:
         console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")
     warm_up(config)

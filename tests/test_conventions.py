@@ -1,6 +1,8 @@
 """What the source keeps to and no linter checks."""
 
 import ast
+import collections
+import re
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ FUNCTION_LINES_MAX = 80
 # Where every exception is caught, and why that is right there.
 BROAD_EXCEPTS: dict[str, str] = {
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
-    "companion/flight/app.py": "the top of each task: logs the fault with its trace, and raises it again",
+    "companion/tasks/app.py": "the top of each task: logs the fault with its trace, and raises it again",
     "companion/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",
 }
 
@@ -129,3 +131,49 @@ def test_no_work_is_left_as_a_remark(source):
 def test_no_path_of_somebodys_computer(source):
     text = source.read_text(encoding="utf-8")
     assert [place for place in ("/home/", "/root/", "/Users/", "C:\\") if place in text] == []
+
+
+def folders():
+    return sorted({path.parent for path in SOURCES})
+
+
+FILES_A_FOLDER_MAX = 12
+NAMED_ALIKE = {"__init__.py", "__main__.py"}
+
+
+@pytest.mark.parametrize("folder", folders(), ids=name_of)
+def test_a_folder_has_a_dozen_files_at_most(folder):
+    assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= FILES_A_FOLDER_MAX
+
+
+@pytest.mark.parametrize("folder", folders(), ids=name_of)
+def test_every_folder_says_what_lives_there_and_what_it_may_touch(folder):
+    told = ast.get_docstring(tree_of(folder / "__init__.py")) or ""
+    assert len(re.findall(r"[.;](?:\s|$)", told)) >= 2, told
+
+
+def test_every_file_name_occurs_once():
+    names = collections.Counter(path.name for path in SOURCES if path.name not in NAMED_ALIKE)
+    assert [name for name, times in names.items() if times > 1] == []
+
+
+def assigned_elsewhere(tree):
+    """Lines that assign an attribute of something that is not their own object."""
+    for node in ast.walk(tree):
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        if isinstance(node, ast.AugAssign | ast.AnnAssign):
+            targets = [node.target]
+        for target in targets:
+            for part in target.elts if isinstance(target, ast.Tuple) else [target]:
+                if isinstance(part, ast.Attribute) and ast.unparse(part.value) not in OWN:
+                    yield f"line {part.lineno}: {ast.unparse(part)}"
+
+
+OWN = {"self", "cls", "member"}  # the last in __new__ of an enum
+
+
+def test_no_object_is_assigned_from_outside(source):
+    """So a value has one writer, and who changes it is found in one place."""
+    if name_of(source).startswith("sim/"):
+        return
+    assert list(assigned_elsewhere(tree_of(source))) == []

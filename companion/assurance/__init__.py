@@ -1,1 +1,4 @@
-"""Independent check of every plan, and the emergency chain."""
+"""Independent check of every plan and mission, and the order of the steps where none passes.
+
+Plain NumPy and shapely; touches no code of the planner's, whose mistakes it would share.
+"""

@@ -37,7 +37,7 @@ class EmergencyStep(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
+class EmergencyOptions:
     """What the steps are chosen by; ``None`` stands for something that there is not.
 
     Parameters
@@ -80,7 +80,7 @@ def _is_flyable(violations: Sequence[Violation] | None) -> bool:
     return violations is not None and keeps_hard_constraints(violations)
 
 
-_TABLE: tuple[tuple[EmergencyStep, Callable[[Situation], bool], str], ...] = (
+_TABLE: tuple[tuple[EmergencyStep, Callable[[EmergencyOptions], bool], str], ...] = (
     (EmergencyStep.KEEP_FLOWN, lambda s: _passes(s.flown), "the flown plan still passes"),
     (EmergencyStep.LEAST_THREAT, lambda s: _is_flyable(s.least_threat), "it keeps the hard constraints"),
     (EmergencyStep.LOITER, lambda s: _passes(s.loiter), "a loiter within reach passes"),
@@ -89,23 +89,23 @@ _TABLE: tuple[tuple[EmergencyStep, Callable[[Situation], bool], str], ...] = (
 )
 
 
-def emergency_decision(situation: Situation) -> EmergencyDecision:
+def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
     """Choose the first step that can be taken, and say why those before it could not.
 
     Parameters
     ----------
-    situation : Situation
+    options : EmergencyOptions
         What the checker said of each candidate.
     """
     refused = {
-        EmergencyStep.KEEP_FLOWN: _refusal("the flown plan", situation.flown),
-        EmergencyStep.LEAST_THREAT: _refusal("the least-threat plan", situation.least_threat),
-        EmergencyStep.LOITER: _refusal("the loiter", situation.loiter),
+        EmergencyStep.KEEP_FLOWN: _refusal("the flown plan", options.flown),
+        EmergencyStep.LEAST_THREAT: _refusal("the least-threat plan", options.least_threat),
+        EmergencyStep.LOITER: _refusal("the loiter", options.loiter),
         EmergencyStep.RETURN_TO_LAUNCH: "the mission file does not allow return to launch",
     }
     reasons: list[str] = []
     for step, can_be_taken, because in _TABLE:
-        if can_be_taken(situation):
+        if can_be_taken(options):
             return EmergencyDecision(step, "; ".join([*reasons, because]))
         reasons.append(refused[step])
     raise AssertionError("the table's last row always holds")

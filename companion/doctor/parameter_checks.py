@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from companion.config import MissionConfig
 from companion.doctor.finding import Finding, fail, ok, warn
-from companion.flight.cycle import FLY_BY_M
 from companion.link.wire.decoded_frame import VersionTold
+from companion.mission.waypoints import FLY_BY_M
 from companion.types.events import Dialect
 
 MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}

@@ -35,7 +35,7 @@ def key_of(items: Sequence[MissionItem]) -> int:
     return zlib.crc32(text.encode("ascii"))
 
 
-class Memory:
+class Checkpoint:
     """Goals reached, and the path being flown.
 
     Parameters
@@ -52,7 +52,7 @@ class Memory:
 
     @property
     def kept(self) -> Mapping[str, bytes]:
-        """All that is remembered, by the ends of the files' names; another memory can be made of it."""
+        """All that is remembered, by the ends of the files' names; another checkpoint can be made of it."""
         return self._kept
 
     def reached(self, goals: Places) -> int:

@@ -1,16 +1,242 @@
-"""What a planning cycle decides."""
+"""Whether a new plan replaces what is flown, by an ordered table of rules; and every kind of decision.
+
+Theory of operation. The rules of :data:`_RULES` are asked in their order; the first that has an answer
+decides. On its way each notes the numbers that it went by, for the record. No dithering: beside a flown path
+that is sound, a new one has to be cheaper by the mission file's ``swap_gain``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+
+from companion.assurance.violation import Violation
+from companion.flight.flight_state import FlightState
+from companion.flight.progress import Start
+from companion.types.path import Path
+from companion.types.plan import Plan
+
+EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
+VIOLATIONS_TOLD = 5
+_NOTICE, _WARNING, _CRITICAL, _INFO = 5, 4, 2, 6  # MAV_SEVERITY
+
+
+class DecisionKind(Enum):
+    """What is decided, recorded and told to the pilot, and with which MAV_SEVERITY."""
+
+    SWAP = "swap", _NOTICE
+    KEEP = "keep", _INFO
+    NO_PLAN = "no plan", _WARNING
+    REJECTED = "rejected", _WARNING
+    EMERGENCY = "emergency", _CRITICAL
+    MODE = "mode", _INFO
+    SUSPENDED = "suspended", _WARNING
+    ARRIVED = "arrived", _NOTICE
+    LANDED = "landed", _INFO
+    LANDING = "landing", _WARNING
+    MISSION = "mission", _INFO
+    RESTART = "restart", _INFO
+    FENCE = "fence", _INFO
+    RELOAD = "reload", _NOTICE
+    PARAMETERS = "parameters", _WARNING
+    RECORDING = "recording", _INFO
+    STOPPED = "stopped", _WARNING
+
+    severity: int
+
+    def __new__(cls, value: str, severity: int) -> DecisionKind:
+        """A member with its severity."""
+        member = object.__new__(cls)
+        member._value_ = value
+        member.severity = severity
+        return member
+
+
+class Verdict(Enum):
+    """What is said of a plan; those that replace what is flown first."""
+
+    FIRST_PLAN = "first plan"
+    UNSAFE = "unsafe"
+    THREAT = "threat"
+    BETTER = "better"
+    EXTEND = "extend"
+    EMERGENCY = "emergency"
+    KEEP = "keep"
+    NO_PLAN = "no plan"
+    REJECTED = "rejected"
+
+    @property
+    def kind(self) -> DecisionKind:
+        """As what it is told."""
+        return _KINDS.get(self, DecisionKind.SWAP)
+
+    @property
+    def is_swap(self) -> bool:
+        """Whether the plan replaces what is flown."""
+        return self.kind is DecisionKind.SWAP
+
+    @property
+    def is_emergency(self) -> bool:
+        """Whether no plan passes, and the emergency strategy has to answer."""
+        return self in (Verdict.NO_PLAN, Verdict.REJECTED)
+
+
+_KINDS = {
+    Verdict.KEEP: DecisionKind.KEEP,
+    Verdict.NO_PLAN: DecisionKind.NO_PLAN,
+    Verdict.REJECTED: DecisionKind.REJECTED,
+}
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
-    """What a cycle decided, in words why, and the numbers that led to it."""
+class SwapDecision:
+    """What is said of a plan, in words why, and the numbers that led to it."""
 
-    swap: bool
-    kind: str
+    verdict: Verdict
     text: str
     why: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A plan to be judged, and what the rules go by."""
+
+    state: FlightState
+    plan: Plan
+    start: Start
+
+    @cached_property
+    def path(self) -> Path:
+        """The plan's path; only where there is one."""
+        assert self.plan.path is not None
+        return self.plan.path
+
+    @cached_property
+    def threat(self) -> float:
+        """The plan's highest threat level."""
+        return float(self.path.threat_levels.max())
+
+    @cached_property
+    def rest_violations(self) -> tuple[Violation, ...]:
+        """What the rest of the flown path breaks."""
+        return () if self.start.rest is None else self.state.violations_of(self.start.rest)
+
+    @cached_property
+    def carried_s(self) -> float:
+        """How long the mission in the autopilot still carries on from the start [s]; to the goal: endless."""
+        flown, rest = self.state.flown, self.start.rest
+        if flown is None or rest is None:
+            return 0.0
+        if flown.carried_until_s >= flown.path.times_s[-1]:
+            return math.inf
+        return flown.carried_until_s - float(flown.path.times_s[len(flown.path) - len(rest)])
+
+
+_Facts = dict[str, object]
+_Answer = tuple[Verdict, str] | None
+
+
+def _no_plan(case: _Case, why: _Facts) -> _Answer:
+    """Nothing that reaches the goal."""
+    if case.plan.path is not None and case.plan.reaches_goal:
+        return None
+    return Verdict.NO_PLAN, "; ".join((case.plan.status.value, *case.plan.notes))
+
+
+def _rejected(case: _Case, why: _Facts) -> _Answer:
+    """A path that the checker refuses, but for the threat that the aircraft is already under."""
+    why["threat"] = case.threat
+    violations = case.state.violations_of(case.path)
+    if case.path.threat_levels[0] > case.state.rules.checker.limits.threat_level_max:
+        violations = tuple(entry for entry in violations if entry.rule != "threat")
+    if not violations:
+        return None
+    why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_TOLD]]
+    return Verdict.REJECTED, f"{violations[0]} ({len(violations)} violations)"
+
+
+def _flown_is_unsafe(case: _Case, why: _Facts) -> _Answer:
+    """The world has changed: the rest of the flown path fails the check."""
+    if not case.rest_violations:
+        return None
+    why["flown_violations"] = [str(entry) for entry in case.rest_violations[:VIOLATIONS_TOLD]]
+    return Verdict.UNSAFE, f"flown plan: {case.rest_violations[0]}"
+
+
+def _nothing_is_flown(case: _Case, why: _Facts) -> _Answer:
+    """Nothing to compare with."""
+    if case.start.rest is not None and case.plan.flown_cost is not None:
+        return None
+    return Verdict.FIRST_PLAN, f"cost {case.plan.measures.path_cost:.1f}"
+
+
+def _flown_is_threatened(case: _Case, why: _Facts) -> _Answer:
+    """The flown path's threat level passes the limit, and the new one's is lower."""
+    level = case.plan.flown_threat or 0.0
+    if level > float(case.state.mission.planning.threat_level_max) and case.threat < level:
+        return Verdict.THREAT, f"level {level:.2f} on the flown plan"
+    return None
+
+
+def _is_better(case: _Case, why: _Facts) -> _Answer:
+    """Cheaper by ``swap_gain``; (9) counts a path that passes the threat limit as endlessly dear."""
+    flown_cost, cost = case.plan.flown_cost or 0.0, case.plan.measures.path_cost
+    gain = 1.0 - cost / flown_cost if flown_cost > 0.0 else 0.0
+    wanted_s = EXTENDED_HORIZONS * case.state.rules.time_horizon_s
+    why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": wanted_s}
+    if gain < float(case.state.mission.planning.swap_gain):
+        return None
+    instead = f" instead of {flown_cost:.1f}"
+    if flown_cost == math.inf:
+        instead = ", and the flown path passes threat_level_max"
+    return Verdict.BETTER, f"cost {cost:.1f}{instead}"
+
+
+def _is_short_or_kept(case: _Case, why: _Facts) -> _Answer:
+    """The mission in the autopilot ends soon, or all is well."""
+    is_short = case.carried_s < EXTENDED_HORIZONS * case.state.rules.time_horizon_s
+    text = f"cost {case.plan.measures.path_cost:.1f}, flown {case.plan.flown_cost:.1f}"
+    return Verdict.EXTEND if is_short else Verdict.KEEP, text
+
+
+_RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
+    _no_plan,
+    _rejected,
+    _flown_is_unsafe,
+    _nothing_is_flown,
+    _flown_is_threatened,
+    _is_better,
+    _is_short_or_kept,
+)
+
+
+def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
+    """Whether a plan replaces what is flown.
+
+    Parameters
+    ----------
+    state : FlightState
+        What is flown, and by which rules.
+    plan : Plan
+        The planner's answer.
+    start : Start
+        Where it begins.
+    """
+    planning = state.mission.planning
+    why: _Facts = {
+        "status": plan.status.value,
+        "cost": plan.measures.path_cost,
+        "flown_cost": plan.flown_cost,
+        "flown_threat": plan.flown_threat,
+        "swap_gain": float(planning.swap_gain),
+        "threat_level_max": float(planning.threat_level_max),
+    }
+    case = _Case(state, plan, start)
+    for rule in _RULES:
+        answer = rule(case, why)
+        if answer is not None:
+            return SwapDecision(*answer, why)
+    raise AssertionError("the table's last row always answers")

@@ -1,6 +1,6 @@
 """What to fly when no plan passes: the candidates of the emergency strategy, and the step they allow.
 
-Synchronous and without a clock, like the cycle. The service carries the step out and announces it.
+Synchronous and without a clock. Whoever plans carries the step out and announces it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ import numpy as np
 from companion.assurance.checker import Violation
 from companion.assurance.emergency import (
     EmergencyDecision,
+    EmergencyOptions,
     EmergencyStep,
-    Situation,
     emergency_decision,
     keeps_hard_constraints,
 )
-from companion.flight.cycle import Cycle, Start
+from companion.flight.flight_state import FlightState
+from companion.flight.progress import Start
+from companion.flight.shaping import carried, waypoints_of
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import StartState
@@ -32,7 +34,7 @@ ROW_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class EscapeRoute:
     """A path, its waypoints, and the path's time at their end [s]."""
 
     path: Path
@@ -45,28 +47,28 @@ class Response:
     """The step to take, why, and what is flown by it."""
 
     decision: EmergencyDecision
-    way: Way | None
+    route: EscapeRoute | None
 
 
-def flown_violations(cycle: Cycle, start: Start) -> tuple[Violation, ...] | None:
+def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] | None:
     """What the rest of the flown path breaks; None where nothing of ours is flown.
 
     A refuge that was taken before is judged by itself: the way to it and the circle, not the goal.
     """
-    if cycle.flown is None:
+    if state.flown is None:
         return None
-    if cycle.flies_to_goal:
-        return None if start.rest is None else cycle.check(start.rest)
-    _, violations = cycle.carried(cycle.flown.path, len(cycle.flown.path) - 1)
+    if state.flies_to_goal:
+        return None if start.rest is None else state.violations_of(start.rest)
+    _, violations = carried(state, state.flown.path, len(state.flown.path) - 1)
     return violations
 
 
 def respond(
-    cycle: Cycle,
+    state: FlightState,
     start: Start,
     least_threat: Plan,
     failed: Sequence[Path | None],
-    room: int,
+    max_waypoints: int,
     *,
     may_return: bool,
 ) -> Response:
@@ -74,24 +76,24 @@ def respond(
 
     Parameters
     ----------
-    cycle : Cycle
-        Whose checker judges.
+    state : FlightState
+        What is flown, and by which rules.
     start : Start
         From where a new mission would be flown.
     least_threat : Plan
         The plan that weighs threats most and has no limit to them.
     failed : sequence of Path or None
         Other paths, from other starts or refused, along which a refuge may lie.
-    room : int
+    max_waypoints : int
         Waypoints that a mission may have.
     may_return : bool
         Whether the mission file allows return to launch.
     """
-    straight_on, by_threat = _least_threat(cycle, least_threat, room)
-    refuge, by_loiter = _refuge(cycle, start, (least_threat.path, *failed), room)
+    straight_on, by_threat = _least_threat(state, least_threat, max_waypoints)
+    refuge, by_loiter = _refuge(state, start, (least_threat.path, *failed), max_waypoints)
     decision = emergency_decision(
-        Situation(
-            flown=flown_violations(cycle, start), least_threat=by_threat, loiter=by_loiter,
+        EmergencyOptions(
+            flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
             may_return=may_return,
         )
     )  # fmt: skip
@@ -99,35 +101,37 @@ def respond(
     return Response(decision, ways.get(decision.step))
 
 
-def _least_threat(cycle: Cycle, plan: Plan, room: int) -> tuple[Way | None, tuple[Violation, ...] | None]:
+def _least_threat(
+    state: FlightState, plan: Plan, max_waypoints: int
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
     """The least-threat plan as a mission, and what is wrong with it; None where none reaches the goal."""
     if plan.path is None or not plan.reaches_goal:
         return None, None
-    waypoints, carried_s, violations = cycle.waypoints(plan.path, room)
-    return Way(plan.path, waypoints, carried_s), (*cycle.check(plan.path), *violations)
+    waypoints, carried_s, violations = waypoints_of(state, plan.path, max_waypoints)
+    return EscapeRoute(plan.path, waypoints, carried_s), (*state.violations_of(plan.path), *violations)
 
 
 def _refuge(
-    cycle: Cycle, start: Start, paths: Sequence[Path | None], room: int
-) -> tuple[Way | None, tuple[Violation, ...] | None]:
+    state: FlightState, start: Start, paths: Sequence[Path | None], max_waypoints: int
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
     """The reachable place to circle with the least threat, and what is wrong with it.
 
     Places lie along paths that begin at the start, as far as these keep the hard constraints, and
     straight ahead. Without any that passes, the violations of the one tried first.
     """
     wrong: tuple[Violation, ...] | None = None
-    for _, path, row in _places(cycle, start, paths):
-        waypoints, violations = cycle.carried(path, row)
-        if not violations and len(waypoints.positions_enu_m) <= room:
-            return Way(path.until(row), waypoints, float(path.times_s[row])), ()
+    for _, path, row in _places(state, start, paths):
+        waypoints, violations = carried(state, path, row)
+        if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
+            return EscapeRoute(path.until(row), waypoints, float(path.times_s[row])), ()
         wrong = wrong or violations
     return None, wrong
 
 
-def _places(cycle: Cycle, start: Start, paths: Sequence[Path | None]) -> list[tuple[float, Path, int]]:
+def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[tuple[float, Path, int]]:
     """Threat level, path and row of every place to try, the safest first."""
     begin = np.asarray(start.state.position_enu_m)
-    places = []
+    places: list[tuple[float, Path, int]] = []
     for path in (*paths, straight_ahead(start.state)):
         if (
             path is None
@@ -135,7 +139,9 @@ def _places(cycle: Cycle, start: Start, paths: Sequence[Path | None]) -> list[tu
             or np.linalg.norm(path.positions_enu_m[0] - begin) > 1.0
         ):
             continue
-        hard = [entry.row for entry in cycle.checker.check_path(path) if not keeps_hard_constraints([entry])]
+        hard = [
+            entry.row for entry in state.rules.checker.check_path(path) if not keeps_hard_constraints([entry])
+        ]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
         rows = range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN)
         places += [(float(path.threat_levels[row]), path, row) for row in rows]

@@ -3,41 +3,36 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 LANDED_S = 10.0  # not armed for so long; less may be a slip of the pilot's
 GROUND_MAX_S = 3_600.0
 
 
-class Ground:
-    """Follows whether the aircraft is armed.
+@dataclass(frozen=True, slots=True)
+class FlightPhase:
+    """Whether the aircraft is, or was, armed.
 
     Parameters
     ----------
-    now_s : float
-        When this began.
-
-    Attributes
-    ----------
+    begun_s : float
+        When this began, by the clock [s].
     has_flown : bool
         Whether the aircraft was armed since.
+    is_armed : bool
+        What the autopilot told last.
+    disarmed_s : float
+        Since when it tells that it is not armed [s]; infinite before it was heard.
     """
 
-    def __init__(self, now_s: float) -> None:
-        self.has_flown = False
-        self._begun_s = now_s
-        self._is_armed = False
-        self._disarmed_s = math.inf
-
-    def note(self, now_s: float, *, is_armed: bool) -> None:
-        """Take what a heartbeat of the autopilot's says."""
-        if is_armed or self._is_armed or self._disarmed_s == math.inf:
-            self._disarmed_s = now_s
-        self._is_armed = is_armed
-        self.has_flown |= is_armed
+    begun_s: float
+    has_flown: bool = False
+    is_armed: bool = False
+    disarmed_s: float = math.inf
 
     def is_grounded(self, now_s: float) -> bool:
         """Whether the aircraft has not been armed for a while; an autopilot never heard tells nothing."""
-        return not self._is_armed and now_s - self._disarmed_s >= LANDED_S
+        return not self.is_armed and now_s - self.disarmed_s >= LANDED_S
 
     def is_over(self, now_s: float) -> bool:
         """Whether there was a flight, and it is over."""
@@ -45,4 +40,25 @@ class Ground:
 
     def is_idle(self, now_s: float) -> bool:
         """Whether there has been no flight for so long that none of it is worth a recording."""
-        return not self.has_flown and now_s - self._begun_s >= GROUND_MAX_S
+        return not self.has_flown and now_s - self.begun_s >= GROUND_MAX_S
+
+
+def after_armed_state(phase: FlightPhase, now_s: float, *, is_armed: bool) -> FlightPhase:
+    """The phase after a heartbeat of the autopilot's.
+
+    Parameters
+    ----------
+    phase : FlightPhase
+        The one before.
+    now_s : float
+        When it was heard [s].
+    is_armed : bool
+        What it says.
+    """
+    is_news = is_armed or phase.is_armed or phase.disarmed_s == math.inf
+    return replace(
+        phase,
+        disarmed_s=now_s if is_news else phase.disarmed_s,
+        is_armed=is_armed,
+        has_flown=phase.has_flown or is_armed,
+    )

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.config import MissionConfig
-from companion.config.compose import planner_settings_of, vehicle_of, world_of
+from companion.config.compose import world_of
+from companion.config.rules import Rules
 from companion.frames import direction_from_course
 from companion.kernels.geometry.prism_distance import segment_blocked
 from companion.kernels.threat.fuzzy_threat import MAX_THREATS, point_threat
@@ -17,47 +17,58 @@ from companion.tracking.ownship import OwnshipEstimator
 from companion.tracking.tracker import Tracker
 from companion.types.events import Event, TrackReport
 from companion.types.state import Ownship
-from companion.types.threat import Obstacle, TrackState
+from companion.types.threat import TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
 EYE_M = 2.0
 
 
-class Picture:
+class Situation:
     """Collects events; hands out snapshots.
 
     Parameters
     ----------
-    mission : MissionConfig
-        The mission file.
+    rules : Rules
+        The mission file in force, and the autopilot's fences.
     seed : int
-        Of the particle filters.
+        From which the particle filters draw their numbers.
     """
 
-    def __init__(self, mission: MissionConfig, seed: int) -> None:
-        self._fences: tuple[Obstacle, ...] = ()
-        self._read(mission)
+    def __init__(self, rules: Rules, seed: int) -> None:
+        self._read(rules)
+        mission = rules.mission
         self.ownship = OwnshipEstimator(mission.frame)
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
         self.newest_track_s = -math.inf
         self.reports: Counter[str] = Counter()  # by the message they came in
 
-    def _read(self, mission: MissionConfig) -> None:
+    def _read(self, rules: Rules) -> None:
         """Take the world and the threat model from a mission file."""
-        self._mission = mission
+        mission = rules.mission
+        self._rules = rules
         self._snapshot = world_of(mission)
         self._horizon_m = float(mission.planning.sensing_horizon_m)
-        self._model = planner_settings_of(mission).threat_model(vehicle_of(mission), float(mission.unit_m))
-        self.set_fences(self._fences)
+        self._model = rules.settings.threat_model(rules.vehicle, float(mission.unit_m))
+        self._fence()
 
-    def adopt(self, mission: MissionConfig) -> None:
+    def _fence(self) -> None:
+        """Take the autopilot's fences for obstacles; they hide nothing, and stop no moving threat."""
+        packed = packed_obstacles(self._rules.obstacles, self._snapshot.bounds)
+        self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=self._rules.obstacles)
+
+    def follow_mission(self, rules: Rules) -> None:
         """Go by another mission file from now on; radars that are as they were stay sensed."""
-        before, known = self._mission.radars, self._snapshot.threats.known
+        before, known = self._rules.mission.radars, self._snapshot.threats.known
         sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
-        self._read(mission)
-        kept = np.array([radar in sensed for radar in mission.radars], dtype=np.int64)
+        self._read(rules)
+        kept = np.array([radar in sensed for radar in rules.mission.radars], dtype=np.int64)
         self._snapshot = self._snapshot.with_known(kept)
+
+    def follow_fences(self, rules: Rules) -> None:
+        """Go by other fences from now on."""
+        self._rules = rules
+        self._fence()
 
     def observe(self, event: Event, now_s: float) -> None:
         """Take one event."""
@@ -67,13 +78,6 @@ class Picture:
             self.newest_track_s = now_s
         else:
             self.ownship.observe(event)
-
-    def set_fences(self, fences: tuple[Obstacle, ...]) -> None:
-        """Take the autopilot's fences for obstacles; they hide nothing, and stop no moving threat."""
-        self._fences = fences
-        every = (*self._mission.obstacle_list, *fences)
-        packed = packed_obstacles(every, self._snapshot.bounds)
-        self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=every)
 
     def snapshot(self, now_s: float) -> Snapshot:
         """The world now: sensed static threats stay known, tracks are taken to this instant."""

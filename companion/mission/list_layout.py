@@ -25,7 +25,6 @@ from companion.mission.operator import (
     shifted_jumps,
 )
 from companion.mission.waypoints import Waypoints, loiter_item, path_items, speed_item
-from companion.types.events import Dialect
 from companion.types.mission import Command, Frame, Mission, MissionItem
 
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
@@ -37,7 +36,7 @@ _HALF_CENTIMETRE_M = 0.004
 
 
 @dataclass(frozen=True, slots=True)
-class Banks:
+class TwoBankLayout:
     """Where the banks lie in an ArduPlane's list.
 
     Parameters
@@ -61,7 +60,7 @@ class Banks:
     tail: int | None = None
 
     @property
-    def room(self) -> int:
+    def max_waypoints(self) -> int:
         """Most waypoints of a path that it carries, the operator's actions not counted."""
         return self.size - BANK_EXTRAS
 
@@ -90,10 +89,13 @@ class Banks:
         """A bank that carries waypoints."""
         has_tail = self.tail is not None and self.tail < len(self.prefix)
         return bank_items(
-            waypoints, self.size, frame, jump_to=self.tail if waypoints.goes_on and has_tail else None
+            waypoints,
+            self.size,
+            frame,
+            jump_to=self.tail if waypoints.continues_with_operator_items and has_tail else None,
         )
 
-    def with_new(self, bank: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, Banks]:
+    def with_new(self, bank: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, TwoBankLayout]:
         """The list with a new path in the idle bank, and the banks once that is flown."""
         index = 1 - self.flown_index
         banks: list[tuple[MissionItem, ...] | None] = [None, None]
@@ -109,7 +111,7 @@ class Banks:
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class SingleListLayout:
     """A PX4's list.
 
     Parameters
@@ -130,7 +132,7 @@ class Whole:
     size: int = 0
 
     @property
-    def room(self) -> int:
+    def max_waypoints(self) -> int:
         """Most waypoints of a path that it carries."""
         return WHOLE_WAYPOINTS_MAX
 
@@ -153,14 +155,14 @@ class Whole:
     def items_for(self, waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
         """Our part, for waypoints: at its end a loiter, or the airspeed twice and what follows the goal."""
         items = path_items(waypoints, frame)
-        if waypoints.goes_on and self.tail:
+        if waypoints.continues_with_operator_items and self.tail:
             ours = (*items, *(speed_item(waypoints, frame),) * 2)
         else:
             ours = (*items, loiter_item(waypoints, frame))
         size = max(self.size or int(WHOLE_SHARE * len(ours)), len(self.flown or ()), WHOLE_ITEMS_MIN)
         return ours + ours[-1:] * (size - len(ours))
 
-    def with_new(self, ours: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, Whole]:
+    def with_new(self, ours: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, SingleListLayout]:
         """The list with another part of ours, and the layout once that is flown."""
         behind, by = len(self.head), len(ours)
         items = [*shifted_jumps(self.head, behind, by), *ours, *shifted_jumps(self.tail, behind, by)]
@@ -168,7 +170,7 @@ class Whole:
         return Mission(numbered, behind, plan_number), replace(self, flown=ours, size=len(ours))
 
 
-Layout = Banks | Whole
+Layout = TwoBankLayout | SingleListLayout
 
 
 def marked(mission: Mission, sequence: int) -> tuple[MissionItem, ...]:
@@ -190,10 +192,10 @@ def bank_items(
     return items + (loiter_item(waypoints, frame),) * (size - len(items))
 
 
-def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> Banks:
-    """Banks behind what the autopilot holds now, with room for paths half as long again."""
+def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> TwoBankLayout:
+    """TwoBankLayout behind what the autopilot holds now, with room for paths half as long again."""
     size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
-    return Banks(prefix=held_height(existing), size=size, tail=tail)
+    return TwoBankLayout(prefix=held_height(existing), size=size, tail=tail)
 
 
 def held_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
@@ -210,33 +212,30 @@ def held_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     )
 
 
-def layout_of(
-    read: Sequence[MissionItem], dialect: Dialect, operator: Operator, current: int, num_waypoints: int
-) -> Layout:
-    """How ours are to stand in a list as read; after a restart, as they stand already.
+def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current: int) -> TwoBankLayout:
+    """How ours are to stand in an ArduPlane's list as read; after a restart, as they stand already.
 
     Parameters
     ----------
     read : sequence of MissionItem
         What the autopilot holds.
-    dialect : Dialect
-        Whose list it is.
     operator : Operator
         What in it is the operator's.
     current : int
         Sequence of the item being flown: the bank in which it lies is not written to.
-    num_waypoints : int
-        Of a usual path, for the size of banks.
     """
-    if dialect is Dialect.PX4:
-        return Whole(head=operator.items[: operator.tail], tail=operator.items[operator.tail :])
     banks = banks_in(read)
     if banks is None:
-        return new_banks(operator.items, num_waypoints, operator.tail)
+        return new_banks(operator.items, 0, operator.tail)
     first, size = banks
     kept = [tuple(read[begin : begin + size]) for begin in range(first, len(read), size)]
     index = 1 if len(kept) == 2 and current >= first + size else 0
     if current < first:
         index = len(kept) - 1  # the first is written next; a second one keeps the list's length
     flown = tuple(replace(item, sequence=1, is_current=False) for item in kept[index])
-    return Banks(held_height(operator.items), size, held_height(flown), index, operator.tail)
+    return TwoBankLayout(held_height(operator.items), size, held_height(flown), index, operator.tail)
+
+
+def single_list_layout_of(operator: Operator) -> SingleListLayout:
+    """How ours are to stand in a PX4's list: between the operator's items up to the goal and the others."""
+    return SingleListLayout(head=operator.items[: operator.tail], tail=operator.items[operator.tail :])

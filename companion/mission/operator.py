@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from companion.frames import LocalFrame
-from companion.types.events import Dialect
 from companion.types.mission import Command, MissionItem
 
 GOALS = frozenset({16, 17, 18, 19, 31, 82})
@@ -205,11 +204,14 @@ def _end_of_repetition(items: Sequence[MissionItem], index: int) -> int:
     return end
 
 
-def without_ours(items: Sequence[MissionItem], dialect: Dialect) -> tuple[MissionItem, ...]:
-    """The operator's items in a list as read."""
-    if dialect is Dialect.ARDUPILOT:
-        banks = banks_in(items)
-        return tuple(items) if banks is None else tuple(items[: banks[0]])
+def without_banks(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+    """The operator's items in an ArduPlane's list as read."""
+    banks = banks_in(items)
+    return tuple(items) if banks is None else tuple(items[: banks[0]])
+
+
+def without_span(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+    """The operator's items in a PX4's list as read."""
     span = span_in(items)
     return tuple(items) if span is None else (*items[: span[0]], *items[span[1] :])
 

@@ -14,13 +14,16 @@ from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, Frame, Mission, MissionItem
 from companion.types.path import Path
 
-ENTRY_AHEAD_M = 45.0  # the entry lies at least this far along the path: nearer is reached on entering
+FIRST_WAYPOINT_AHEAD_M = (
+    45.0  # the entry lies at least this far along the path: nearer is reached on entering
+)
 ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room for its turn
 CORNER_MAX_RAD = math.radians(50.0)
 CHORD_MAX_RAD = math.radians(25.0)  # of a turn flown from point to point
 INSET_M = 5.0  # halves what such a turn is flown too wide (simulated: 10 to 5 m at 25 m/s and 125 m)
 GOAL_ACCEPTANCE_M = 15.0  # at the goal, before what follows it: a fly-by might pass the goal by
 STRAIGHT_RAD = 1e-4
+FLY_BY_M = 50.0  # WP_RADIUS, at which ArduPlane turns to the next waypoint
 HEIGHT_TOLERANCE_M = 8.0
 SLIGHT_M = 2.0
 MARK_M = 40.0  # from something to be done, within which any waypoint serves
@@ -45,7 +48,7 @@ class Waypoints:
         Where to circle afterwards [m]; None circles the path's end.
     loiter_radius_m : float
         Positive clockwise; 0 leaves it to the autopilot.
-    goes_on : bool
+    continues_with_operator_items : bool
         Whether the operator's items that follow the goal are flown after the last waypoint.
     actions : tuple of (int, tuple of MissionItem)
         The operator's DO_ items to carry out at a waypoint, by its number.
@@ -56,7 +59,7 @@ class Waypoints:
     airspeed_m_s: float
     loiter_centre_enu_m: FloatArray | None = None
     loiter_radius_m: float = 0.0
-    goes_on: bool = False
+    continues_with_operator_items: bool = False
     actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
 
 
@@ -70,7 +73,7 @@ def waypoints_from_path(
     A turn becomes the corners of the polygon about its arc, :data:`CORNER_MAX_RAD` each: an aircraft
     that rounds them off at the path's radius flies the arc itself. Straight flight needs none but
     where the height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`. The
-    start is left out; corners nearer to it than :data:`ENTRY_AHEAD_M` count as flown.
+    start is left out; corners nearer to it than :data:`FIRST_WAYPOINT_AHEAD_M` count as flown.
 
     A PX4 that flies fixed wings turns no more than some 10 m before a waypoint, whatever the item says
     (measured, and so in its ``mission_block.cpp``). For it (``flies_by`` false) the waypoints of a turn
@@ -84,9 +87,9 @@ def waypoints_from_path(
     turns = _corners(points, courses, travelled) if flies_by else _chords(points, courses, travelled)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
-    chosen = [mark for mark in marks[1:-1] if mark[0] >= ENTRY_AHEAD_M]
-    if marks[1][0] > ENTRY_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
-        row = int(np.searchsorted(travelled[:-1], ENTRY_AHEAD_M))
+    chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
+    if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
+        row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
         chosen.insert(0, (float(travelled[row]), points[row]))
     chosen = _without_slight_corners([*chosen, marks[-1]])
     for length in marked_m:
@@ -190,7 +193,7 @@ def _with_heights(
     return result
 
 
-def mended(
+def merge_close_waypoints(
     waypoints: Waypoints, wrong_with: Callable[[Waypoints], tuple[Violation, ...]]
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
     """Waypoints without those that stand too close for the turn or the climb between them.
@@ -237,7 +240,7 @@ def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ..
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
         items.append(_item(Command.NAV_WAYPOINT, position, frame))
-        if waypoints.goes_on and n == len(waypoints.positions_enu_m) - 1:
+        if waypoints.continues_with_operator_items and n == len(waypoints.positions_enu_m) - 1:
             items[-1] = replace(items[-1], parameters=(0.0, GOAL_ACCEPTANCE_M, 0.0, None))
         if n == 0:
             items.append(speed_item(waypoints, frame))

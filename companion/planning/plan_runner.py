@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from companion.clock import Clock
 from companion.threads import in_thread
@@ -14,11 +14,12 @@ from companion.types.plan import Plan
 POLL_S = 0.2  # between looks at whether a plan is due
 NEAR_S = 2.0
 
-Search = Callable[[Callable[[], bool]], Plan]  # takes a stopping rule
+Request = TypeVar("Request")
+Search = Callable[[Request, Callable[[], bool]], Plan]  # takes what is asked, and a stopping rule
 
 
 @dataclass(frozen=True, slots=True)
-class Paced:
+class PlanRun:
     """A plan, and what it took.
 
     Parameters
@@ -39,7 +40,7 @@ class Paced:
     is_stopped: bool
 
 
-class Pace(Protocol):
+class PlanRunner(Protocol):
     """Says when plans are made, and runs the search."""
 
     def next_look_s(self, now_s: float) -> float:
@@ -50,7 +51,9 @@ class Pace(Protocol):
         """Wait until the plan of this number is to be made."""
         ...
 
-    async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
+    async def run(
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+    ) -> PlanRun:
         """Run the search for the plan of this number within a budget of the clock's time."""
         ...
 
@@ -70,13 +73,13 @@ class _Rule:
         return self.is_stopped
 
 
-def _searched(search: Search, rule: _Rule) -> Paced:
+def _searched(search: Search[Request], request: Request, rule: _Rule) -> PlanRun:
     began = time.perf_counter()
-    plan = search(rule)
-    return Paced(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
+    plan = search(request, rule)
+    return PlanRun(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
 
 
-class _Live:
+class _LiveRunner:
     """A plan is made once it is due."""
 
     def next_look_s(self, now_s: float) -> float:
@@ -87,28 +90,32 @@ class _Live:
         """Begin at once."""
 
 
-class InStep(_Live):
+class InlineRunner(_LiveRunner):
     """In the event loop, to the iteration budget; the plan takes its budget of a clock that others move."""
 
-    async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
+    async def run(
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+    ) -> PlanRun:
         """Run the search, however long the computer needs."""
         due = clock.now_s() + budget_s
-        paced = _searched(search, _Rule(lambda asked: False))
+        paced = _searched(search, request, _Rule(lambda asked: False))
         await clock.sleep_until(due)
         return paced
 
 
-class InThread(_Live):
+class ThreadRunner(_LiveRunner):
     """In a thread, until the clock says that the budget is spent."""
 
-    async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
+    async def run(
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+    ) -> PlanRun:
         """Run the search to its deadline."""
         due = clock.now_s() + budget_s
-        return await in_thread(_searched, search, _Rule(lambda asked: clock.now_s() >= due))
+        return await in_thread(_searched, search, request, _Rule(lambda asked: clock.now_s() >= due))
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class RecordedPlanTiming:
     """A recorded plan.
 
     Parameters
@@ -127,7 +134,7 @@ class Taken:
     seen_s: float | None = None
 
 
-class AsRecorded:
+class RecordedRunner:
     """In the event loop, stopped where the recorded search was stopped, and as long by the clock.
 
     Parameters
@@ -136,7 +143,7 @@ class AsRecorded:
         By the plan's number; a plan that was not recorded is made as in a simulation.
     """
 
-    def __init__(self, taken: Mapping[int, Taken]) -> None:
+    def __init__(self, taken: Mapping[int, RecordedPlanTiming]) -> None:
         self._taken = taken
 
     def next_look_s(self, now_s: float) -> float:
@@ -151,11 +158,13 @@ class AsRecorded:
         if seen_s is not None and 0.0 < seen_s - clock.now_s() < NEAR_S:
             await clock.sleep_until(seen_s)
 
-    async def run(self, search: Search, clock: Clock, budget_s: float, number: int) -> Paced:
+    async def run(
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+    ) -> PlanRun:
         """Run the search as it was run in flight."""
-        taken = self._taken.get(number, Taken(None, budget_s))
+        taken = self._taken.get(number, RecordedPlanTiming(None, budget_s))
         due = clock.now_s() + taken.took_s
         last = taken.stopped_at
-        paced = _searched(search, _Rule(lambda asked: last is not None and asked >= last))
+        paced = _searched(search, request, _Rule(lambda asked: last is not None and asked >= last))
         await clock.sleep_until(due)
         return paced

@@ -23,7 +23,7 @@ from companion.errors import RecordError
 from companion.link.messages.codec import COMPONENT_ID, is_intact
 from companion.link.wire.framing import RawFrame, raw_frame
 from companion.link.wire.tlog import Entry, read_tlog
-from companion.planning.plan_runner import Taken
+from companion.planning.plan_runner import RecordedPlanTiming
 from companion.recording import mcap_schema as channels
 from companion.types.record import SPOKEN, Decision
 
@@ -84,7 +84,7 @@ class Recording:
     epoch_s: float
     about: Document = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()
-    taken: dict[int, Taken] = field(default_factory=dict)
+    taken: dict[int, RecordedPlanTiming] = field(default_factory=dict)
     counters: Counter[str] = field(default_factory=Counter)
     until_s: float = math.inf
     start_us: int = 0
@@ -256,12 +256,12 @@ def decision_of(document: Document) -> Decision:
     )
 
 
-def _taken_of(document: Document) -> Taken:
+def _taken_of(document: Document) -> RecordedPlanTiming:
     asked = number(document.get("asked"))
     is_stopped = document.get("is_stopped") is True and asked is not None
     took_s = max(0.0, number(document.get("took_s")) or 0.0)
     instants = (number(document.get("due_s")), number(document.get("seen_s")))
-    return Taken(int(asked or 0) if is_stopped else None, took_s, *instants)
+    return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants)
 
 
 def told_decisions(frames: Sequence[Heard]) -> tuple[Decision, ...]:

@@ -223,6 +223,16 @@ class Recorder:
         self._note(channels.SNAPSHOT, made.begun_s, world)
         self._note(channels.PLAN, now_s, channels.plan_table(made))
 
+    def mission_flown(self, mission: UploadedMission, latency_ms: float | None = None) -> None:
+        """Add a mission that is flown, and how old the newest track was by then [ms]."""
+        self.missions.append(mission)
+        if latency_ms is not None:
+            self.track_to_mission_ms.append(latency_ms)
+
+    def plan_rejected(self) -> None:
+        """Count a plan or mission that was refused."""
+        self.num_rejected += 1
+
     def swap(self, now_s: float, made: SwapRecord) -> None:
         """Add a mission that was handed to the autopilot, and how that ended."""
         self._note(channels.SWAP, now_s, channels.table_of(made))

@@ -24,19 +24,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.clock import Clock, ManualClock
+from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig, mission_from_text
 from companion.errors import ConfigError
-from companion.flight.app import App, stop
-from companion.flight.checkpoint import Memory
+from companion.flight.checkpoint import Checkpoint
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_sniffer import Overheard, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.transport import MemoryTransport
-from companion.planning.plan_runner import AsRecorded, InStep, Pace
+from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
 from companion.recording.reader import Heard, Recording
 from companion.recording.recorder import Recorder
 from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.replay.recorded_link import ReplayLink
+from companion.tasks.app import App, stop
+from companion.tasks.composition import composed
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
@@ -114,11 +116,20 @@ class Replay:
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
         self._reloads = deque(recording.reloads)
+        recorder = Recorder()
+        link = VehicleLink(mission, self._ours, self._clock, recorder, link_kind=self._linked)
         self._app = App(
-            mission, self._ours, self._clock, Recorder(), seed=seed, plans_inline=True,
-            memory=_memory(about), link_kind=self._linked, pace=self._pace(),
-            parameters_file=self._kept_parameters(),
-        )  # fmt: skip
+            composed(
+                mission,
+                link,
+                self._clock,
+                recorder,
+                seed=seed,
+                runner=self._runner(),
+                checkpoint=_checkpoint(about),
+                parameters_file=self._kept_parameters(),
+            )
+        )
 
     def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
         self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)
@@ -131,8 +142,8 @@ class Replay:
         file.write_text(json.dumps(_remembered(self._recording.about).get("parameters", {})))
         return file
 
-    def _pace(self) -> Pace:
-        return InStep() if self._recording.is_simulated else AsRecorded(self._recording.taken)
+    def _runner(self) -> PlanRunner:
+        return InlineRunner() if self._recording.is_simulated else RecordedRunner(self._recording.taken)
 
     async def run(self, on_progress: Callable[[float], None] = lambda done_s: None) -> Replayed:
         """Replay to the end of the recording.
@@ -290,7 +301,7 @@ class Replay:
         result.flown_uploads = tuple(entry for entry in self._flown.uploads if entry.client == ours)
         result.held = self._flown.items
         result.duration_s, result.wall_s = self._recording.duration_s, wall_s
-        result.counters = dict(self._recording.counters + self._app.codec.counters)
+        result.counters = dict(self._recording.counters + self._app.link.codec.counters)
         return result
 
 
@@ -307,15 +318,15 @@ def _remembered(about: dict[str, object]) -> dict[str, object]:
     return remembered if isinstance(remembered, dict) else {}
 
 
-def _memory(about: dict[str, object]) -> Memory:
+def _checkpoint(about: dict[str, object]) -> Checkpoint:
     """What the service remembered of the flight when the recording began; damage counts for nothing."""
     kept = _remembered(about).get("memory")
     entries = kept.items() if isinstance(kept, dict) else ()
-    memory = {}
+    kept_bytes = {}
     for end, text in entries:
         with contextlib.suppress(ValueError, TypeError):
-            memory[str(end)] = base64.b64decode(text)
-    return Memory(kept=memory)
+            kept_bytes[str(end)] = base64.b64decode(text)
+    return Checkpoint(kept=kept_bytes)
 
 
 def _is_told(frame: RawFrame) -> bool:

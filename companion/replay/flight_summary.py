@@ -11,8 +11,9 @@ import numpy as np
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
 from companion.config.load import mission_from_text
+from companion.config.rules import rules_of
 from companion.errors import RecordError
-from companion.flight.situation import Picture
+from companion.flight.situation import Situation
 from companion.frames import FloatArray
 from companion.link.messages.codec import Codec
 from companion.recording import mcap_schema as channels
@@ -113,7 +114,7 @@ def _with_fences(world: Snapshot, documents: Documents) -> Snapshot:
 
 def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
     """From a tlog alone: what the estimators make of its frames."""
-    codec, picture, recorder = Codec(), Picture(mission, 1), Recorder()
+    codec, situation, recorder = Codec(), Situation(rules_of(mission), 1), Recorder()
     due_s = 0.0
     for heard in recording.frames:
         now = heard.at_us * 1e-6
@@ -121,12 +122,12 @@ def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
             continue
         for frame in codec.feed(heard.frame.raw, now):
             for event in frame.events:
-                picture.observe(event, now)
-        state = picture.ownship.state(now)
+                situation.observe(event, now)
+        state = situation.ownship.state(now)
         if state is not None and now >= due_s:
             due_s = now + STATE_S
-            tracks = picture.tracker.tracks(now)
-            recorder.state(now, state, tracks, picture.threat_at(state, tracks))
+            tracks = situation.tracker.tracks(now)
+            recorder.state(now, state, tracks, situation.threat_at(state, tracks))
     recorder.decisions += recording.decisions
     known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})
     return replace(

@@ -15,12 +15,12 @@ from typing import Any
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 from companion import __version__
+from companion.comms.observer import Observer
 from companion.errors import ConfigError, LinkError
-from companion.flight.app import App
 from companion.flight.modes import Mode
-from companion.flight.observer import Watch
 from companion.mission.swap import SwapOutcome
 from companion.service.watchdog import Supervision
+from companion.tasks.app import App
 from companion.types.plan import Plan
 
 try:
@@ -39,7 +39,7 @@ PLAN_BUCKETS_S = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0
 StartResponse = Callable[[str, list[tuple[str, str]]], object]
 
 
-class Metrics(Watch):
+class Metrics(Observer):
     """Collects figures.
 
     Raises
@@ -81,29 +81,32 @@ class Metrics(Watch):
 
     def renew(self, app: App, now_s: float) -> None:
         """Take the figures anew; in the event loop."""
-        recorder, quality, picture = app.recorder, app.quality, app.picture
-        state, tracks = picture.ownship.state(now_s), picture.tracker.tracks(now_s)
-        heard, missing = app.hears_autopilot, len(app.streams.missing)
+        recorder, link, situation = app.recorder, app.link, app.situation
+        quality = link.quality
+        state, tracks = situation.ownship.state(now_s), situation.tracker.tracks(now_s)
+        heard, missing = app.hears_autopilot, len(link.streams.missing)
         frames: Values = {("received",): quality.received, ("lost",): quality.lost}
         modes: Values = {(mode.name.lower(),): mode is app.mode for mode in Mode}
         self._figures = [
             _gauge("companion_info", "Version", {(__version__,): 1}, "version"),
             _gauge("companion_mode", "What the service may do", modes, "mode"),
             _gauge("companion_autopilot_heard", "Whether a heartbeat came lately", {(): heard}),
-            _gauge("companion_link_open", "Whether the link is open", {(): app.transport.is_open}),
+            _gauge("companion_link_open", "Whether the link is open", {(): link.transport.is_open}),
             _gauge("companion_link_loss_ratio", "Share of the autopilot's frames lost", {(): quality.loss}),
             _gauge("companion_streams_missing", "Vital streams that do not come", {(): missing}),
             _gauge("companion_tracks", "Vehicles that are followed", {(): len(tracks)}),
-            _gauge("companion_queue_bytes", "Waiting", {("link",): app.transport.backlog_bytes}, "queue"),
+            _gauge("companion_queue_bytes", "Waiting", {("link",): link.transport.backlog_bytes}, "queue"),
             _gauge("companion_recording", "Whether the flight is recorded", {(): recorder.is_recording}),
             _counter("companion_autopilot_frames", "Frames of the autopilot's", frames, "what"),
-            _reasons("companion_frames", "Received frames by what became of them", app.codec.counters),
-            _reasons("companion_track_reports", "Sightings by message", picture.reports),
-            _reasons("companion_track_results", "Sightings by what became of them", picture.tracker.counters),
-            _reasons("companion_decisions", "Decisions by kind", app.decided),
+            _reasons("companion_frames", "Received frames by what became of them", link.codec.counters),
+            _reasons("companion_track_reports", "Sightings by message", situation.reports),
+            _reasons(
+                "companion_track_results", "Sightings by what became of them", situation.tracker.counters
+            ),
+            _reasons("companion_decisions", "Decisions by kind", app.announcer.decided),
         ]
         if state is not None:
-            level = picture.threat_at(state, tracks)
+            level = situation.threat_at(state, tracks)
             self._figures.append(_gauge("companion_threat_level", "The aircraft is under", {(): level}))
 
 

@@ -16,16 +16,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
+from companion.comms.observer import Observer
+from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig, load_mission
 from companion.config.reload import changed_mission
 from companion.errors import CompanionError, ConfigError, RecordError
-from companion.flight.app import App
-from companion.flight.checkpoint import Memory
-from companion.flight.observer import Watch
+from companion.flight.checkpoint import Checkpoint
+from companion.flight.decision import DecisionKind
 from companion.link.messages.codec import signer_of
 from companion.link.wire.signing import Signer, Timestamps, read_key
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.mission.swap import SwapOutcome
+from companion.planning.plan_runner import ThreadRunner
 from companion.recording.recorder import About, Recorder
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
@@ -33,6 +35,8 @@ from companion.service.sd_notify import Notifier, watchdog_of
 from companion.service.telemetry_out import Reporting
 from companion.service.warm_up import warm_up
 from companion.service.watchdog import Report, Supervision
+from companion.tasks.app import App
+from companion.tasks.composition import composed
 from companion.threads import in_thread
 from companion.types.plan import Plan
 
@@ -64,11 +68,11 @@ class _Flight:
     def close(self) -> None:
         """End the recording; one of which not a byte was heard is none."""
         self.app.recorder.close()
-        if not self.app.codec.counters and self.folder.exists():
+        if not self.app.link.codec.counters and self.folder.exists():
             discard(self.folder)
 
 
-class Service(Watch):
+class Service(Observer):
     """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
 
     Parameters
@@ -134,19 +138,19 @@ class Service(Watch):
         seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
         folder = folder_for(flights, mission.name, datetime.now(UTC))
         recorder = _recorder(folder, epoch_s, About(mission, seed, self._text))
-        app = App(
+        link = VehicleLink(mission, self._line, clock, recorder, signer=self._signer, observer=self)
+        parts = composed(
             mission,
-            self._line,
+            link,
             clock,
             recorder,
             seed=seed,
-            plans_inline=False,
-            memory=Memory(flights / mission.name),
-            signer=self._signer,
-            watch=self,
+            runner=ThreadRunner(),
+            checkpoint=Checkpoint(flights / mission.name),
+            observer=self,
             parameters_file=flights / f"{mission.name}.parameters.json",
         )
-        app.is_warm = self._is_warm
+        app = App(parts, is_warm=self._is_warm)
         reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
         return _Flight(app, reporting, folder)
 
@@ -170,7 +174,7 @@ class Service(Watch):
         app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
-        return Report(app.is_warm, app.codec.vehicle_system_id is not None, mode, last)
+        return Report(app.is_warm, app.link.has_heard, mode, last)
 
     async def run(self) -> None:
         """Run until a signal to stop, then leave in order.
@@ -238,7 +242,7 @@ class Service(Watch):
 
     def _tidy(self, ended: _Flight) -> None:
         """Of recordings in which nothing was flown keep only the last before a flight."""
-        if ended.app.ground.has_flown or not ended.folder.exists():
+        if ended.app.state.phase.has_flown or not ended.folder.exists():
             self._on_ground = None
             return
         if self._on_ground is not None:
@@ -249,7 +253,8 @@ class Service(Watch):
         """Compile beside everything else; the first plan waits for it."""
         _log.info("compiling the planner's kernels")
         await in_thread(warm_up, self._mission)
-        self._is_warm = self.app.is_warm = True
+        self._is_warm = True
+        self.app.warmed_up()
         _log.info("ready to plan")
 
     def reload(self) -> None:
@@ -261,7 +266,7 @@ class Service(Watch):
             _check_budget(mission, self._file, self._watchdog_s)
         except ConfigError as error:
             _log.error("not reloaded: %s", error)
-            self.app.decide("reload", f"refused: {error.key}")
+            self.app.announcer.decide(DecisionKind.RELOAD, f"refused: {error.key}")
         else:
             self._mission, self._text = mission, self._file.read_text(encoding="utf-8-sig")
             self.app.reload(mission, self._text)
@@ -347,7 +352,7 @@ async def _over(app: App, clock: Clock) -> None:
     """Wait for the end of a flight, or of an hour on the ground."""
     while True:
         now = clock.now_s()
-        if app.ground.is_over(now) or app.ground.is_idle(now):
+        if app.state.phase.is_over(now) or app.state.phase.is_idle(now):
             return
         await clock.sleep_until(now + LOOK_S)
 
@@ -357,5 +362,5 @@ async def _report_silence(app: App, clock: Clock, url: str) -> None:
     while True:
         await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
         if not app.hears_autopilot:
-            why = f" ({app.transport.trouble})" if app.transport.trouble else ""
+            why = f" ({app.link.transport.trouble})" if app.link.transport.trouble else ""
             _log.warning("no autopilot heard on %s for %.0f s; still trying%s", url, REPORT_SILENCE_S, why)

@@ -6,17 +6,17 @@ import math
 from pathlib import Path
 
 from companion.clock import Clock
-from companion.flight.app import App
-from companion.flight.observer import Watch
+from companion.comms.observer import Observer
 from companion.service.host_status import look_at
 from companion.service.metrics import Metrics
+from companion.tasks.app import App
 from companion.types.plan import Plan
 
 PERIOD_S = 1.0
 COMPUTER_PERIODS = 5  # it changes slowly, and a telemetry radio is slow
 
 
-class Reporting(Watch):
+class Reporting(Observer):
     """Tells figures while the service runs.
 
     Parameters
@@ -60,19 +60,19 @@ class Reporting(Watch):
         app = self._app
         if self._metrics is not None:
             self._metrics.renew(app, now_s)
-        if app.codec.vehicle_system_id is None:
+        if not app.link.has_heard:
             return
         boot_s = now_s - self._begun_s
-        state = app.picture.ownship.state(now_s)
+        state = app.situation.ownship.state(now_s)
         if state is not None:
-            level = app.picture.threat_at(state, app.picture.tracker.tracks(now_s))
-            app.send(app.codec.named_value(boot_s, "threat", level))
+            level = app.situation.threat_at(state, app.situation.tracker.tracks(now_s))
+            app.link.send(app.link.codec.named_value(boot_s, "threat", level))
         if math.isfinite(self._plan_quality):
-            app.send(app.codec.named_value(boot_s, "plan_q", self._plan_quality))
+            app.link.send(app.link.codec.named_value(boot_s, "plan_q", self._plan_quality))
         if with_computer:
             computer = look_at(self._folder)
-            app.send(
-                app.codec.computer_status(
+            app.link.send(
+                app.link.codec.computer_status(
                     computer.uptime_s,
                     computer.cores_percent,
                     computer.temperature_c,

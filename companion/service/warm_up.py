@@ -8,8 +8,12 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.config.models import Goal, ObstacleConfig, RadarConfig
-from companion.flight.cycle import Cycle, Flown
-from companion.flight.situation import Picture
+from companion.flight.decision import judge
+from companion.flight.flight_state import after_restart, first_state
+from companion.flight.list_state import FlownPath
+from companion.flight.planner import Planner, plan_request
+from companion.flight.progress import start_after
+from companion.flight.situation import Situation
 from companion.frames import direction_from_course
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
@@ -29,19 +33,22 @@ def warm_up(mission: MissionConfig) -> None:
     that were compiled before are read from the cache.
     """
     mission = _in_small_world(mission)
-    picture, cycle = Picture(mission, 0), Cycle(mission, 0)
-    start, speed = mission.start, cycle.vehicle.airspeed_cruise_m_s
+    state, planner = first_state(mission, 0.0), Planner(0)
+    situation = Situation(state.rules, 0)
+    start, speed = mission.start, state.rules.vehicle.airspeed_cruise_m_s
     position = float(start.east_m), float(start.north_m), float(start.up_m)
     own = Ownship(0.0, position, math.radians(start.course_deg), 0.0, speed, speed)
     for now_s in map(float, range(NUM_PLANS)):
-        begin, snapshot = cycle.start_after(own, LEAD_S), picture.snapshot(now_s)
-        plan = cycle.plan(begin, snapshot.with_known(np.ones_like(snapshot.threats.known)), lambda: False)
-        cycle.judge(plan, begin)
+        begin, snapshot = start_after(state, own, LEAD_S), situation.snapshot(now_s)
+        world = snapshot.with_known(np.ones_like(snapshot.threats.known))
+        plan = planner.plan(plan_request(state, begin, world), lambda: False)
+        judge(state, plan, begin)
         if plan.path is not None and plan.reaches_goal:
-            cycle.flown = Flown(plan.path, Mission((), 0, 0), float(plan.path.times_s[-1]))
+            flown = FlownPath(plan.path, Mission((), 0, 0), float(plan.path.times_s[-1]))
+            state = after_restart(state, flown)
         for emitter, aside in ((Emitter.GROUND, -ASIDE), (Emitter.AIR, ASIDE)):
-            picture.observe(_sighting(mission, now_s, emitter, aside), now_s)
-        picture.threat_at(own, picture.tracker.tracks(now_s))
+            situation.observe(_sighting(mission, now_s, emitter, aside), now_s)
+        situation.threat_at(own, situation.tracker.tracks(now_s))
 
 
 def _in_small_world(mission: MissionConfig) -> MissionConfig:

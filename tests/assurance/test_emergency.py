@@ -5,7 +5,12 @@ import itertools
 import pytest
 
 from companion.assurance.checker import Violation
-from companion.assurance.emergency import EmergencyStep, Situation, emergency_decision, keeps_hard_constraints
+from companion.assurance.emergency import (
+    EmergencyOptions,
+    EmergencyStep,
+    emergency_decision,
+    keeps_hard_constraints,
+)
 
 HARD = Violation("clearance", 4, 3.0, 15.0, "distance to barn [m]")
 SOFT = Violation("threat", 7, 0.9, 0.5, "threat level")
@@ -14,7 +19,7 @@ GOOD, RISKY, BAD, NONE = (), (SOFT,), (SOFT, HARD), None
 
 def decide(flown=NONE, least_threat=NONE, loiter=NONE, may_return=False):
     return emergency_decision(
-        Situation(flown=flown, least_threat=least_threat, loiter=loiter, may_return=may_return)
+        EmergencyOptions(flown=flown, least_threat=least_threat, loiter=loiter, may_return=may_return)
     )
 
 

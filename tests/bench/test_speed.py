@@ -9,7 +9,8 @@ from companion.assurance.checker import Checker
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
-from companion.flight.cycle import Cycle
+from companion.flight.flight_state import first_state
+from companion.flight.shaping import waypoints_of
 from companion.planning.solver import solve
 from sim.simulator import Simulator
 from tests.sim.client import CONFIGS
@@ -86,9 +87,9 @@ def test_check(planned, tell):
         checker.check_path(plan.path)
         took.append(time.perf_counter() - began)
     tell(f"{name}, check of a path of {len(plan.path)} rows", 1e3 * float(np.median(took)), "ms")
-    cycle = Cycle(mission, 1)
+    state = first_state(mission, 0.0)
     began = time.perf_counter()
-    waypoints, _, _ = cycle.waypoints(plan.path, 58)
+    waypoints, _, _ = waypoints_of(state, plan.path, 58)
     spent = time.perf_counter() - began
     tell(f"{name}, mission of {len(waypoints.positions_enu_m)} waypoints with its check", 1e3 * spent, "ms")
     assert np.median(took) < 1.0

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
 from companion.flight.modes import Mode
-from companion.mission.swap import difference
+from companion.mission.item_difference import difference
 from companion.types.events import MissionCurrent
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
@@ -102,11 +102,11 @@ def test_nobody_is_armed_and_no_mode_is_changed(undisturbed):
 def test_what_was_decided_is_what_the_autopilot_holds_and_flies(undisturbed):
     app, autopilot = undisturbed.app, undisturbed.simulator.autopilot
     assert app.num_swaps == len(undisturbed.recorder.missions) >= 1
-    first = app.layout.first_of(app.layout.flown_index)
-    stored = autopilot.mission_items[first : first + app.layout.size]
-    assert difference((None, *app.layout.flown), (None, *stored)) == ""
-    assert first <= autopilot.current_sequence < first + app.layout.size
-    frame = app._mission.frame
+    first = app.state.mission_list.layout.first_of(app.state.mission_list.layout.flown_index)
+    stored = autopilot.mission_items[first : first + app.state.mission_list.layout.size]
+    assert difference((None, *app.state.mission_list.layout.flown), (None, *stored)) == ""
+    assert first <= autopilot.current_sequence < first + app.state.mission_list.layout.size
+    frame = app.state.mission.frame
     uploaded = undisturbed.recorder.missions[-1].positions_enu_m
     places = [
         frame.local_from_global(entry.latitude_e7 * 1e-7, entry.longitude_e7 * 1e-7, entry.altitude_m)
@@ -168,7 +168,7 @@ def test_an_upload_broken_off_by_the_pilot_is_made_good_later():
     harness = flown(30.0, both(step, switch(8.0, "AUTO")))
     assert broken[0] < 8.0
     assert harness.app.num_swaps >= 1
-    banks, items = harness.app.layout, harness.simulator.autopilot.mission_items
+    banks, items = harness.app.state.mission_list.layout, harness.simulator.autopilot.mission_items
     assert (
         difference((None, *banks.flown), (None, *items[banks.first_of(banks.flown_index) :][: banks.size]))
         == ""
@@ -211,7 +211,7 @@ def test_an_entry_whose_answer_is_lost_is_not_overwritten():
     last, changed = [None], []
 
     def lose_answers(harness):
-        link = harness.app.autopilot
+        link = harness.app.link.autopilot
         tell = type(link)._tell
 
         def told(what):
@@ -231,7 +231,7 @@ def test_an_entry_whose_answer_is_lost_is_not_overwritten():
     assert changed == []
     assert harness.app.num_swaps == len(harness.recorder.missions) >= 1
     assert "no answer" in next(entry.text for entry in harness.recorder.decisions if entry.kind == "rejected")
-    banks, current = harness.app.layout, harness.simulator.autopilot.current_sequence
+    banks, current = harness.app.state.mission_list.layout, harness.simulator.autopilot.current_sequence
     first = banks.first_of(banks.flown_index)
     assert first <= current < first + banks.size
 

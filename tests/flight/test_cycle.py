@@ -11,9 +11,15 @@ from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.flight.cycle import Cycle, Flown, Start
+from companion.flight.decision import Verdict, judge
+from companion.flight.flight_state import after_position, first_state
+from companion.flight.list_state import FlownPath
+from companion.flight.planner import Planner, plan_request
+from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
+from companion.flight.shaping import waypoints_of
 from companion.mission.list_layout import new_banks
-from companion.mission.waypoints import mended
+from companion.mission.waypoints import merge_close_waypoints
+from companion.swapping.entry import entry_of, turns_after
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
@@ -30,8 +36,9 @@ BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}
 WALL = "obstacles:\n" + BLOCK.format("wall", 700, -100, 750, 100)
 
 
-def cycle(extra="", text=OPEN):
-    return Cycle(mission_from_text(text + extra, "open.yaml"), seed=1)
+def begun(extra="", text=OPEN):
+    """The state of a flight that has just begun."""
+    return first_state(mission_from_text(text + extra, "open.yaml"), 0.0)
 
 
 def straight(north=0.0, levels=0.0, rows=60):
@@ -57,16 +64,15 @@ def state(east=0.0, north=0.0, up=100.0, course=EAST, speed=25.0, stamp=50.0):
 
 
 def flying(made, path, carried_until_s=math.inf, row=0):
-    made.flown = Flown(path, Mission((), 1, 1), carried_until_s, row)
-    return made
+    return replace(made, flown=FlownPath(path, Mission((), 1, 1), carried_until_s, row))
 
 
 # --- judging
 
 
 def test_nothing_flown_yet():
-    judged = cycle().judge(plan(straight()), start())
-    assert (judged.swap, judged.kind) == (True, "first plan")
+    judged = judge(begun(), plan(straight()), start())
+    assert (judged.verdict.is_swap, judged.verdict) == (True, Verdict.FIRST_PLAN)
 
 
 @pytest.mark.parametrize(
@@ -77,26 +83,26 @@ def test_nothing_flown_yet():
     ],
 )
 def test_a_plan_that_does_not_arrive_is_none(found):
-    judged = cycle().judge(found, start())
-    assert (judged.swap, judged.kind) == (False, "no plan")
+    judged = judge(begun(), found, start())
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.NO_PLAN)
     assert found.notes[0] in judged.text
     assert found.status.value in judged.text
 
 
 def test_a_plan_through_a_wall_is_rejected():
-    judged = cycle(WALL).judge(plan(straight()), start())
-    assert (judged.swap, judged.kind) == (False, "rejected")
+    judged = judge(begun(WALL), plan(straight()), start())
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.REJECTED)
     assert "clearance" in judged.text
 
 
 def test_a_plan_that_ends_elsewhere_is_rejected():
-    judged = cycle().judge(plan(straight(rows=40)), start())  # 500 m short of it, 400 m are allowed
-    assert (judged.swap, judged.kind) == (False, "rejected")
+    judged = judge(begun(), plan(straight(rows=40)), start())  # 500 m short of it, 400 m are allowed
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.REJECTED)
 
 
 def test_a_rejected_plan_stays_so_whatever_is_flown():
-    judged = cycle(WALL).judge(plan(straight(), 1.0, 100.0), start(straight(north=300.0)))
-    assert (judged.swap, judged.kind) == (False, "rejected")
+    judged = judge(begun(WALL), plan(straight(), 1.0, 100.0), start(straight(north=300.0)))
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.REJECTED)
 
 
 def threatened(first, later):
@@ -109,46 +115,46 @@ def threatened(first, later):
     ("first", "later", "kind"), [(0.1, 0.2, "first plan"), (0.1, 0.3, "rejected"), (0.3, 0.3, "first plan")]
 )
 def test_threat_levels_are_limited_but_for_a_way_out(first, later, kind):
-    assert cycle().judge(plan(threatened(first, later)), start()).kind == kind
+    assert judge(begun(), plan(threatened(first, later)), start()).verdict.value == kind
 
 
 def test_the_flown_path_has_become_unsafe():
-    judged = cycle(WALL).judge(plan(straight(north=300.0), 500.0, 100.0), start(straight()))
-    assert (judged.swap, judged.kind) == (True, "unsafe")
+    judged = judge(begun(WALL), plan(straight(north=300.0), 500.0, 100.0), start(straight()))
+    assert (judged.verdict.is_swap, judged.verdict) == (True, Verdict.UNSAFE)
     assert "clearance" in judged.text
 
 
 def test_the_flown_path_has_come_under_threat():
     found = plan(straight(levels=0.1), 500.0, 100.0, flown_threat=0.5)
-    judged = cycle().judge(found, start(straight()))
-    assert (judged.swap, judged.kind) == (True, "threat")
+    judged = judge(begun(), found, start(straight()))
+    assert (judged.verdict.is_swap, judged.verdict) == (True, Verdict.THREAT)
     assert "0.50" in judged.text
 
 
 def test_a_threatened_path_is_not_left_for_a_worse_one():
-    made = flying(cycle(), straight())
-    judged = made.judge(plan(straight(levels=0.5), 500.0, 100.0, flown_threat=0.5), start(straight()))
-    assert (judged.swap, judged.kind) == (False, "keep")
+    made = flying(begun(), straight())
+    judged = judge(made, plan(straight(levels=0.5), 500.0, 100.0, flown_threat=0.5), start(straight()))
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.KEEP)
 
 
 @pytest.mark.parametrize(("cost", "kind"), [(94.9, "better"), (95.1, "keep"), (120.0, "keep")])
 def test_better_by_a_twentieth(cost, kind):
-    made = flying(cycle(), straight())
-    judged = made.judge(plan(straight(), cost, 100.0), start(straight()))
-    assert (judged.swap, judged.kind) == (kind == "better", kind)
+    made = flying(begun(), straight())
+    judged = judge(made, plan(straight(), cost, 100.0), start(straight()))
+    assert (judged.verdict.is_swap, judged.verdict.value) == (kind == "better", kind)
 
 
 @pytest.mark.parametrize(("carried_s", "kind"), [(32.4, "extend"), (32.6, "keep"), (60.0, "keep")])
 def test_a_mission_is_extended_when_less_than_22_seconds_and_a_half_are_left(carried_s, kind):
     """The rest begins at row 10, at 10 s; 1.5 horizons of 15 s."""
-    made = flying(cycle(), straight(), carried_s)
+    made = flying(begun(), straight(), carried_s)
     rest = replace(straight(), **{name: getattr(straight(), name)[10:] for name in straight().__slots__})
-    judged = made.judge(plan(straight(), 100.0, 100.0), start(rest))
-    assert (judged.swap, judged.kind) == (kind == "extend", kind)
+    judged = judge(made, plan(straight(), 100.0, 100.0), start(rest))
+    assert (judged.verdict.is_swap, judged.verdict.value) == (kind == "extend", kind)
 
 
 def test_a_rest_too_short_to_be_costed_counts_as_none():
-    assert cycle().judge(plan(straight(), 100.0, None), start(straight())).kind == "first plan"
+    assert judge(begun(), plan(straight(), 100.0, None), start(straight())).verdict is Verdict.FIRST_PLAN
 
 
 # --- goals and progress
@@ -160,46 +166,51 @@ TWO_GOALS = OPEN.replace(
 
 
 def test_goals_are_counted_in_order():
-    made = cycle(text=TWO_GOALS)
-    assert not made.note_position(state(1500.0))  # the second one is not next
+    made = begun(text=TWO_GOALS)
+    made = after_position(made, state(1500.0))
+    assert not made.has_arrived  # the second one is not next
     assert len(made.goals_left) == 2
-    assert not made.note_position(state(445.0, 30.0))  # 62.6 m away
-    assert not made.note_position(state(445.0, 20.0))  # 58.5 m
+    made = after_position(made, state(445.0, 30.0))  # 62.6 m away
+    assert not made.has_arrived
+    made = after_position(made, state(445.0, 20.0))  # 58.5 m
+    assert not made.has_arrived
     assert len(made.goals_left) == 1
-    assert not made.note_position(state(1000.0))
-    assert made.note_position(state(1150.0))
+    made = after_position(made, state(1000.0))
+    assert not made.has_arrived
+    made = after_position(made, state(1150.0))
+    assert made.has_arrived
     assert made.goals_left == ()
-    assert made.note_position(state(0.0))
+    assert after_position(made, state(0.0)).has_arrived
 
 
 def test_height_counts_for_a_goal():
-    made = cycle(text=TWO_GOALS)
-    made.note_position(state(500.0, 0.0, 165.0))
+    made = begun(text=TWO_GOALS)
+    made = after_position(made, state(500.0, 0.0, 165.0))
     assert len(made.goals_left) == 2
 
 
 def test_the_way_along_the_flown_path_only_goes_on():
-    made = flying(cycle(), straight())
-    made.note_position(state(260.0))
+    made = flying(begun(), straight())
+    made = after_position(made, state(260.0))
     assert made.flown.row == 10
-    made.note_position(state(100.0))
+    made = after_position(made, state(100.0))
     assert made.flown.row == 10
 
 
 def test_lead_by_hand():
     """1 s of planning, 2 s of margin, 40 items at 20 ms down, up and down again, and 0.5 s."""
-    assert cycle().lead_s(2.9) == pytest.approx(1.0 + 2.0 + 2.9)
+    assert lead_s(begun().rules, 2.9) == pytest.approx(1.0 + 2.0 + 2.9)
 
 
 @pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])
 def test_the_last_leg(east, is_last):
     """5 s of lead and 10 s: 375 m from the end."""
-    assert flying(cycle(), straight(), row=40).is_on_last_leg(state(east), 5.0) is is_last
+    assert is_on_last_leg(flying(begun(), straight(), row=40), state(east), 5.0) is is_last
 
 
 def test_a_path_not_carried_to_its_end_has_no_last_leg():
-    assert not flying(cycle(), straight(), 50.0, row=50).is_on_last_leg(state(1300.0), 5.0)
-    assert not cycle().is_on_last_leg(state(1300.0), 5.0)
+    assert not is_on_last_leg(flying(begun(), straight(), 50.0, row=50), state(1300.0), 5.0)
+    assert not is_on_last_leg(begun(), state(1300.0), 5.0)
 
 
 # --- where a plan begins
@@ -207,8 +218,8 @@ def test_a_path_not_carried_to_its_end_has_no_last_leg():
 
 def test_a_plan_begins_on_the_flown_path():
     """At 500 m and 25 m/s, in 3.5 s: between rows 23 and 24, so from row 24, half a second later."""
-    made = flying(cycle(), straight())
-    begin = made.start_after(state(500.0, 10.0), 3.5)
+    made = flying(begun(), straight())
+    begin = start_after(made, state(500.0, 10.0), 3.5)
     assert len(begin.rest) == 61 - 24
     assert begin.state.stamp_s == pytest.approx(50.0 + 3.5 + 0.5)
     assert begin.state.position_enu_m == pytest.approx((600.0, 0.0, 100.0))
@@ -218,13 +229,13 @@ def test_a_plan_begins_on_the_flown_path():
 
 def test_against_the_wind_it_begins_earlier_on_it():
     """At 20 m/s over the ground 3.5 s are 70 m: row 22.8, so from row 23."""
-    begin = flying(cycle(), straight()).start_after(state(500.0, speed=20.0), 3.5)
+    begin = start_after(flying(begun(), straight()), state(500.0, speed=20.0), 3.5)
     assert len(begin.rest) == 61 - 23
 
 
 @pytest.mark.parametrize(("north", "is_on"), [(79.0, True), (81.0, False)])
 def test_off_the_path_a_plan_begins_where_the_aircraft_is_going(north, is_on):
-    begin = flying(cycle(), straight()).start_after(state(500.0, north), 4.0)
+    begin = start_after(flying(begun(), straight()), state(500.0, north), 4.0)
     assert (begin.rest is not None) is is_on
     if not is_on:
         assert begin.state.position_enu_m == pytest.approx((600.0, north, 100.0))
@@ -232,13 +243,13 @@ def test_off_the_path_a_plan_begins_where_the_aircraft_is_going(north, is_on):
 
 
 def test_without_a_path_or_at_its_end_too():
-    assert cycle().start_after(state(), 4.0).rest is None
-    assert flying(cycle(), straight(), row=50).start_after(state(1450.0), 4.0).rest is None
+    assert start_after(begun(), state(), 4.0).rest is None
+    assert start_after(flying(begun(), straight(), row=50), state(1450.0), 4.0).rest is None
 
 
 def test_a_start_keeps_the_aircrafts_limits_and_the_missions_level():
     slow = replace(state(up=107.0), airspeed_m_s=9.0, flight_path_angle_rad=0.3)
-    begin = cycle().start_after(slow, 4.0).state
+    begin = start_after(begun(), slow, 4.0).state
     assert (begin.airspeed_m_s, begin.climb_rad, begin.position_enu_m[2]) == (12.5, 0.0, 100.0)
 
 
@@ -251,8 +262,8 @@ def circle_of(waypoints):
 
 
 def test_a_mission_carries_three_horizons_and_ends_in_a_circle():
-    made = cycle()
-    waypoints, until_s, violations = made.waypoints(straight(), 30)
+    made = begun()
+    waypoints, until_s, violations = waypoints_of(made, straight(), 30)
     assert violations == ()
     assert until_s == pytest.approx(45.0)
     np.testing.assert_allclose(waypoints.positions_enu_m[-1], [1125.0, 0.0, 100.0], atol=1e-9)
@@ -267,8 +278,8 @@ GORGE = "obstacles:\n" + BLOCK.format("north", -50, 40, 1700, 60) + BLOCK.format
 
 
 def test_the_circle_is_put_where_it_is_clear():
-    made = cycle(PILLARS)
-    waypoints, until_s, violations = made.waypoints(straight(), 30)
+    made = begun(PILLARS)
+    waypoints, until_s, violations = waypoints_of(made, straight(), 30)
     assert violations == ()
     assert until_s > 45.0
     walls = shapely.union_all([shapely.box(1000, 60, 1250, 300), shapely.box(1000, -300, 1250, -60)])
@@ -276,21 +287,21 @@ def test_the_circle_is_put_where_it_is_clear():
 
 
 def test_a_path_that_nowhere_has_room_for_a_circle_is_not_flown():
-    _, _, violations = cycle(GORGE).waypoints(straight(), 30)
+    _, _, violations = waypoints_of(begun(GORGE), straight(), 30)
     assert {violation.rule for violation in violations} == {"clearance"}
 
 
 def test_a_path_with_too_many_corners_for_the_bank_is_not_flown():
     """An entry and an end are two waypoints."""
-    _, _, violations = cycle().waypoints(straight(), 1)
+    _, _, violations = waypoints_of(begun(), straight(), 1)
     assert [violation.rule for violation in violations] == ["bank"]
 
 
 def test_the_mission_is_what_was_decided():
-    made = cycle()
-    made.num_plans = 7
-    waypoints, _, _ = made.waypoints(straight(), 30)
-    mission, banks = made.mission_for(waypoints, new_banks((item(0),), len(waypoints.positions_enu_m)))
+    made = begun()
+    waypoints, _, _ = waypoints_of(made, straight(), 30)
+    layout = new_banks((item(0),), len(waypoints.positions_enu_m))
+    mission, banks = layout.with_new(layout.items_for(waypoints, made.mission.frame), 7)
     assert mission.plan_number == 7
     assert mission.entry == 1
     assert banks.flown == tuple(replace(entry, sequence=0, is_current=False) for entry in mission.items[1:])
@@ -300,77 +311,77 @@ def test_the_mission_is_what_was_decided():
 @pytest.mark.parametrize(("east", "first"), [(0.0, 0), (19.0, 0), (21.0, 1), (190.0, 1)])
 def test_entry_at_the_first_waypoint_thirty_metres_ahead(east, first):
     """Waypoints at 50 m and at the end; the last may be nearer."""
-    made = cycle()
-    waypoints, _, _ = made.waypoints(straight(), 30)
-    assert made.entry(state(east), straight(), waypoints) == first
+    made = begun()
+    waypoints, _, _ = waypoints_of(made, straight(), 30)
+    assert entry_of(made, state(east), straight(), waypoints) == first
 
 
 def test_no_entry_through_a_wall():
-    made = cycle(WALL)
+    made = begun(WALL)
     path = straight(north=200.0)
-    waypoints, _, violations = made.waypoints(path, 30)
+    waypoints, _, violations = waypoints_of(made, path, 30)
     assert violations == ()
-    assert made.entry(state(0.0, 200.0), path, waypoints) == 0
+    assert entry_of(made, state(0.0, 200.0), path, waypoints) == 0
     columns = {name: getattr(waypoints, name)[1:] for name in ("positions_enu_m", "distances_m")}
     behind = replace(waypoints, **columns)
-    assert made.entry(state(100.0, 200.0), path, behind) == 0
-    assert made.entry(state(600.0, -100.0), path, behind) is None  # its leg to (1125, 200) crosses the wall
+    assert entry_of(made, state(100.0, 200.0), path, behind) == 0
+    assert (
+        entry_of(made, state(600.0, -100.0), path, behind) is None
+    )  # its leg to (1125, 200) crosses the wall
 
 
 # --- planning
 
 
-def test_equal_cycles_plan_alike_and_the_next_plan_is_another():
-    first, second = cycle(WALL), cycle(WALL)
-    begin = [made.start_after(state(stamp=0.0), 4.0) for made in (first, second)]
-    world = world_of(mission_from_text(OPEN + WALL, "open.yaml"))
-    one, other = (
-        made.plan(at, world, lambda: False) for made, at in zip((first, second), begin, strict=True)
-    )
+def test_equal_flights_plan_alike_and_the_next_plan_is_another():
+    made, first, second = begun(WALL), Planner(1), Planner(1)
+    begin = start_after(made, state(stamp=0.0), 4.0)
+    request = plan_request(made, begin, world_of(mission_from_text(OPEN + WALL, "open.yaml")))
+    one, other = (planner.plan(request, lambda: False) for planner in (first, second))
     assert one.reaches_goal
     np.testing.assert_array_equal(one.path.positions_enu_m, other.path.positions_enu_m)
     assert one.seed == other.seed == 100_004
-    assert first.plan(begin[0], world, lambda: False).seed == 100_005
-    assert cycle(WALL).judge(one, begin[0]).kind == "first plan"
+    assert first.plan(request, lambda: False).seed == 100_005
+    assert judge(begun(WALL), one, begin).verdict is Verdict.FIRST_PLAN
 
 
 def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_it():
     # East to an entry 300 m on, which counts as reached 50 m before: from there straight on; in a turn to
     # a waypoint 400 m beside it; and by no turn to one that lies behind.
-    made = cycle()
+    made = begun()
     legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
-    (onwards,) = made._turns_at(legs, np.array([[700.0, 0.0, 100.0]]), legs[0])
+    (onwards,) = turns_after(made, legs, np.array([[700.0, 0.0, 100.0]]), legs[0])
     assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
-    (turn,) = made._turns_at(legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]), legs[0])
+    (turn,) = turns_after(made, legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]), legs[0])
     assert len(turn) > 3
     assert turn[:, 0].max() > 320.0  # wider than the corner
-    assert made._turns_at(legs, np.array([[0.0, 20.0, 100.0]]), legs[0]) is None
+    assert turns_after(made, legs, np.array([[0.0, 20.0, 100.0]]), legs[0]) is None
 
 
 def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into_a_wall():
     # A path east past the south side of a block, 22 m from it, with waypoints 25 m apart at its corner. Who
     # comes to the second of them from the south-west is still turning when it passes the third.
     block = "obstacles:\n" + BLOCK.format("block", 1150, 420, 1210, 1300)
-    made = cycle(block)
-    made.flies_by = False
+    made = begun(block)
+    made = replace(made, flies_by=False)
     places = waypoints((905, 349, 100), (972, 374, 100), (1170, 398, 100), (1194, 406, 100), (1341, 430, 100),
                        (1450, 487, 100), loiter_radius_m=125.0)  # fmt: skip
     legs = np.array([[882.0, 130.0, 100.0], [1170.0, 398.0, 100.0]])
-    turns = made._turns_at(legs, places.positions_enu_m[3:], places.positions_enu_m[1])
+    turns = turns_after(made, legs, places.positions_enu_m[3:], places.positions_enu_m[1])
     assert len(turns) == 3  # until one is farther than the radius of the turn
     as_the_path = np.array([[972.0, 374.0, 100.0], [1170.0, 398.0, 100.0]])
-    assert len(made._turns_at(as_the_path, places.positions_enu_m[3:], as_the_path[0])) == 1
+    assert len(turns_after(made, as_the_path, places.positions_enu_m[3:], as_the_path[0])) == 1
     wrong = [
         entry.rule
         for way in turns
-        for entry in made.checker.check_legs(way, ends_in_loiter=True, loiter_radius_m=125.0)
+        for entry in made.rules.checker.check_legs(way, ends_in_loiter=True, loiter_radius_m=125.0)
     ]
     assert "clearance" in wrong
 
 
 def crowded(*places):
     """Waypoints, and what the checker says of the legs to them from 300 m before the first."""
-    made, checker = waypoints(*places), cycle().checker
+    made, checker = waypoints(*places), begun().rules.checker
 
     def wrong_with(found):
         legs = np.vstack([np.asarray(places[0]) - [300.0, 0.0, 0.0], found.positions_enu_m])
@@ -383,7 +394,7 @@ def test_waypoints_too_close_for_their_turns_lose_one():
     # Two corners of 40 degrees 12 m apart: each needs 125 m · tan(20°) = 45 m of the leg between them.
     made, wrong_with = crowded((0, 0, 100), (200, 0, 100), (209, 8, 100), (350, 300, 100), (600, 800, 100))
     assert {entry.rule for entry in wrong_with(made)} == {"corner"}
-    kept, violations = mended(made, wrong_with)
+    kept, violations = merge_close_waypoints(made, wrong_with)
     assert violations == ()
     assert len(kept.positions_enu_m) == len(kept.distances_m) == 4
     assert (kept.positions_enu_m[[0, -1]] == made.positions_enu_m[[0, -1]]).all()
@@ -391,13 +402,13 @@ def test_waypoints_too_close_for_their_turns_lose_one():
 
 def test_waypoints_through_a_wall_are_not_mended():
     made, wrong_with = crowded((0, 0, 100), (900, 0, 100), (1300, 0, 100))
-    walled = cycle(WALL).checker
+    walled = begun(WALL).rules.checker
 
     def wrong(found):
         legs = np.vstack([[-300.0, 0.0, 100.0], found.positions_enu_m])
         return walled.check_legs(legs, ends_in_loiter=True, loiter_radius_m=125.0)
 
-    kept, violations = mended(made, wrong)
+    kept, violations = merge_close_waypoints(made, wrong)
     assert wrong_with(made) == ()
     assert {entry.rule for entry in violations} == {"clearance"}
     assert kept is made
@@ -412,7 +423,7 @@ def test_mending_never_claims_what_the_checker_denies(steps):
             (places[-1][0] + length * math.sin(course), places[-1][1] + length * math.cos(course), 100.0)
         )
     made, wrong_with = crowded(*places)
-    kept, violations = mended(made, wrong_with)
+    kept, violations = merge_close_waypoints(made, wrong_with)
     assert violations == wrong_with(kept)
     assert len(violations) <= len(wrong_with(made))
     assert set(map(tuple, kept.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))

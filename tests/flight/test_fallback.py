@@ -8,12 +8,11 @@ from shapely import LineString, Polygon
 
 from companion.assurance.emergency import EmergencyStep
 from companion.config import mission_from_text
-from companion.flight.cycle import Flown
 from companion.flight.fallback import flown_violations, respond, straight_ahead
 from companion.flight.modes import Mode
-from companion.types.mission import Mission
+from companion.flight.progress import is_on_last_leg, start_after
 from companion.types.plan import PlanStatus
-from tests.flight.test_cycle import BLOCK, OPEN, WALL, cycle, plan, state, straight
+from tests.flight.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
 from tests.support.sitl_harness import SitlHarness
 
 NO_PLAN = plan(None, status=PlanStatus.APPROXIMATE)
@@ -31,8 +30,8 @@ SHUT_IN = OPEN.replace("acceptance_radius_m: 400", "acceptance_radius_m: 60").re
 )
 
 
-def begun(made, **changes):
-    return made.start_after(state(**changes), 4.0)
+def starting(made, **changes):
+    return start_after(made, state(**changes), 4.0)
 
 
 def answered(made, start, least=NO_PLAN, failed=(), may_return=False):
@@ -40,8 +39,8 @@ def answered(made, start, least=NO_PLAN, failed=(), may_return=False):
 
 
 def test_straight_ahead_by_hand():
-    made = cycle()
-    path = straight_ahead(begun(made).state)
+    made = begun()
+    path = straight_ahead(starting(made).state)
     assert path.times_s[[0, 1, -1]].tolist() == [54.0, 55.0, 78.0]
     assert path.positions_enu_m[[0, -1]] == pytest.approx(
         np.array([[100.0, 0.0, 100.0], [700.0, 0.0, 100.0]])
@@ -50,20 +49,20 @@ def test_straight_ahead_by_hand():
 
 
 def test_the_least_threat_plan_is_flown_though_its_threat_is_past_the_limit():
-    made = cycle()
-    start = begun(made)
+    made = begun()
+    start = starting(made)
     path = straight(levels=0.7)
     path = path.until(len(path) - 1)
     response = answered(made, start, plan(path))
     assert response.decision.step is EmergencyStep.LEAST_THREAT
-    assert response.way.path is path
-    assert response.way.waypoints.positions_enu_m[-1, 0] <= 1500.0
+    assert response.route.path is path
+    assert response.route.waypoints.positions_enu_m[-1, 0] <= 1500.0
 
 
 def test_a_refuge_lies_where_the_threat_is_least():
     # An approximate path whose threat falls to nothing between 500 and 600 m: the circle begins there.
-    made = cycle()
-    start = begun(made)
+    made = begun()
+    start = starting(made)
     levels = np.full(31, 0.9)
     levels[20:25] = 0.0
     path = straight(rows=30)
@@ -74,51 +73,51 @@ def test_a_refuge_lies_where_the_threat_is_least():
     )  # fmt: skip
     response = answered(made, start, NO_PLAN, [path])
     assert response.decision.step is EmergencyStep.LOITER
-    assert response.way.path.threat_levels[-1] == 0.0
-    assert 600.0 <= response.way.path.positions_enu_m[-1, 0] <= 700.0
-    assert response.way.waypoints.loiter_centre_enu_m is not None
+    assert response.route.path.threat_levels[-1] == 0.0
+    assert 600.0 <= response.route.path.positions_enu_m[-1, 0] <= 700.0
+    assert response.route.waypoints.loiter_centre_enu_m is not None
 
 
 def test_straight_ahead_is_a_refuge_only_as_far_as_it_is_clear():
-    made = cycle(WALL)  # from 700 to 750 m east
-    response = answered(made, begun(made))
+    made = begun(WALL)  # from 700 to 750 m east
+    response = answered(made, starting(made))
     assert response.decision.step is EmergencyStep.LOITER
-    centre = response.way.waypoints.loiter_centre_enu_m
-    assert response.way.path.positions_enu_m[-1, 0] < 685.0
+    centre = response.route.waypoints.loiter_centre_enu_m
+    assert response.route.path.positions_enu_m[-1, 0] < 685.0
     wall = Polygon([(700, -100), (750, -100), (750, 100), (700, 100)])
     assert wall.distance(LineString([centre[:2], centre[:2] + 1e-6])) >= 125.0
 
 
 def test_paths_from_elsewhere_are_no_refuge():
-    made = cycle(WALL)
+    made = begun(WALL)
     elsewhere = straight(north=500.0, levels=0.0)
-    response = answered(made, begun(made), NO_PLAN, [elsewhere])
-    assert abs(response.way.path.positions_enu_m[-1, 1]) < 1.0
+    response = answered(made, starting(made), NO_PLAN, [elsewhere])
+    assert abs(response.route.path.positions_enu_m[-1, 1]) < 1.0
 
 
 def test_with_nowhere_to_go_the_autopilot_returns_if_it_may_and_keeps_its_mission_if_not():
-    made = cycle("obstacles:\n" + BLOCK.format("wall", 150, -900, 200, 900))  # 50 m ahead of the start
-    start = begun(made)
+    made = begun("obstacles:\n" + BLOCK.format("wall", 150, -900, 200, 900))  # 50 m ahead of the start
+    start = starting(made)
     for may_return, step in (
         (True, EmergencyStep.RETURN_TO_LAUNCH),
         (False, EmergencyStep.LEAVE_TO_AUTOPILOT),
     ):
         response = answered(made, start, may_return=may_return)
         assert response.decision.step is step
-        assert response.way is None
+        assert response.route is None
 
 
 def test_the_flown_path_is_judged_with_its_goal_and_a_refuge_without():
-    made = cycle()
-    start = begun(made)
+    made = begun()
+    start = starting(made)
     assert flown_violations(made, start) is None
-    made.flown = Flown(straight(), Mission((), 1, 1), math.inf)
+    made = flying(made, straight())
     assert made.flies_to_goal
-    assert flown_violations(made, made.start_after(state(), 4.0)) == ()
-    made.flown = Flown(straight().until(20), Mission((), 1, 1), math.inf)
+    assert flown_violations(made, start_after(made, state(), 4.0)) == ()
+    made = flying(made, straight().until(20))
     assert not made.flies_to_goal
     assert flown_violations(made, start) == ()
-    assert not made.is_on_last_leg(state(east=450.0), 10.0)
+    assert not is_on_last_leg(made, state(east=450.0), 10.0)
 
 
 def flown_in(text, until_s, **changes):

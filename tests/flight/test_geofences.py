@@ -63,7 +63,7 @@ def test_a_fence_uploaded_in_flight_is_flown_round_from_the_next_cycle_on(dialec
 
     def shut(harness):
         """Stand in the flown path, 900 m on its way."""
-        rows = harness.app.cycle.flown.path.positions_enu_m
+        rows = harness.app.state.flown.path.positions_enu_m
         places.append(rows[np.searchsorted(rows[:, 0], 900.0), :2])
         fence(harness, (CIRCLE_OUT, 150.0, *places[0]))
 

@@ -7,7 +7,7 @@ import pytest
 from companion.config import mission_from_text
 from companion.config.reload import changed_mission
 from companion.errors import ConfigError
-from companion.mission.swap import difference
+from companion.mission.item_difference import difference
 from companion.types.events import Dialect
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
@@ -22,7 +22,7 @@ def mission(*changes):
 
 def flown_part(harness):
     """What of the autopilot's list the service believes to be flown, as it is there and as it was sent."""
-    layout, flown = harness.app.handover.layout, harness.app.cycle.flown
+    layout, flown = harness.app.state.mission_list.layout, harness.app.state.flown
     span = slice(layout.flown_span[0] - 1, layout.flown_span[1])
     return harness.simulator.autopilot.mission_items[span], flown.mission.items[span]
 
@@ -76,7 +76,7 @@ def test_a_changed_file_is_taken_up_between_plans_and_flown_by():
     after = harness.recorder.missions[done[0] :]
     assert after, harness.kinds()
     assert "unsafe" in after[0].reason  # what was flown until then passes through the new wall
-    assert harness.app.cycle.check(harness.app.cycle.flown.path) == ()
+    assert harness.app.state.violations_of(harness.app.state.flown.path) == ()
 
 
 def test_other_goals_begin_at_the_first_and_lay_the_list_out_anew():
@@ -90,9 +90,9 @@ def test_other_goals_begin_at_the_first_and_lay_the_list_out_anew():
             harness.app.adopt(changed)
 
     harness = SitlHarness(mission()).fly(30.0, on_step)
-    assert harness.app.cycle.next_goal == 0
+    assert harness.app.state.next_goal == 0
     assert len(harness.recorder.missions) > done[0], harness.texts("rejected")
-    end = harness.app.cycle.flown.path.positions_enu_m[-1]
+    end = harness.app.state.flown.path.positions_enu_m[-1]
     assert abs(end[0] - 1650.0) <= 61.0
     assert abs(end[1] - 500.0) <= 61.0
 

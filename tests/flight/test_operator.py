@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.checkpoint import Memory
+from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import Command, Frame, MissionItem
@@ -93,7 +93,7 @@ def test_the_operators_waypoints_are_the_goals_and_the_landing_is_flown_on_to(di
 
     harness.fly(90.0, watch)
     assert harness.app.mode is Mode.ARRIVED
-    goals = [goal.position_enu_m for goal in harness.app.cycle.goals]
+    goals = [goal.position_enu_m for goal in harness.app.state.goals]
     np.testing.assert_allclose(goals, [(*place, 100.0) for place in WAYPOINTS], atol=0.1)
     flown = np.array(harness.simulator.truth.path)[:, 1:3]
     for place in WAYPOINTS:
@@ -158,7 +158,7 @@ def test_another_mission_becomes_the_reference_where_the_goals_are_the_operators
     harness = deck_of(FROM_AUTOPILOT, dialect, operator_items).fly(75.0, at(15.0, another))
     assert harness.app.mode is Mode.ARRIVED
     np.testing.assert_allclose(
-        [goal.position_enu_m[:2] for goal in harness.app.cycle.goals], [(900.0, -400.0)], atol=0.1
+        [goal.position_enu_m[:2] for goal in harness.app.state.goals], [(900.0, -400.0)], atol=0.1
     )
     flown = np.array(harness.simulator.truth.path)[:, 1:3]
     assert np.linalg.norm(flown - (900.0, -400.0), axis=1).min() <= 60.0
@@ -227,7 +227,7 @@ def ends_well(harness):
     assert not harness.simulator.truth.collision
     if harness.app.mode is not Mode.ARRIVED:
         assert harness.app.mode is Mode.ACTIVE
-        first, end = harness.app.layout.flown_span
+        first, end = harness.app.state.mission_list.layout.flown_span
         assert first <= harness.simulator.autopilot.current_sequence < end
 
 
@@ -238,18 +238,18 @@ def test_killed_in_flight_it_plans_again_within_5_s_and_the_flight_ends_well(dia
 
     def watch(harness):
         lengths.append(len(harness.simulator.autopilot.mission_items))
-        if len(harness.apps) == 2 and harness.app.cycle.num_plans > 0:
+        if len(harness.apps) == 2 and harness.app.num_plans > 0:
             planned.append(harness.now_s)
 
     harness = deck_of(FIRST_FLIGHT, dialect)
-    harness.memory = Memory(tmp_path / "flight")
+    harness.checkpoint = Checkpoint(tmp_path / "flight")
     harness.fly(68.0, both(kill(stamp_s), watch))
     assert len(harness.apps) == 2
     assert planned[0] - stamp_s < 5.0
     assert "a mission of ours" in harness.texts("restart")[0]
     ends_well(harness)
     if dialect is Dialect.ARDUPILOT:
-        size = harness.app.layout.size
+        size = harness.app.state.mission_list.layout.size
         assert max(lengths) <= 3 + 2 * size
 
 
@@ -282,7 +282,7 @@ def test_goals_reached_before_a_restart_are_not_flown_to_again(dialect, tmp_path
         "  - {east_m: 500, north_m: 0, up_m: 100}\n  - {east_m: 1500, north_m: 300, up_m: 100}",
     )
     harness = deck_of(text, dialect)
-    harness.memory = Memory(tmp_path / "flight")
+    harness.checkpoint = Checkpoint(tmp_path / "flight")
     harness.fly(75.0, kill(30.0))
     assert "1 goals reached" in harness.texts("restart")[0]
     assert harness.app.mode is Mode.ARRIVED

@@ -34,10 +34,10 @@ def test_missions_are_replaced_and_flown(undisturbed):
     assert undisturbed.app.num_swaps >= 2
     assert undisturbed.texts("rejected") == []
     assert autopilot.mode == "MISSION"
-    first, end = undisturbed.app.layout.flown_span
+    first, end = undisturbed.app.state.mission_list.layout.flown_span
     assert first <= autopilot.current_sequence < end
     assert (
-        mission_id(undisturbed.app.cycle.flown.mission.items)
+        mission_id(undisturbed.app.state.flown.mission.items)
         == autopilot.stored_list(MissionKind.MISSION).identity
     )
 
@@ -46,7 +46,7 @@ def test_every_upload_marks_one_item_of_ours(undisturbed):
     items = [m for _, m in undisturbed.said("MISSION_ITEM_INT") if m.current]
     counts = undisturbed.said("MISSION_COUNT")
     assert len(items) == len(counts) == undisturbed.app.num_swaps
-    first = undisturbed.app.layout.flown_span[0]
+    first = undisturbed.app.state.mission_list.layout.flown_span[0]
     assert {m.seq >= first for m in items} == {True}
 
 
@@ -138,7 +138,7 @@ def test_a_mission_that_the_autopilot_will_not_fly_is_told_and_not_fought():
 
 def test_a_lost_last_acknowledgement_is_made_good_by_mission_current():
     def lose(harness):
-        link = harness.app.autopilot
+        link = harness.app.link.autopilot
         receive = link.receive
         link.receive = lambda frame: None if frame.message_id == 47 else receive(frame)
 
@@ -146,7 +146,7 @@ def test_a_lost_last_acknowledgement_is_made_good_by_mission_current():
     assert harness.app.num_swaps >= 1
     autopilot = harness.simulator.autopilot
     identity = autopilot.stored_list(MissionKind.MISSION).identity
-    assert mission_id(harness.app.cycle.flown.mission.items) == identity
+    assert mission_id(harness.app.state.flown.mission.items) == identity
 
 
 def upload_by_another(harness):

@@ -33,9 +33,9 @@ def test_missions_are_swapped_over_a_signed_link(dialect, tmp_path):
     harness = deck_with(KEY, dialect, tmp_path).fly(12.0)
     assert harness.app.num_swaps == 1
     assert harness.simulator._channel.num_dropped == 0
-    assert harness.app.codec.counters["bad_signature"] == 0
-    assert harness.app.codec.counters["allowed_unsigned"] > 10  # the source of tracks
-    assert len(harness.app.picture.tracker.tracks(12.0)) == 1
+    assert harness.app.link.codec.counters["bad_signature"] == 0
+    assert harness.app.link.codec.counters["allowed_unsigned"] > 10  # the source of tracks
+    assert len(harness.app.situation.tracker.tracks(12.0)) == 1
     entries = [entry.raw for entry in read_tlog(tmp_path / "flight.tlog")]
     ours = [raw for raw in entries if (raw[5], raw[6]) == (1, 195)]
     assert ours
@@ -45,7 +45,7 @@ def test_missions_are_swapped_over_a_signed_link(dialect, tmp_path):
 def test_with_another_key_nobody_is_heard_and_nothing_is_done():
     harness = deck_with(bytes(32)).fly(6.0)
     assert harness.app.mode is Mode.WAITING
-    assert harness.app.codec.counters["bad_signature"] > 50
+    assert harness.app.link.codec.counters["bad_signature"] > 50
     assert harness.changes() == []
 
 
@@ -65,7 +65,7 @@ def test_an_attacker_without_the_key_changes_nothing():
     harness.fly(8.0, attack)
     assert harness.app.mode is Mode.ACTIVE
     assert harness.app.num_swaps == 1
-    assert harness.app.codec.counters["unsigned"] > 1000
+    assert harness.app.link.codec.counters["unsigned"] > 1000
 
 
 def test_keys_on_the_wire_are_not_recorded(tmp_path):
@@ -77,7 +77,7 @@ def test_keys_on_the_wire_are_not_recorded(tmp_path):
         harness.app.receive(bytes(setup.pack(writer)))
 
     harness.fly(3.0, tell)
-    assert harness.app.codec.counters["setup_signing"] > 100
+    assert harness.app.link.codec.counters["setup_signing"] > 100
     assert b"\xa5" * 8 not in (tmp_path / "flight.tlog").read_bytes()
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.mission.swap import difference
+from companion.mission.item_difference import difference
 from tests.flights.flown import (
     fly,
     miss_distance_m,
@@ -75,7 +75,7 @@ def test_it_turns_away_for_the_parked_vehicle_and_for_nothing_else(seed, miss_m)
 
 def test_when_it_ends_the_autopilot_holds_a_mission_that_ends_in_a_loiter():
     flight = shipped(NAME, 1)
-    banks, items = flight.app.layout, flight.simulator.autopilot.mission_items
+    banks, items = flight.app.state.mission_list.layout, flight.simulator.autopilot.mission_items
     bank = items[banks.first_of(banks.flown_index) :][: banks.size]
     assert bank[-1].command == 17
     assert difference((None, *banks.flown), (None, *bank)) == ""

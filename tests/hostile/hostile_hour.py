@@ -18,10 +18,13 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
+from companion.comms.vehicle_link import VehicleLink
 from companion.config import load_mission
-from companion.flight.app import App, stop
 from companion.link.wire.transport import MemoryTransport
+from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import Recorder
+from companion.tasks.app import App, stop
+from companion.tasks.composition import composed
 from tests.hostile.messages import Hostile
 from tests.link.wire import heartbeat, packed, position
 
@@ -91,7 +94,9 @@ class HostileSession:
         theirs.set_receiver(self._hear)
         await theirs.open()
         mission = load_mission(MISSION)
-        self.app = App(mission, ours, self._clock, self.recorder, seed=1, plans_inline=True)
+        link = VehicleLink(mission, ours, self._clock, self.recorder)
+        parts = composed(mission, link, self._clock, self.recorder, seed=1, runner=InlineRunner())
+        self.app = App(parts)
         running = asyncio.create_task(self.app.run())
         await asyncio.sleep(0)
         began = time.perf_counter()
@@ -167,9 +172,9 @@ class HostileSession:
             "heartbeats": len(self.heartbeats_s),
             "heartbeats_missed": self.heartbeats_missed,
             "memory_grown_mebibytes": round(self.grown_mebibytes, 2),
-            "link": dict(self.app.codec.counters),
-            "tracker": dict(self.app.picture.tracker.counters),
-            "ownship": dict(self.app.picture.ownship.counters),
+            "link": dict(self.app.link.codec.counters),
+            "tracker": dict(self.app.situation.tracker.counters),
+            "ownship": dict(self.app.situation.ownship.counters),
             "sent": dict(self.sent),
         }
 

@@ -22,7 +22,7 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.missions.mission_transfer import PATIENCE_S, REPEAT_MAX_S, REPEAT_MIN_S, RoundTrip, Upload
 from companion.link.wire.decoded_frame import MissionAck, MissionQuestion
 from companion.link.wire.framing import frames_in
-from companion.mission.swap import difference
+from companion.mission.item_difference import difference
 from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer
 from sim.autopilot.channel import Channel

@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.mission.list_layout import (
-    Banks,
-    Whole,
+    SingleListLayout,
+    TwoBankLayout,
     bank_items,
     held_height,
-    layout_of,
     marked,
     new_banks,
+    single_list_layout_of,
+    two_bank_layout_of,
 )
 from companion.mission.operator import (
     banks_in,
@@ -23,9 +24,9 @@ from companion.mission.operator import (
     operator_of,
     shifted_jumps,
     span_in,
-    without_ours,
+    without_banks,
+    without_span,
 )
-from companion.types.events import Dialect
 from companion.types.mission import Command, Frame
 from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
@@ -56,6 +57,7 @@ PATTERN, LAND = at(0.0, 900.0, Command.NAV_LOITER_TO_ALT), at(0.0, 0.0, Command.
 PHOTO = bare(CAMERA, 1.0)
 OPERATOR = renumbered([HOME, TAKEOFF, ONE, PHOTO, TWO, LAND_START, PATTERN, LAND])
 PATH = waypoints((100.0, 50.0, 100.0), (400.0, 60.0, 100.0), loiter_radius_m=125.0)
+ON_TO_THE_LANDING = replace(PATH, continues_with_operator_items=True)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +119,7 @@ def test_banks_are_found_again(num_operator, num_banks):
     prefix = [HOME, *OPERATOR[1 : 1 + num_operator]]
     items = renumbered([*prefix, *(entry for n in range(num_banks) for entry in bank(n))])
     assert banks_in(items) == (len(prefix), SIZE)
-    assert without_ours(items, Dialect.ARDUPILOT) == items[: len(prefix)]
+    assert without_banks(items) == items[: len(prefix)]
 
 
 def test_an_operators_list_has_no_banks_in_it():
@@ -131,9 +133,9 @@ def test_an_operators_list_has_no_banks_in_it():
 @pytest.mark.parametrize(("current", "index"), [(8, 0), (27, 0), (28, 1), (47, 1), (2, 1)])
 def test_after_a_restart_the_bank_being_flown_is_known_and_the_list_does_not_grow(current, index):
     items = renumbered([*OPERATOR, *bank(0), *bank(1)])
-    operator = operator_of(without_ours(items, Dialect.ARDUPILOT), FRAME, HOME_M)
-    layout = layout_of(items, Dialect.ARDUPILOT, operator, current, 0)
-    assert isinstance(layout, Banks)
+    operator = operator_of(without_banks(items), FRAME, HOME_M)
+    layout = two_bank_layout_of(items, operator, current)
+    assert isinstance(layout, TwoBankLayout)
     assert (len(layout.prefix), layout.size, layout.flown_index) == (8, SIZE, index)
     mission, _ = layout.with_new(bank(5), 1)
     assert len(mission.items) == len(items)
@@ -179,12 +181,12 @@ def test_the_same_list_sent_as_it_was_read_does_sink():
 def whole(tail=True):
     kept = OPERATOR[1:] if tail else OPERATOR[1:5]
     operator = operator_of(kept, FRAME, HOME_M)
-    return layout_of(kept, Dialect.PX4, operator, 0, 0)
+    return single_list_layout_of(operator)
 
 
 def test_on_px4_ours_stand_between_the_operators_way_and_landing():
     layout = whole()
-    assert isinstance(layout, Whole)
+    assert isinstance(layout, SingleListLayout)
     mission, after = layout.with_new(layout.items_for(PATH, FRAME), 3)
     commands = [entry.command for entry in mission.items]
     ours = [16, 178, 16, *(17,) * 13]
@@ -198,21 +200,23 @@ def test_on_px4_ours_stand_between_the_operators_way_and_landing():
 
 def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
     layout = whole()
-    mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=True), FRAME), 3)
+    mission, _ = layout.with_new(layout.items_for(ON_TO_THE_LANDING, FRAME), 3)
     assert [entry.command for entry in mission.items][4:] == [16, 178, 16, *(178,) * 13, 189, 31, 21]
     alone = whole(tail=False)
-    ours = alone.items_for(replace(PATH, goes_on=True), FRAME)
+    ours = alone.items_for(ON_TO_THE_LANDING, FRAME)
     assert ours[-1].command == Command.NAV_LOITER_UNLIM
 
 
 @pytest.mark.parametrize("goes_on", [False, True])
 def test_on_px4_ours_are_found_again(goes_on):
     layout = whole()
-    mission, _ = layout.with_new(layout.items_for(replace(PATH, goes_on=goes_on), FRAME), 3)
+    mission, _ = layout.with_new(
+        layout.items_for(replace(PATH, continues_with_operator_items=goes_on), FRAME), 3
+    )
     for flown in (4, 7, 12):  # the one that a PX4 marks in a list it tells
         read = marked(mission, flown)
         assert span_in(read) == (4, 20)
-        kept = without_ours(read, Dialect.PX4)
+        kept = without_span(read)
         assert [entry.command for entry in kept] == [entry.command for entry in OPERATOR[1:]]
 
 
@@ -220,7 +224,10 @@ def test_on_px4_ours_are_found_again(goes_on):
 def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes_on):
     layout, sizes = whole(), []
     for length in lengths:
-        path = waypoints(*((100.0 * n, 0.0, 100.0) for n in range(length)), goes_on=goes_on)
+        path = waypoints(
+            *((100.0 * n, 0.0, 100.0) for n in range(length)),
+            continues_with_operator_items=goes_on,
+        )
         before = layout.size
         mission, layout = layout.with_new(layout.items_for(path, FRAME), 1)
         sizes.append(len(mission.items))
@@ -234,11 +241,11 @@ def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes
 
 def test_on_ardupilot_a_mission_that_reaches_the_goal_jumps_to_what_follows_it():
     banks = new_banks(OPERATOR, 2, tail=5)
-    ours = banks.items_for(replace(PATH, goes_on=True), FRAME)
+    ours = banks.items_for(ON_TO_THE_LANDING, FRAME)
     assert [entry.command for entry in ours[:5]] == [16, 178, 16, Command.DO_JUMP, 17]
     assert ours[3].parameters[:2] == (5.0, -1.0)
     assert len(ours) == banks.size
-    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(replace(PATH, goes_on=True), FRAME)
+    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(ON_TO_THE_LANDING, FRAME)
     assert Command.DO_JUMP not in {entry.command for entry in without}
 
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 import pytest
 
 from companion.errors import NoAutopilotError
-from companion.mission.swap import SwapOutcome, difference, enter, store
+from companion.mission.item_difference import difference
+from companion.mission.swap import SwapOutcome, enter
+from companion.swapping.swap_arduplane import store
 from companion.types.mission import Command, Frame, Mission
 from tests.mission.made import ScriptedLink, item
 

@@ -3,7 +3,7 @@
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.checkpoint import Memory
+from companion.flight.checkpoint import Checkpoint
 from companion.recording.recorder import About, Recorder
 from companion.replay.comparison import first_difference
 from companion.types.events import Dialect
@@ -18,7 +18,7 @@ TWO_GOALS = FIRST_FLIGHT.replace(
 )
 
 
-class RestartedDeck(SitlHarness):
+class RestartedService(SitlHarness):
     """A harness whose services are like processes: each with a recording and files of its own."""
 
     def __init__(self, folder, dialect):
@@ -29,7 +29,7 @@ class RestartedDeck(SitlHarness):
         self.recorder.close()
         about = About(self.flight.mission, self.flight.seed, TWO_GOALS, STEP_S)
         self.flight.recorder = self.recorder = Recorder(self.log(len(self.apps)), EPOCH_S, about)
-        self.memory = Memory(self._folder / "flight")
+        self.checkpoint = Checkpoint(self._folder / "flight")
         return super()._started(ours, clock)
 
     def log(self, number):
@@ -41,10 +41,10 @@ def test_a_restart_in_flight_is_replayed_from_its_own_recording(dialect, tmp_pat
     def kill(harness):
         harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
 
-    harness = RestartedDeck(tmp_path, dialect).fly(70.0, kill)
+    harness = RestartedService(tmp_path, dialect).fly(70.0, kill)
     assert len(harness.apps) == 2
     assert "1 goals reached" in harness.texts("restart")[0]
-    assert ".flown.npz" in harness.memory.kept
+    assert ".flown.npz" in harness.checkpoint.kept
     for number in range(2):
         recording, result = replayed(harness.log(number) / "flight.tlog", harness.flight.mission)
         assert first_difference(recording, result) is None
@@ -58,7 +58,7 @@ def test_without_what_was_remembered_the_replay_would_part(tmp_path, monkeypatch
     def kill(harness):
         harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
 
-    harness = RestartedDeck(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
-    monkeypatch.setattr("companion.replay.engine._memory", lambda about: Memory())
+    harness = RestartedService(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
+    monkeypatch.setattr("companion.replay.engine._checkpoint", lambda about: Checkpoint())
     recording, result = replayed(harness.log(1) / "flight.tlog", harness.flight.mission)
     assert first_difference(recording, result) is not None

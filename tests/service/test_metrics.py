@@ -154,11 +154,11 @@ def test_the_ground_station_sees_threat_quality_and_computer(flight):
 
 def test_the_quality_of_the_last_plan_with_a_path_is_told(flight):
     harness, _, reporting = flight
-    path = harness.app.cycle.flown.path
+    path = harness.app.state.flown.path
     reporting.planned(plan(PlanStatus.EXACT, path, 0.75), 1.0)
     reporting.planned(plan(PlanStatus.TIMEOUT, None, 0.1), 1.0)
     sent = []
-    harness.app.send = sent.append
+    harness.app.link.send = sent.append
     reporting.tell(20.0, with_computer=False)
     messages = mavlink.MAVLink(None).parse_buffer(b"".join(sent))
     assert {message.name: message.value for message in messages}["plan_q"] == pytest.approx(0.75)

@@ -11,9 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.clock import ManualClock
 from companion.config import load_mission
 from companion.errors import LinkError
-from companion.flight.checkpoint import Memory
+from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S
-from companion.flight.modes import Mode
+from companion.flight.modes import Mode, ModeEvent
 from companion.link.wire.transport import MemoryTransport
 from companion.recording.reader import load_recording
 from companion.replay.comparison import first_difference
@@ -110,7 +110,7 @@ def test_two_flights_are_two_recordings_and_the_second_is_planned_anew(bench):
         await bench.pass_time(20.0, (AUTO, True))
         apps.append(bench.service.app)
         modes.append(bench.service.app.mode)
-        bench.service.app.mode = Mode.ARRIVED
+        bench.service.app.change(ModeEvent.GOAL_REACHED)
         await bench.pass_time(LANDED_S + 2.0, (AUTO, False))
         await bench.until(lambda: bench.service.app is not apps[0])
         await bench.pass_time(2.0, (AUTO, False))
@@ -168,14 +168,14 @@ def test_hours_on_the_ground_keep_the_last_recording_before_a_flight(bench):
 
 
 def test_goals_of_the_last_flight_are_forgotten_on_the_ground(tmp_path):
-    Memory(tmp_path / "flights" / "first-flight").note_reached(GOALS, 1)
+    Checkpoint(tmp_path / "flights" / "first-flight").note_reached(GOALS, 1)
     bench, left = Bench(tmp_path), []
 
     async def script():
         await bench.pass_time(LANDED_S - 1.0, (FBWA, False))
-        left.append(Memory(bench.flights / "first-flight").reached(GOALS))
+        left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
         await bench.pass_time(2.0, (FBWA, False))
-        left.append(Memory(bench.flights / "first-flight").reached(GOALS))
+        left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
 
     served(bench, script)
     assert left == [1, 0]

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,7 +18,7 @@ class Listener:
 
     def __init__(self):
         self.hears_autopilot = False
-        self.transport = MemoryTransport()
+        self.link = SimpleNamespace(transport=MemoryTransport())
 
 
 def reported(caplog, moves):

@@ -14,13 +14,14 @@ from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, ser
 HANG = """
 import threading
 from companion.service import service
-from companion.flight.cycle import Cycle
+from companion.flight.planner import Planner
+from companion.tasks import replanning
 service.warm_up = lambda mission: None  # it plans, too
 def hang(*parts):
     threading.Event().wait()
 """
-WEDGED = f"{HANG}Cycle.plan = hang"  # in a thread of its own
-STANDING = f"{HANG}Cycle.judge = hang"  # in the event loop
+WEDGED = f"{HANG}Planner.plan = hang"  # in a thread of its own
+STANDING = f"{HANG}replanning.conclude = hang"  # in the event loop
 
 
 def is_healthy(port):

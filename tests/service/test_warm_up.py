@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.cycle import Cycle
+from companion.service import warm_up as warming
 from companion.service.warm_up import NUM_PLANS, warm_up
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import FIRST_FLIGHT
@@ -31,7 +31,7 @@ def test_a_flight_compiles_nothing(name):
 )  # fmt: skip
 def test_for_every_mission_it_finds_a_plan_at_once_and_improves_on_it(goals, monkeypatch):
     plans = []
-    monkeypatch.setattr(Cycle, "judge", lambda self, plan, start: plans.append(plan))
+    monkeypatch.setattr(warming, "judge", lambda state, plan, start: plans.append(plan))
     head, _, rest = FIRST_FLIGHT.partition("goals:\n")
     text = head + goals + rest.partition("\n")[2]
     warm_up(mission_from_text(text, "mission.yaml"))

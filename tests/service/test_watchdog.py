@@ -98,7 +98,7 @@ def test_in_flight_there_is_progress_far_more_often_than_the_watchdog_asks_for_i
     stamps = []
 
     def on_step(harness):
-        harness.app._watch.progress = lambda: stamps.append(harness.now_s)
+        harness.app._observer.progress = lambda: stamps.append(harness.now_s)
 
     SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), dialect=dialect).fly(25.0, on_step)
     assert max(np.diff([0.0, *stamps, 25.0])) < 10.0

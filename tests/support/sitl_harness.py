@@ -5,9 +5,12 @@ import asyncio
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
-from companion.flight.app import App, stop
+from companion.comms.vehicle_link import VehicleLink
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.transport import MemoryTransport
+from companion.planning.plan_runner import InlineRunner
+from companion.tasks.app import App, stop
+from companion.tasks.composition import composed
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.sim.client import CONFIGS
@@ -38,7 +41,7 @@ class SitlHarness:
         self.is_cut = False
         self.is_killed = False
         self.apps = []
-        self.memory = None
+        self.checkpoint = None
         self.signer = None
         self.link_kind = AutopilotLink
         self._parser = mavlink.MAVLink(None)
@@ -79,10 +82,13 @@ class SitlHarness:
 
     def _started(self, ours, clock):
         """A service from nothing, as after a restart."""
-        self.flight.app = App(
-            self.flight.mission, ours, clock, self.recorder, seed=self.flight.seed, plans_inline=True,
-            memory=self.memory, signer=self.signer, link_kind=self.link_kind,
+        mission = self.flight.mission
+        link = VehicleLink(mission, ours, clock, self.recorder, signer=self.signer, link_kind=self.link_kind)
+        parts = composed(
+            mission, link, clock, self.recorder, seed=self.flight.seed, runner=InlineRunner(),
+            checkpoint=self.checkpoint,
         )  # fmt: skip
+        self.flight.app = App(parts)
         self.apps.append(self.flight.app)
         return asyncio.create_task(self.app.run())
 

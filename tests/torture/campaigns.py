@@ -73,7 +73,7 @@ def killed_flight(dialect, seed, folder):
             harness.is_killed = True
         elif "killed" in seen and "planned" not in seen and len(harness.apps) == 2:
             # On the last leg there is nothing left to plan: then it knows that instead.
-            knows = harness.app.cycle.num_plans > 0 or harness.app.cycle.flown is not None
+            knows = harness.app.num_plans > 0 or harness.app.state.flown is not None
             if knows:
                 seen["planned"] = harness.now_s
 

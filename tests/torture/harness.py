@@ -15,10 +15,10 @@ from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.config.compose import check_limits_of
 from companion.errors import RecordError
-from companion.flight.app import stop
-from companion.flight.checkpoint import Memory
+from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
 from companion.link.wire.transport import MemoryTransport
+from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command
 from sim.faults import FaultyLink, Happening, LinkFaults, OtherUploader, Schedule, random_schedule
@@ -153,7 +153,7 @@ class TortureHarness(SitlHarness):
         self.link = FaultyLink(self.simulator, LinkFaults(), seed=seed, schedule=schedule)
         self.flight.wire = self.link
         self.flight.turn_timeout_s = 0.05
-        self.memory = None if folder is None else Memory(folder / "flight")
+        self.checkpoint = None if folder is None else Checkpoint(folder / "flight")
         self.verdict = Verdict()
         self.judge = Judge(self.simulator, dialect)
         self._pending = list(schedule.events)

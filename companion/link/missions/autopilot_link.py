@@ -92,6 +92,11 @@ class AutopilotLink:
         return self._current
 
     @property
+    def home_altitude_amsl_m(self) -> float | None:
+        """Height that the autopilot's relative altitudes count from, None until it is heard."""
+        return self._codec.home_altitude_amsl_m
+
+    @property
     def is_exchanging(self) -> bool:
         """Whether a mission or fence is on its way, in either direction."""
         return self._turn.locked()

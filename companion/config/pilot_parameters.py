@@ -54,16 +54,12 @@ class Parameters:
         The mission file, for the values that were not set.
     file : Path or None
         Where values that were set are kept; None keeps none.
-    on_change : callable
-        Called with the name when a value was set.
     """
 
-    def __init__(
-        self, mission: MissionConfig, file: Path | None, on_change: Callable[[str], None] = lambda name: None
-    ) -> None:
+    def __init__(self, mission: MissionConfig, file: Path | None) -> None:
         self._mission = mission
         self._file = file
-        self._on_change = on_change
+        self._listeners: list[Callable[[str], None]] = []
         self._set: dict[str, float] = {}
         for name, value in self._kept().items():
             reason = self._refusal(name, value)
@@ -72,6 +68,10 @@ class Parameters:
             else:
                 self._set[name] = value
                 _log.warning("%s is %g, as it was set before; the mission file does not count", name, value)
+
+    def listen(self, listener: Callable[[str], None]) -> None:
+        """Have a function called with the name of each value that is set from now on."""
+        self._listeners.append(listener)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,7 +110,8 @@ class Parameters:
             return reason
         self._set[name] = value
         self._keep()
-        self._on_change(name)
+        for listener in self._listeners:
+            listener(name)
         return ""
 
     def set_mission(self, mission: MissionConfig) -> MissionConfig:

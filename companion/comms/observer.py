@@ -6,7 +6,7 @@ from companion.mission.swap import SwapOutcome
 from companion.types.plan import Plan
 
 
-class Watch:
+class Observer:
     """Is told of what happens; this one takes no notice. Nothing decides on it."""
 
     def progress(self) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.flight.pilot_parameters import ENABLE, TABLE, Parameters
+from companion.config.pilot_parameters import ENABLE, TABLE, Parameters
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import answer
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
@@ -24,7 +24,8 @@ class Station:
 
     def __init__(self, file=None):
         self.changes = []
-        self.parameters = Parameters(MISSION, file, self.changes.append)
+        self.parameters = Parameters(MISSION, file)
+        self.parameters.listen(self.changes.append)
         self.codec = Codec(1)
         self._ours = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._theirs = mavlink.MAVLink(None)

@@ -1,0 +1,83 @@
+"""What a mission file and the autopilot's fences come to: limits, settings, obstacles, and their checker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from companion.assurance.checker import Checker
+from companion.config.compose import check_limits_of, planner_settings_of, vehicle_of
+from companion.config.models import MissionConfig
+from companion.planning.settings import PlannerSettings
+from companion.types.threat import Obstacle
+from companion.vehicle.vehicle_model import VehicleModel
+
+REPLAN_SHARE = 0.3  # of a first plan's iterations
+LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What plans and missions are held to; made by :func:`rules_of`.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file in force, with what the pilot has set.
+    fences : tuple of Obstacle
+        The autopilot's fences as obstacles.
+    obstacles : tuple of Obstacle
+        The mission file's obstacles and the fences.
+    vehicle : VehicleModel
+        What the aircraft can do.
+    settings : PlannerSettings
+        Of a plan where nothing is flown that could be improved on.
+    replan_settings : PlannerSettings
+        Of a plan beside a flown path: a search that finds nothing better is not worth the whole budget.
+    least_threat_settings : PlannerSettings
+        Of an emergency plan: threats weigh most, and have no limit.
+    checker : Checker
+        The independent check.
+    """
+
+    mission: MissionConfig
+    fences: tuple[Obstacle, ...]
+    obstacles: tuple[Obstacle, ...]
+    vehicle: VehicleModel
+    settings: PlannerSettings
+    replan_settings: PlannerSettings
+    least_threat_settings: PlannerSettings
+    checker: Checker
+
+    @property
+    def level_m(self) -> float:
+        """Height at which a mission in the plane is flown [m]."""
+        return float(self.mission.start.up_m)
+
+    @property
+    def time_horizon_s(self) -> float:
+        """Longest time between two plans [s]."""
+        return float(self.mission.planning.time_horizon_s)
+
+
+def rules_of(mission: MissionConfig, fences: tuple[Obstacle, ...] = ()) -> Rules:
+    """Compose the rules of a flight.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file in force.
+    fences : tuple of Obstacle
+        The autopilot's fences as obstacles.
+    """
+    settings = planner_settings_of(mission)
+    obstacles = (*mission.obstacle_list, *fences)
+    return Rules(
+        mission=mission,
+        fences=fences,
+        obstacles=obstacles,
+        vehicle=vehicle_of(mission),
+        settings=settings,
+        replan_settings=replace(settings, max_iterations=int(REPLAN_SHARE * settings.max_iterations)),
+        least_threat_settings=replace(settings, threat_level_max=1.0, weights_cost=LEAST_THREAT_WEIGHTS),
+        checker=Checker(obstacles, check_limits_of(mission)),
+    )

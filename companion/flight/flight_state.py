@@ -1,0 +1,303 @@
+"""What is being flown, by which rules, and who flies: one frozen value, and its one owner.
+
+Theory of operation. :class:`FlightState` is all that a decision depends on besides the situation. It is
+never changed, only replaced, and only by :meth:`StateOwner.apply`, which takes a function of this module
+or of :mod:`companion.flight.list_state`: each maps the state and one event to the next state.
+
+====================  ===================================================================
+event                 function
+====================  ===================================================================
+the pilot takes over  :func:`after_mode_event`, and when he hands back
+armed, landed         :func:`after_armed_told`
+mission file reloaded :func:`after_reload`
+restart in flight     :func:`after_restart`, once it is known what the autopilot flies
+fences read           :func:`after_fences`
+the list              :func:`after_list`, with a function of ``list_state``
+list laid out anew    :func:`after_list_adopted`
+a mission flown       :func:`after_swap`
+own position          :func:`after_position`
+====================  ===================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Concatenate, ParamSpec
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.config import MissionConfig
+from companion.config.compose import goals_of
+from companion.config.rules import Rules, rules_of
+from companion.flight.flight_phase import FlightPhase, after_armed_state
+from companion.flight.list_state import FlownPath, ListState, after_other_goals, after_pause, after_taken
+from companion.flight.modes import Mode, ModeEvent, next_mode
+from companion.mission.list_layout import Layout
+from companion.mission.operator import OperatorGoal
+from companion.mission.path_progress import progress_on
+from companion.planning.problem import GoalRegion
+from companion.types.events import MissionCurrent
+from companion.types.mission import MissionItem
+from companion.types.path import Path
+from companion.types.state import Ownship
+from companion.types.threat import Obstacle
+
+WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
+NARROWED = 0.6
+GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
+
+Arguments = ParamSpec("Arguments")
+
+
+@dataclass(frozen=True, slots=True)
+class FlightState:
+    """The state of one flight.
+
+    Parameters
+    ----------
+    rules : Rules
+        What plans and missions are held to: mission file and fences.
+    phase : FlightPhase
+        Whether the aircraft is, or was, armed.
+    mode : Mode
+        What the service may do.
+    goals : tuple of GoalRegion
+        To be reached in order: the mission file's, or the operator's waypoints.
+    actions : tuple of tuple of MissionItem
+        The operator's DO_ items to carry out at each goal.
+    next_goal : int
+        Index of the first goal that is not reached.
+    flown : FlownPath or None
+        What is flown of ours.
+    tail_enu_m : tuple of float, or None
+        Where the operator goes on after the last goal [m]; None where that is not known.
+    flies_by : bool
+        Whether the autopilot turns before a waypoint, as ArduPlane does.
+    mission_list : ListState
+        What is known of the autopilot's list.
+    """
+
+    rules: Rules
+    phase: FlightPhase
+    mode: Mode = Mode.WAITING
+    goals: tuple[GoalRegion, ...] = ()
+    actions: tuple[tuple[MissionItem, ...], ...] = ()
+    next_goal: int = 0
+    flown: FlownPath | None = None
+    tail_enu_m: tuple[float, float, float] | None = None
+    flies_by: bool = True
+    mission_list: ListState = field(default_factory=ListState)
+
+    @property
+    def mission(self) -> MissionConfig:
+        """The mission file in force."""
+        return self.rules.mission
+
+    @property
+    def may_act(self) -> bool:
+        """Whether the aircraft is left to us."""
+        return self.mode is Mode.ACTIVE
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the last goal was reached."""
+        return bool(self.goals) and self.next_goal == len(self.goals)
+
+    @property
+    def goals_left(self) -> tuple[GoalRegion, ...]:
+        """Goals not reached yet.
+
+        Those to fly on from are planned for more narrowly than they count as reached: a path that just
+        touches one is flown a few metres beside it, and the aircraft would turn back.
+        """
+        left = self.goals[self.next_goal :]
+        num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
+        narrowed = [
+            replace(goal, acceptance_radius_m=NARROWED * goal.acceptance_radius_m)
+            for goal in left[: max(num_passed, 0)]
+        ]
+        return (*narrowed, *left[len(narrowed) :])
+
+    @property
+    def flies_to_goal(self) -> bool:
+        """Whether what is flown leads to the last goal, and not to a place to circle at meanwhile."""
+        if self.flown is None or not self.goals:
+            return False
+        away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
+        return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
+
+    def violations_of(self, path: Path) -> tuple[Violation, ...]:
+        """What is wrong with a path that should reach the last goal."""
+        goal = self.goals[-1]
+        return self.rules.checker.check_path(
+            path, goal_enu_m=goal.position_enu_m, acceptance_radius_m=goal.acceptance_radius_m + 1.0
+        )
+
+
+class StateOwner:
+    """Holds the state of a flight, and alone replaces it.
+
+    Parameters
+    ----------
+    state : FlightState
+        The first.
+    """
+
+    def __init__(self, state: FlightState) -> None:
+        self._state = state
+
+    @property
+    def state(self) -> FlightState:
+        """The state now."""
+        return self._state
+
+    @property
+    def listed(self) -> ListState:
+        """What is known of the autopilot's list now."""
+        return self._state.mission_list
+
+    def apply(
+        self,
+        transition: Callable[Concatenate[FlightState, Arguments], FlightState],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> FlightState:
+        """Replace the state by what a transition makes of it; returns the new one."""
+        self._state = transition(self._state, *arguments, **named)
+        return self._state
+
+    def apply_to_list(
+        self,
+        transition: Callable[Concatenate[ListState, Arguments], ListState],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> ListState:
+        """Replace what is known of the list by what a transition makes of it; returns the new."""
+        listed = transition(self._state.mission_list, *arguments, **named)
+        self._state = after_list(self._state, listed)
+        return listed
+
+
+def first_state(mission: MissionConfig, now_s: float) -> FlightState:
+    """The state before anything was heard.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    now_s : float
+        The clock's reading [s].
+    """
+    return FlightState(rules=rules_of(mission), phase=FlightPhase(now_s), goals=goals_of(mission))
+
+
+def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
+    """The state after something that decides who flies; see the table in :mod:`companion.flight.modes`.
+
+    Whenever the aircraft is left to us anew, others may have used the pause: the list is read again.
+    """
+    mode = next_mode(state.mode, event, may_resume=state.mission.authority.resume == "auto")
+    if mode is state.mode:
+        return state
+    listed = after_pause(state.mission_list) if mode is Mode.ACTIVE else state.mission_list
+    return replace(state, mode=mode, mission_list=listed)
+
+
+def after_armed_told(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
+    """The state after a heartbeat told whether the aircraft is armed; not being so for a while is landing."""
+    return replace(state, phase=after_armed_state(state.phase, now_s, is_armed=is_armed))
+
+
+def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
+    """The state after a heartbeat told whose autopilot it is."""
+    return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
+
+
+def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
+    """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
+    goals, next_goal = state.goals, state.next_goal
+    if not mission.goals_from_autopilot and goals_of(mission) != goals:
+        goals, next_goal = goals_of(mission), 0
+    is_other = mission.goals != state.mission.goals
+    return replace(
+        state,
+        rules=rules_of(mission, state.rules.fences),
+        goals=goals,
+        next_goal=next_goal,
+        mission_list=after_other_goals(state.mission_list) if is_other else state.mission_list,
+    )
+
+
+def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
+    """The state with the autopilot's fences, to which plans and missions are held from now on."""
+    return replace(state, rules=rules_of(state.mission, fences))
+
+
+def after_list(state: FlightState, listed: ListState) -> FlightState:
+    """The state with what is known of the list now."""
+    return replace(state, mission_list=listed)
+
+
+def after_list_adopted(
+    state: FlightState, listed: ListState, tail_enu_m: tuple[float, float, float] | None
+) -> FlightState:
+    """The state after a list was taken as the operator's: nothing of ours is known to be flown."""
+    return replace(state, mission_list=listed, flown=None, tail_enu_m=tail_enu_m)
+
+
+def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
+    """The state with the operator's waypoints for goals; in the plane at the mission's level."""
+    level = state.rules.level_m
+    places = [
+        (*goal.position_enu_m[:2], level) if state.mission.dimension == 2 else goal.position_enu_m
+        for goal in goals
+    ]
+    return replace(
+        state,
+        goals=tuple(GoalRegion(place, GOAL_RADIUS_M) for place in places),
+        actions=tuple(goal.actions for goal in goals),
+        next_goal=0,
+    )
+
+
+def after_restart(
+    state: FlightState, flown: FlownPath | None = None, num_goals_reached: int = 0
+) -> FlightState:
+    """The state after a restart in flight: the path that is flown, and the goals that were reached before.
+
+    Parameters
+    ----------
+    state : FlightState
+        As begun.
+    flown : FlownPath, optional
+        What was remembered of the mission that the autopilot flies.
+    num_goals_reached : int
+        Goals that were reached before.
+    """
+    return replace(state, flown=flown or state.flown, next_goal=max(state.next_goal, num_goals_reached))
+
+
+def after_swap(
+    state: FlightState, layout: Layout, flown: FlownPath, current: MissionCurrent | None
+) -> FlightState:
+    """The state once a mission of ours is flown."""
+    listed = after_taken(state.mission_list, layout, flown.mission.items, current)
+    return replace(state, flown=flown, mission_list=listed)
+
+
+def after_position(state: FlightState, ownship: Ownship) -> FlightState:
+    """The state with the goals passed by now, and how far along the flown path the aircraft is."""
+    next_goal, flown = state.next_goal, state.flown
+    while next_goal < len(state.goals):
+        goal = state.goals[next_goal]
+        away = np.linalg.norm(np.subtract(goal.position_enu_m, ownship.position_enu_m))
+        if away > goal.acceptance_radius_m:
+            break
+        next_goal += 1
+    if flown is not None:
+        flown = replace(
+            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
+        )
+    return replace(state, next_goal=next_goal, flown=flown)

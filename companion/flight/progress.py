@@ -1,0 +1,93 @@
+"""Where the aircraft is on what it flies, and where it will be when a plan takes effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.config.rules import Rules
+from companion.flight.flight_state import WINDOW_ROWS, FlightState
+from companion.frames import direction_from_course
+from companion.mission.path_progress import progress_on, rest_of_path, time_at
+from companion.planning.problem import StartState, initial_covariances
+from companion.tracking.ownship import predicted
+from companion.types.path import Path
+from companion.types.state import Ownship
+
+OFF_TRACK_MAX_M = 80.0
+LAST_LEG_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a plan begins, and what is left of the flown path from there; None off it."""
+
+    state: StartState
+    rest: Path | None
+
+
+def lead_s(rules: Rules, exchange_s: float) -> float:
+    """How long until a plan begun now is flown: planning, the exchange with the autopilot, margin [s]."""
+    planning = rules.mission.planning
+    return float(planning.planning_budget_s + planning.swap_margin_s) + exchange_s
+
+
+def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:
+    """Whether the flown path ends before a new plan, flown in ``ahead_s``, could be of use."""
+    flown = state.flown
+    if flown is None or not state.flies_to_goal or flown.carried_until_s < flown.path.times_s[-1]:
+        return False
+    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS)
+    left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)
+    return progress.off_track_m <= OFF_TRACK_MAX_M and left < ahead_s + LAST_LEG_S
+
+
+def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
+    """Where the aircraft will be in ``ahead_s``: along the flown path, else by its own motion."""
+    rest = _rest_after(state, ownship, ahead_s)
+    if rest is not None:
+        east, north, up = (float(value) for value in rest.positions_enu_m[0])
+        begin = _begin(
+            state.rules, ownship, float(rest.times_s[0]), (east, north, up), float(rest.courses_rad[0]),
+            float(rest.climb_angles_rad[0]), float(rest.speeds_m_s[0]),
+        )  # fmt: skip
+        return Start(begin, rest)
+    ahead = predicted(ownship, ahead_s)
+    begin = _begin(
+        state.rules, ownship, ownship.stamp_s + ahead_s, ahead.position_enu_m, ahead.course_rad,
+        ahead.flight_path_angle_rad, ownship.airspeed_m_s,
+    )  # fmt: skip
+    return Start(begin, None)
+
+
+def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | None:
+    """What is left of the flown path in ``ahead_s``; None off it, or near its end."""
+    if state.flown is None:
+        return None
+    path = state.flown.path
+    progress = progress_on(path, ownship.position_enu_m, state.flown.row, WINDOW_ROWS)
+    if progress.off_track_m > OFF_TRACK_MAX_M:
+        return None
+    share = ownship.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
+    return rest_of_path(path, time_at(path, progress) + ahead_s * share, ownship.stamp_s + ahead_s)
+
+
+def _begin(
+    rules: Rules, ownship: Ownship, stamp_s: float, position: tuple[float, float, float], course_rad: float,
+    climb_rad: float, airspeed_m_s: float,
+) -> StartState:  # fmt: skip
+    """A start state within the aircraft's limits; in the plane on the mission's level."""
+    vehicle = rules.vehicle
+    if rules.mission.dimension == 2:
+        position, climb_rad = (*position[:2], rules.level_m), 0.0
+    climb = min(vehicle.climb_angle_max_rad, max(-vehicle.descent_angle_max_rad, climb_rad))
+    return StartState(
+        stamp_s=stamp_s,
+        position_enu_m=position,
+        direction_rad=direction_from_course(course_rad),
+        climb_rad=climb,
+        airspeed_m_s=min(vehicle.airspeed_max_m_s, max(vehicle.airspeed_min_m_s, airspeed_m_s)),
+        error_covariance=initial_covariances(vehicle, *ownship.position_std_m),
+        estimate_covariance=np.zeros((6, 6)),
+    )

@@ -1,0 +1,136 @@
+"""From a path to the waypoints that a mission carries of it, with a circle at their end that was checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.flight.flight_state import FlightState
+from companion.frames import FloatArray
+from companion.mission.loiter import loiter_beside
+from companion.mission.waypoints import Waypoints, merge_close_waypoints, waypoints_from_path
+from companion.types.mission import MissionItem
+from companion.types.path import Path
+
+CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
+SHORTEST_ROWS = 12
+NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
+
+Actions = tuple[MissionItem, ...]
+
+
+def waypoints_of(
+    state: FlightState, path: Path, max_waypoints: int
+) -> tuple[Waypoints, float, tuple[Violation, ...]]:
+    """Waypoints of the part of a path that a mission carries, and a loiter at its end.
+
+    Beyond a few time horizons a path is a guess: threats there are still to be sensed. The mission
+    carries no more than :data:`CARRIED_HORIZONS` of it where a clear circle can end it there, else
+    the nearest row at which one can; should the service fall silent, the aircraft circles at a
+    place that was checked.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals and rules.
+    path : Path
+        What is to be flown.
+    max_waypoints : int
+        Room in the autopilot's list.
+
+    Returns
+    -------
+    Waypoints
+        What to upload.
+    float
+        The path's time at their end [s].
+    tuple of Violation
+        What is wrong with them, if no part of the path can be carried.
+    """
+    wanted = CARRIED_HORIZONS * state.rules.time_horizon_s
+    last = len(path) - 1
+    row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
+    tries = [row, *(row + k for k in range(2, last - row, 2)), last]
+    tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
+    first_wrong: tuple[Violation, ...] = ()
+    for end in tries:
+        waypoints, violations = carried(state, path, end)
+        num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
+        if not violations and num_items <= max_waypoints:
+            return waypoints, float(path.times_s[end]), ()
+        first_wrong = first_wrong or violations
+    return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
+
+
+def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them."""
+    rules, part = state.rules, path.until(end)
+    actions = _actions_along(state, part)
+    flown = waypoints_from_path(
+        part,
+        float(rules.vehicle.airspeed_cruise_m_s),
+        flies_by=state.flies_by,
+        marked_m=[length for length, _ in actions],
+    )
+    radius = rules.vehicle.turn_radius_min_m
+    centre, direction = loiter_beside(
+        flown.positions_enu_m, float(part.courses_rad[-1]), radius, rules.obstacles,
+        rules.checker.limits.bounds,
+    )  # fmt: skip
+
+    def wrong_with(waypoints: Waypoints) -> tuple[Violation, ...]:
+        legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
+        return rules.checker.check_legs(
+            legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
+        )
+
+    flown, violations = merge_close_waypoints(flown, wrong_with)
+    waypoints = replace(
+        flown,
+        loiter_centre_enu_m=centre,
+        loiter_radius_m=direction * radius,
+        continues_with_operator_items=(end == len(path) - 1 and _may_go_on(state, flown.positions_enu_m[-1])),
+        actions=_actions_at(actions, flown),
+    )
+    return waypoints, violations
+
+
+def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
+    """Whether the operator's items that follow the goal can be flown to from the last waypoint, (3,) [m]."""
+    if state.tail_enu_m is None:
+        return False
+    legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
+    wrong = state.rules.checker.check_legs(
+        legs, ends_in_loiter=True, loiter_radius_m=state.rules.vehicle.turn_radius_min_m
+    )
+    return not any(entry.rule == "clearance" for entry in wrong)
+
+
+def _actions_along(state: FlightState, part: Path) -> list[tuple[float, Actions]]:
+    """The operator's DO_ items of goals that a part of a path reaches, and how far along they are [m]."""
+    found: list[tuple[float, Actions]] = []
+    row = 0
+    for goal, items in zip(state.goals[state.next_goal :], state.actions[state.next_goal :], strict=False):
+        away = np.linalg.norm(part.positions_enu_m[row:] - np.asarray(goal.position_enu_m), axis=1)
+        if not away.min() <= goal.acceptance_radius_m:
+            break
+        row += int(np.argmin(away))
+        steps = np.linalg.norm(np.diff(part.positions_enu_m[: row + 1, :2], axis=0), axis=1)
+        if items:
+            found.append((float(steps.sum()), items))
+    return found
+
+
+def _actions_at(
+    actions: Sequence[tuple[float, Actions]], waypoints: Waypoints
+) -> tuple[tuple[int, Actions], ...]:
+    """What is to be done by the number of the waypoint that it is done at."""
+    found: dict[int, Actions] = {}
+    for length, items in actions:
+        behind = np.flatnonzero(waypoints.distances_m >= length - 1.0)
+        number = int(behind[0]) if len(behind) else len(waypoints.distances_m) - 1
+        found[number] = found.get(number, ()) + items
+    return tuple(sorted(found.items()))

@@ -1,0 +1,204 @@
+"""Missions on their way to the autopilot: handed over at their instant, recorded, and told.
+
+What is known of the list is part of the flight's state; how an autopilot stores and enters a mission is its
+protocol's business.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Coroutine
+
+from companion.comms.announcer import Announcer
+from companion.comms.observer import Observer
+from companion.flight.checkpoint import Checkpoint, key_of
+from companion.flight.cycle import ShapedPath
+from companion.flight.decision import DecisionKind
+from companion.flight.flight_state import after_swap
+from companion.flight.list_state import FlownPath, after_settled, after_swap_begun, after_swap_ended
+from companion.mission.list_layout import Layout
+from companion.mission.mission_id import mission_id
+from companion.mission.swap import SwapOutcome
+from companion.recording.recorder import Recorder
+from companion.swapping.list_reader import ListReader
+from companion.swapping.protocols import SwapProtocols
+from companion.swapping.swap_protocol import SwapOrder
+from companion.types.mission import Mission
+from companion.types.record import SwapRecord
+
+ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
+WITHDRAWN = SwapOutcome.WITHDRAWN, "the mode was changed"
+
+__all__ = ["Handover", "SwapOutcome"]
+
+
+class Handover:
+    """Swaps of what is flown.
+
+    Parameters
+    ----------
+    protocols : SwapProtocols
+        How missions are stored and entered, and what is worked with: flight state, link, aircraft, clock.
+    announcer : Announcer
+        Told what came of each.
+    checkpoint : Checkpoint
+        Keeps the path that is flown, for a restart.
+    recorder : Recorder
+        Keeps what was sent.
+    observer : Observer
+        Told how each ended.
+
+    Attributes
+    ----------
+    reader : ListReader
+        Knows the autopilot's list.
+    """
+
+    def __init__(
+        self,
+        protocols: SwapProtocols,
+        announcer: Announcer,
+        checkpoint: Checkpoint,
+        recorder: Recorder,
+        observer: Observer,
+    ) -> None:
+        parts = protocols.parts
+        self.reader = ListReader(protocols, announcer, checkpoint)
+        self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
+        self._protocols = protocols
+        self._announcer = announcer
+        self._checkpoint = checkpoint
+        self._recorder = recorder
+        self._observer = observer
+        self._offered: Mission | None = None
+        self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
+
+    def is_settled(self) -> bool:
+        """Whether it is known what is flown; takes it from the autopilot where an answer was lost.
+
+        An entry that was asked for and not acknowledged may well be flown: to write there would change
+        the mission under the aircraft.
+        """
+        listed, current = self._flight.listed, self._link.current
+        pending = listed.pending
+        if pending is None or current is None or not listed.has_settled(current):
+            return pending is None
+        self._flight.apply_to_list(after_settled)
+        if listed.is_pending_flown(current):
+            self._take(pending.layout, pending.flown)
+            self._announcer.decide(
+                DecisionKind.SWAP, f"entered at item {current.sequence}, though unanswered"
+            )
+            self._announcer.flown(pending.flown.path.positions_enu_m, "unanswered")
+        return True
+
+    def _take(self, layout: Layout, flown: FlownPath) -> None:
+        """Count a mission as flown."""
+        self._flight.apply(after_swap, layout, flown, self._link.current)
+        ours = flown.mission.items[slice(*layout.flown_span)]
+        self._checkpoint.note_flown(key_of(ours), flown.path, flown.carried_until_s)
+
+    async def hand_over(
+        self, shaped: ShapedPath, plan_number: int, plan_ms: float, track_s: float, occasion: str
+    ) -> SwapOutcome:
+        """Hand a mission over when the aircraft is where it begins, and tell what came of it.
+
+        Parameters
+        ----------
+        shaped : ShapedPath
+            What is to be flown.
+        plan_number : int
+            Of the plan behind it.
+        plan_ms : float
+            The computer's time for it [ms].
+        track_s : float
+            When the newest track came that it knew, by the clock [s]; not finite without any.
+        occasion : str
+            Why it was made.
+        """
+        is_flying_ours = self._flight.state.flown is not None
+        enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_flying_ours else 0.0
+        begun_s = self._clock.now_s()
+        outcome, reason = await self._unless_withdrawn(self.swap(shaped, enter_s, plan_number))
+        self._observer.exchanged(outcome)
+        now, mission, places = self._clock.now_s(), self._offered, shaped.waypoints.positions_enu_m
+        if mission is not None:
+            self._recorder.swap(
+                now,
+                SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
+            )
+        facts = {"occasion": occasion, **shaped.why}
+        if outcome is not SwapOutcome.FLOWN:
+            self._announcer.count_rejected()
+            self._announcer.decide(DecisionKind.REJECTED, f"{outcome.value}: {reason}", plan_ms, why=facts)
+            return outcome
+        latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
+        self._announcer.flown(places, shaped.verdict.value, latency)
+        text = f"{shaped.verdict.value}, {shaped.text}; {reason}"
+        self._announcer.decide(DecisionKind.SWAP, text, plan_ms, latency, facts)
+        return outcome
+
+    async def swap(self, shaped: ShapedPath, enter_s: float, plan_number: int) -> tuple[SwapOutcome, str]:
+        """Store a mission and enter it at an instant; broken off, what was flown stays whole.
+
+        Parameters
+        ----------
+        shaped : ShapedPath
+            What is to be flown.
+        enter_s : float
+            When the aircraft is where the path begins, by the clock [s].
+        plan_number : int
+            Of the plan behind it.
+        """
+        layout = self._flight.listed.layout
+        if layout is None:
+            return SwapOutcome.REFUSED, "the autopilot's mission is not known"
+        ours = layout.items_for(shaped.waypoints, self._flight.state.mission.frame)
+        mission, after = layout.with_new(ours, plan_number)
+        self._offered = mission
+        flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
+        order = SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s)
+        self._flight.apply_to_list(after_swap_begun)
+        try:
+            outcome, reason = await self._protocols.now.carry_out(order)
+        finally:
+            self._flight.apply_to_list(after_swap_ended, self._clock.now_s())
+        if outcome in (SwapOutcome.FLOWN, SwapOutcome.STALE, SwapOutcome.FOREIGN):
+            self._flight.apply_to_list(after_settled)
+        if outcome is SwapOutcome.FLOWN:
+            self._take(after, flown)
+        return outcome, reason
+
+    async def _unless_withdrawn(
+        self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
+    ) -> tuple[SwapOutcome, str]:
+        """Carry out an exchange; :meth:`break_off` ends it where it stands."""
+        if not self._flight.state.may_act:  # since the plan was made
+            exchange.close()
+            return WITHDRAWN
+        self._exchanging = asyncio.create_task(exchange)
+        try:
+            return await self._exchanging
+        except asyncio.CancelledError:
+            own = asyncio.current_task()
+            if own is None or own.cancelling():  # the service itself ends
+                raise
+            return WITHDRAWN
+        finally:
+            self._exchanging = None
+
+    def break_off(self) -> None:
+        """End an exchange that is under way where it stands."""
+        if self._exchanging is not None:
+            self._exchanging.cancel()
+
+    async def return_to_launch(self) -> None:
+        """Have the autopilot return to launch.
+
+        Raises
+        ------
+        CompanionError
+            If it does not.
+        """
+        await self._link.set_mode("RTL")

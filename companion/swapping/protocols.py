@@ -1,0 +1,36 @@
+"""The protocol of each kind of autopilot, chosen by which one is heard."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.swapping.swap_arduplane import ArduPlaneSwap
+from companion.swapping.swap_protocol import SwapParts, SwapProtocol
+from companion.swapping.swap_px4 import Px4Swap
+from companion.types.events import Dialect
+
+
+@dataclass(frozen=True, slots=True)
+class SwapProtocols:
+    """The protocols, and what they work with; made by :func:`protocols_for`.
+
+    Parameters
+    ----------
+    parts : SwapParts
+        What they work with.
+    by_dialect : mapping of Dialect to SwapProtocol
+        One each.
+    """
+
+    parts: SwapParts
+    by_dialect: dict[Dialect, SwapProtocol]
+
+    @property
+    def now(self) -> SwapProtocol:
+        """Of the autopilot that is heard; ArduPlane's before one is."""
+        return self.by_dialect[self.parts.link.dialect or Dialect.ARDUPILOT]
+
+
+def protocols_for(parts: SwapParts) -> SwapProtocols:
+    """The protocols over one link."""
+    return SwapProtocols(parts, {Dialect.ARDUPILOT: ArduPlaneSwap(parts), Dialect.PX4: Px4Swap(parts)})

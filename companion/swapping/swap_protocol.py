@@ -1,0 +1,128 @@
+"""What is asked of a swap, whoever's autopilot it is; and what the swaps of all autopilots share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.clock import Clock
+from companion.flight.flight_state import StateOwner
+from companion.flight.list_state import FlownPath, PendingSwap, after_reading
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.mission.list_layout import Layout, TwoBankLayout
+from companion.mission.operator import Operator
+from companion.mission.swap import SwapOutcome
+from companion.mission.waypoints import Waypoints, sequence_of_waypoint
+from companion.swapping.entry import entry_of
+from companion.tracking.ownship import OwnshipEstimator
+from companion.types.mission import MissionItem
+from companion.types.state import Ownship
+
+
+@dataclass(frozen=True, slots=True)
+class SwapOrder:
+    """A mission to be handed over.
+
+    Parameters
+    ----------
+    flown : FlownPath
+        Path and mission, as they are flown once it is entered.
+    waypoints : Waypoints
+        What the mission carries out.
+    layout : Layout
+        The list's once it is flown.
+    identity : int
+        The name that a PX4 gives it.
+    enter_s : float
+        When the aircraft is where it begins, by the clock [s].
+    """
+
+    flown: FlownPath
+    waypoints: Waypoints
+    layout: Layout
+    identity: int
+    enter_s: float
+
+    def pending(self, asked_s: float, identity: int) -> PendingSwap:
+        """What is pending once it was asked for."""
+        return PendingSwap(asked_s, self.layout, self.flown, self.waypoints, identity)
+
+
+@dataclass(frozen=True, slots=True)
+class SwapParts:
+    """What every swap works with.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state; what is found out of the list is applied to it.
+    link : AutopilotLink
+        To the autopilot.
+    ownship : OwnshipEstimator
+        Where the aircraft is.
+    clock : Clock
+        The service's.
+    """
+
+    flight: StateOwner
+    link: AutopilotLink
+    ownship: OwnshipEstimator
+    clock: Clock
+
+    def state(self) -> Ownship | None:
+        """The aircraft's state now; None while it is not known."""
+        return self.ownship.state(self.clock.now_s())
+
+    def may_act(self) -> bool:
+        """Whether the pilot leaves the aircraft to us now."""
+        return self.flight.state.may_act
+
+    def entry(self, order: SwapOrder, in_s: float) -> int | None:
+        """Sequence at which a mission is entered from where the aircraft is, so many seconds from now."""
+        ownship = self.state()
+        if ownship is None:
+            return None
+        first = entry_of(self.flight.state, ownship, order.flown.path, order.waypoints, in_s)
+        return None if first is None else sequence_of_waypoint(order.flown.mission, first)
+
+    async def read(self) -> tuple[MissionItem, ...]:
+        """The autopilot's list; quickly where it is known to be an ArduPlane's."""
+        is_bank = isinstance(self.flight.listed.layout, TwoBankLayout)
+        read = await (self.link.read_back() if is_bank else self.link.download())
+        self.flight.apply_to_list(after_reading, self.clock.now_s(), len(read))
+        return read
+
+
+class SwapProtocol(Protocol):
+    """How one kind of autopilot keeps a list, and how a new mission gets into it and is flown.
+
+    Attributes
+    ----------
+    num_home_items : int
+        Items at the list's beginning that are not the operator's, and that it does not count.
+    wants_landing : bool
+        Whether the autopilot is at a loss with a mission that does not end in a landing.
+    """
+
+    num_home_items: int
+    wants_landing: bool
+
+    def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
+        """The operator's items in a list as read."""
+        ...
+
+    def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
+        """How ours are to stand in a list as read, in which the item ``current`` is flown."""
+        ...
+
+    def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
+        """First sequence of the part of ours that may be flown, and the one behind its last; None without."""
+        ...
+
+    def layout_as_flown(self, layout: Layout, ours: tuple[MissionItem, ...]) -> Layout:
+        """The layout where a part of ours was found to be flown."""
+        ...
+
+    async def carry_out(self, order: SwapOrder) -> tuple[SwapOutcome, str]:
+        """Store a mission and enter it at its instant; broken off, what was flown stays whole."""
+        ...

@@ -1,0 +1,318 @@
+"""The service beside one autopilot: takes what it says, and runs the tasks that answer it."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import logging
+import math
+from collections.abc import Awaitable, Callable
+
+from companion.assurance.emergency import EmergencyStep
+from companion.config import MissionConfig
+from companion.config.pilot_parameters import ENABLE
+from companion.flight.decision import DecisionKind
+from companion.flight.flight_state import (
+    FlightState,
+    after_armed_told,
+    after_autopilot_told,
+    after_mode_event,
+    after_position,
+    after_reload,
+)
+from companion.flight.list_state import MissionPosition
+from companion.flight.modes import Mode, ModeEvent
+from companion.tasks.composition import Composition
+from companion.types.events import Dialect, Event, GlobalPosition, Heartbeat, MissionCurrent, StatusText
+from companion.types.state import Ownship
+
+SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
+HOUSEKEEPING_S = 1.0
+STATE_S = 0.2
+FAREWELL_S = 0.2  # for the last words to leave before the link is closed
+TOLD = {
+    Mode.SUSPENDED: (DecisionKind.SUSPENDED, "by the pilot"),
+    Mode.YIELDED: (DecisionKind.SUSPENDED, "another mission or item was chosen"),
+    Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal"),
+}
+
+_log = logging.getLogger(__name__)
+
+
+class App:
+    """The service, over one link.
+
+    Parameters
+    ----------
+    parts : Composition
+        What it is composed of.
+    is_warm : bool
+        Whether every kernel is compiled, so that plans can be made.
+    """
+
+    def __init__(self, parts: Composition, *, is_warm: bool = True) -> None:
+        self.autopilot_mode = ""
+        self.situation, self.recorder, self.link = parts.situation, parts.recorder, parts.link
+        self.replanning, self.announcer = parts.replanning, parts.announcer
+        self._flight, self._clock = parts.flight, parts.clock
+        self._parameters, self._checkpoint, self._observer = (
+            parts.parameters, parts.checkpoint, parts.observer,
+        )  # fmt: skip
+        self._is_warm = is_warm
+        self._heartbeat_s = -math.inf
+        self._boot_s: float | None = None
+        self._said_failure = self._said_landed = False
+        self._planning: asyncio.Task[None] | None = None
+        self._changed: MissionConfig | None = None
+        self._parameters.listen(self._note_parameter)
+
+    async def run(self) -> None:
+        """Run until cancelled."""
+        places = [goal.position_enu_m for goal in self.state.goals]
+        kept = {end: base64.b64encode(data).decode("ascii") for end, data in self._checkpoint.kept.items()}
+        remembered = {
+            "goals_reached": self._checkpoint.reached(places),
+            "parameters": self._parameters.values_set,
+            "memory": kept,
+        }
+        self.recorder.begin(self._clock.now_s(), remembered)
+        self.link.transport.set_receiver(self.receive)
+        await self.link.transport.open()
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for name, task in (("housekeeping", self._housekeeping), ("states", self._states)):
+                    tasks.create_task(_guarded(name, task), name=name)
+                self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
+        finally:
+            await self.link.close()
+
+    async def withdraw(self) -> None:
+        """Plan no more, break off an exchange that is under way, and tell the pilot, before the end.
+
+        Wherever an exchange stands, the autopilot holds a whole mission that was checked.
+        """
+        if self._planning is not None:
+            self._planning.cancel()
+            await asyncio.wait([self._planning])
+        self.announcer.decide(DecisionKind.STOPPED, "the autopilot keeps its mission")
+        await self._clock.sleep_until(self._clock.now_s() + FAREWELL_S)
+
+    @property
+    def state(self) -> FlightState:
+        """The flight's state now."""
+        return self._flight.state
+
+    @property
+    def mode(self) -> Mode:
+        """What the service may do."""
+        return self._flight.state.mode
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether every kernel is compiled."""
+        return self._is_warm
+
+    @property
+    def num_swaps(self) -> int:
+        """How many missions were flown."""
+        return len(self.recorder.missions)
+
+    @property
+    def num_plans(self) -> int:
+        """How many plans were begun."""
+        return self.replanning.num_plans
+
+    @property
+    def emergency(self) -> EmergencyStep | None:
+        """The step of the emergency strategy being flown by, None while plans are."""
+        return self.replanning.emergency
+
+    @property
+    def hears_autopilot(self) -> bool:
+        """Whether a heartbeat came lately."""
+        return self._clock.now_s() - self._heartbeat_s <= SILENT_S
+
+    def warmed_up(self) -> None:
+        """Every kernel is compiled: plans can be made from now on."""
+        self._is_warm = True
+
+    # --- what is heard
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the transport."""
+        now = self._clock.now_s()
+        for event in self.link.receive(data, now, self._parameters):
+            self._take(event, now)
+
+    def _take(self, event: Event, now: float) -> None:
+        if isinstance(event, Heartbeat):
+            self._heartbeat_s = now
+            self.autopilot_mode = event.mode
+            self._flight.apply(after_autopilot_told, flies_by=event.dialect is Dialect.ARDUPILOT)
+            self._note_armed(now, is_armed=event.is_armed)
+            flown = event.is_mission_mode and event.is_armed
+            self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
+        elif isinstance(event, MissionCurrent | StatusText):
+            self.replanning.handover.reader.note(event)
+            self._follow(self.replanning.handover.reader.position)
+            if isinstance(event, StatusText):
+                _log.info("autopilot: %s", event.text)
+        else:
+            if isinstance(event, GlobalPosition):
+                self._note_boot(event.boot_s)
+            self.situation.observe(event, now)
+
+    def _note_boot(self, boot_s: float) -> None:
+        """Forget a flight that the autopilot was switched off after: its mission begins anew."""
+        if self._boot_s is None and boot_s < self._checkpoint.boot_s:
+            self._checkpoint.forget()
+        self._boot_s = boot_s
+
+    def _note_armed(self, now: float, *, is_armed: bool) -> None:
+        """Follow whether there is a flight; what was remembered of the last one ends with it."""
+        phase = self._flight.apply(after_armed_told, now, is_armed=is_armed).phase
+        if phase.is_grounded(now) and self._checkpoint.kept:
+            self._checkpoint.forget()
+        if phase.is_over(now) and not self._said_landed:
+            self.announcer.decide(DecisionKind.LANDED, "the flight is over")
+        self._said_landed = phase.is_over(now)
+
+    def _follow(self, position: MissionPosition) -> None:
+        """Leave a mission alone that goes on behind the goal, or at an item that somebody chose."""
+        if position is MissionPosition.PAST_GOAL:
+            self.change(ModeEvent.GOAL_REACHED)
+        elif position is MissionPosition.ELSEWHERE:
+            self.change(ModeEvent.OTHER_MISSION)
+
+    def change(self, event: ModeEvent) -> None:
+        """Follow the state table; say so when the service's mode changes."""
+        before = self.mode
+        mode = self._flight.apply(after_mode_event, event).mode
+        if mode is before:
+            return
+        if mode is Mode.ACTIVE:
+            self.replanning.plan_at_once()
+        else:
+            self.replanning.break_off()
+        kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
+        self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
+        if mode is Mode.ACTIVE and not self._parameters.is_replanning:
+            self.announcer.decide(DecisionKind.PARAMETERS, f"replanning is switched off by {ENABLE}")
+
+    # --- what is changed
+
+    def adopt(self, mission: MissionConfig) -> None:
+        """Go by another mission file from the next pause between two plans on."""
+        self._changed = self._parameters.set_mission(mission)
+
+    def reload(self, mission: MissionConfig, text: str) -> None:
+        """Go by a mission file that was read again, and say so."""
+        self.recorder.reloaded(self._clock.now_s(), mission, text)
+        self.adopt(mission)
+        self.announcer.decide(DecisionKind.RELOAD, f"{mission.name} is read again")
+        kept = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
+        if kept:
+            self.announcer.decide(DecisionKind.PARAMETERS, f"still as set: {kept}")
+
+    def _note_parameter(self, name: str) -> None:
+        """A pilot has set one: take it up like another mission file."""
+        self._changed = self._parameters.mission()
+        self.announcer.decide(DecisionKind.PARAMETERS, f"{name} is {self._parameters.value(name):g}")
+
+    def _renew(self) -> None:
+        """Take up a changed mission file, between plans."""
+        mission, self._changed = self._changed, None
+        if mission is None:
+            return
+        state = self._flight.apply(after_reload, mission)
+        self.situation.follow_mission(state.rules)
+        self.replanning.geofences.lay_anew()
+        self.replanning.plan_at_once()
+
+    # --- tasks
+
+    async def _plan(self) -> None:
+        """Plan whenever one is due and the aircraft is left to us."""
+        while True:
+            self._begin_round()
+            is_on_ground = self.mode is Mode.STANDBY and self.hears_autopilot
+            if is_on_ground and self.state.mission_list.layout is None:
+                await self.replanning.read_list()
+            if self._may_plan():
+                event = await self.replanning.plan_once()
+                if event is not None:
+                    self.change(event)
+            is_due = False
+            while not is_due:
+                await self._clock.sleep_until(self.replanning.next_look_s())
+                self._begin_round()
+                is_due = self.replanning.is_due()
+
+    def _begin_round(self) -> None:
+        """Between plans and exchanges."""
+        self._observer.progress()
+        self._renew()
+
+    def _may_plan(self) -> bool:
+        """Whether plans can be made, and are wanted."""
+        is_wanted = self._is_warm and self._parameters.is_replanning and self.state.may_act
+        return is_wanted and self.situation.ownship.state(self._clock.now_s()) is not None
+
+    async def _housekeeping(self) -> None:
+        """Heartbeat, streams, and the watch over the autopilot's silence, at 1 Hz."""
+        while True:
+            now = self._clock.now_s()
+            self.link.keep_up(now, is_active=self.mode is Mode.ACTIVE)
+            if not self.hears_autopilot:
+                self.change(ModeEvent.AUTOPILOT_SILENT)
+            self._note_link(now)
+            await self._clock.sleep_until(now + HOUSEKEEPING_S)
+
+    def _note_link(self, now: float) -> None:
+        """Record how the link is, and tell once that the recording ended."""
+        told = {"mode": self.mode.value, "autopilot_mode": self.autopilot_mode, **self.link.told()}
+        self.recorder.link(now, told)
+        if self.recorder.failure and not self._said_failure and self.link.has_heard:
+            self._said_failure = True
+            self.announcer.decide(DecisionKind.RECORDING, f"stopped, flight goes on: {self.recorder.failure}")
+
+    async def _states(self) -> None:
+        """Record the flight, and notice the goal."""
+        while True:
+            now = self._clock.now_s()
+            ownship = self.situation.ownship.state(now)
+            if ownship is not None:
+                tracks = self.situation.tracker.tracks(now)
+                self.recorder.state(now, ownship, tracks, self.situation.threat_at(ownship, tracks))
+                if self.mode is Mode.ACTIVE:
+                    self._note_goals(ownship)
+            await self._clock.sleep_until(now + STATE_S)
+
+    def _note_goals(self, ownship: Ownship) -> None:
+        """Count the goals passed, and remember them."""
+        before = self.state.next_goal
+        state = self._flight.apply(after_position, ownship)
+        if state.next_goal != before:
+            places = [goal.position_enu_m for goal in state.goals]
+            self._checkpoint.note_reached(places, state.next_goal, self._boot_s or 0.0)
+        if state.has_arrived:
+            self.change(ModeEvent.GOAL_REACHED)
+
+
+async def _guarded(name: str, task: Callable[[], Awaitable[None]]) -> None:
+    """Run a task; a fault in it is logged once, with its trace, and ends the service."""
+    try:
+        await task()
+    except asyncio.CancelledError:
+        raise
+    except Exception:
+        _log.exception("task %s failed", name)
+        raise
+
+
+async def stop(running: asyncio.Task[None]) -> None:
+    """Cancel a running app and wait until it has closed everything."""
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running

@@ -1,0 +1,128 @@
+"""What the service is composed of, put together from a mission file and a link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from companion.clock import Clock
+from companion.comms.announcer import Announcer
+from companion.comms.observer import Observer
+from companion.comms.vehicle_link import VehicleLink
+from companion.config import MissionConfig
+from companion.config.pilot_parameters import Parameters
+from companion.flight.checkpoint import Checkpoint
+from companion.flight.flight_state import StateOwner, first_state
+from companion.flight.situation import Situation
+from companion.planning.plan_runner import PlanRunner
+from companion.recording.recorder import Recorder
+from companion.swapping.handover import Handover
+from companion.swapping.protocols import protocols_for
+from companion.swapping.swap_protocol import SwapParts
+from companion.tasks.geofences import Geofences
+from companion.tasks.plan_maker import PlanMaker
+from companion.tasks.replanning import Replanning, ReplanningParts
+
+
+@dataclass(frozen=True, slots=True)
+class Composition:
+    """The parts of the service; made by :func:`composed`.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What a pilot may change.
+    flight : StateOwner
+        The flight's state.
+    situation : Situation
+        Where the aircraft and the threats are.
+    link : VehicleLink
+        To the vehicle.
+    announcer : Announcer
+        Told what is decided.
+    replanning : Replanning
+        Plans, and hands missions over.
+    checkpoint : Checkpoint
+        What a restart in flight needs to know.
+    recorder : Recorder
+        Listens.
+    observer : Observer
+        Looks on.
+    clock : Clock
+        The service's.
+    """
+
+    parameters: Parameters
+    flight: StateOwner
+    situation: Situation
+    link: VehicleLink
+    announcer: Announcer
+    replanning: Replanning
+    checkpoint: Checkpoint
+    recorder: Recorder
+    observer: Observer
+    clock: Clock
+
+
+def composed(
+    mission: MissionConfig,
+    link: VehicleLink,
+    clock: Clock,
+    recorder: Recorder,
+    *,
+    seed: int,
+    runner: PlanRunner,
+    checkpoint: Checkpoint | None = None,
+    observer: Observer | None = None,
+    parameters_file: Path | None = None,
+) -> Composition:
+    """Put a service together.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    link : VehicleLink
+        To the vehicle.
+    clock : Clock
+        Its time. With an ``InlineRunner`` it must be one that others move: a plan then takes the mission
+        file's ``planning_budget_s`` of it, however long the computer needs.
+    recorder : Recorder
+        Listens.
+    seed : int
+        From which all plans and particle filters draw their numbers.
+    runner : PlanRunner
+        How long plans may take, and by whose clock.
+    checkpoint : Checkpoint, optional
+        What is remembered of the flight, for a restart in it.
+    observer : Observer, optional
+        Looks on.
+    parameters_file : Path, optional
+        Where parameters that a pilot sets are kept.
+    """
+    parameters, observer = Parameters(mission, parameters_file), observer or Observer()
+    flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
+    situation = Situation(flight.state.rules, seed)
+    announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
+    protocols = protocols_for(SwapParts(flight, link.autopilot, situation.ownship, clock))
+    parts = ReplanningParts(
+        flight=flight,
+        situation=situation,
+        maker=PlanMaker(seed, runner, clock, recorder, observer),
+        handover=Handover(protocols, announcer, checkpoint, recorder, observer),
+        geofences=Geofences(flight, situation, link.autopilot, announcer),
+        announcer=announcer,
+        clock=clock,
+    )
+    return Composition(
+        parameters=parameters,
+        flight=flight,
+        situation=situation,
+        link=link,
+        announcer=announcer,
+        replanning=Replanning(parts),
+        checkpoint=checkpoint,
+        recorder=recorder,
+        observer=observer,
+        clock=clock,
+    )

@@ -1,0 +1,73 @@
+"""The autopilot's fences, read once a plan and made obstacles of."""
+
+from __future__ import annotations
+
+import logging
+
+from companion.comms.announcer import Announcer
+from companion.config.compose import bounds_of
+from companion.errors import CompanionError
+from companion.flight.decision import DecisionKind
+from companion.flight.flight_state import StateOwner, after_fences
+from companion.flight.situation import Situation
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.mission.fences import FenceError, fence_obstacles, fences_of
+from companion.types.mission import MissionItem
+
+_log = logging.getLogger(__name__)
+
+
+class Geofences:
+    """Keeps the flight's rules, and the world that plans are made in, up to date with the fences.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state, whose rules are to have them.
+    situation : Situation
+        Whose snapshots are to have them.
+    link : AutopilotLink
+        To the autopilot.
+    announcer : Announcer
+        Told how many there are.
+    """
+
+    def __init__(
+        self, flight: StateOwner, situation: Situation, link: AutopilotLink, announcer: Announcer
+    ) -> None:
+        self._flight = flight
+        self._situation = situation
+        self._link = link
+        self._announcer = announcer
+        self._items: tuple[MissionItem, ...] = ()
+
+    async def renew(self) -> None:
+        """Read the fences; what cannot be read or understood leaves those that are known."""
+        try:
+            items = await self._link.download_fence()
+        except CompanionError as error:
+            _log.debug("fences: %s", error)
+            return
+        if items == self._items:
+            return
+        self._items = items
+        self._apply()
+
+    def lay_anew(self) -> None:
+        """Fit the fences into the bounds of another mission file."""
+        if self._items:
+            self._apply()
+
+    def _apply(self) -> None:
+        mission = self._flight.state.mission
+        try:
+            fences = fences_of(self._items, mission.frame)
+        except FenceError as error:
+            self._announcer.decide(DecisionKind.FENCE, f"not understood: {error}")
+            return
+        state = self._flight.apply(after_fences, fence_obstacles(fences, bounds_of(mission)))
+        self._situation.follow_fences(state.rules)
+        self._announcer.decide(
+            DecisionKind.FENCE,
+            f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in",
+        )

@@ -1,0 +1,99 @@
+"""When a plan is due, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+SUSPICION_S = 1.0  # soonest after a plan that signs of another uploader are looked into
+RETRY_S = 3.0  # between plans while nothing safe is flown
+EARLY_REPLAN_S = 5.0  # soonest after a plan that news of threats makes another
+BEGIN = "the mission is flown"
+
+
+@dataclass(frozen=True, slots=True)
+class KnownThreats:
+    """Which threats a plan knew: how many static ones, and the identities of moving ones."""
+
+    num_static: int = 0
+    identities: tuple[str, ...] = ()
+
+    def news(self, now: KnownThreats) -> str:
+        """Which threat is known now that was not then; '' if none is."""
+        fresh = sorted(set(now.identities) - set(self.identities))
+        if fresh:
+            return f"news of {', '.join(fresh)}"
+        return "news of a static threat" if now.num_static > self.num_static else ""
+
+
+class PlanSchedule:
+    """Decides when to plan next.
+
+    Attributes
+    ----------
+    occasion : str
+        Why the plan that is due, or was made last, is made.
+    due_s : float
+        When it was found to be due, by the clock [s].
+    planned_for : KnownThreats
+        What the last plan knew.
+    """
+
+    def __init__(self) -> None:
+        self.occasion = BEGIN
+        self.due_s = 0.0
+        self.planned_for = KnownThreats()
+        self._last_s = -math.inf
+        self._retry = ""
+
+    def plan_at_once(self) -> None:
+        """Whatever was flown meanwhile, plan from here at once."""
+        self._last_s = -math.inf
+        self.occasion = BEGIN
+
+    def begin(self, now_s: float) -> None:
+        """A plan is being made."""
+        self._last_s, self._retry = now_s, ""
+        self.due_s = now_s
+
+    def knows(self, threats: KnownThreats) -> None:
+        """The plan being made knows these threats."""
+        self.planned_for = threats
+
+    def retry(self, now_s: float, horizon_s: float, in_s: float, why: str) -> None:
+        """Plan again in so many seconds, sooner than the time horizon says."""
+        self._retry = why
+        self._last_s = now_s - horizon_s + in_s
+
+    def is_due(
+        self, now_s: float, horizon_s: float, known: KnownThreats, suspected: str, *, flies_to_goal: bool
+    ) -> bool:
+        """Whether a plan is due now; then :attr:`occasion` tells why.
+
+        Parameters
+        ----------
+        now_s : float
+            The clock's reading [s].
+        horizon_s : float
+            The time horizon [s].
+        known : KnownThreats
+            What is known now.
+        suspected : str
+            Signs of another uploader, '' without any.
+        flies_to_goal : bool
+            Whether what is flown leads to the last goal.
+        """
+        since = now_s - self._last_s
+        wanted = horizon_s if flies_to_goal else RETRY_S
+        if since == math.inf:
+            return True
+        news = self.planned_for.news(known) if since >= EARLY_REPLAN_S else ""
+        if suspected and since >= SUSPICION_S:
+            self.occasion = f"another uploader? {suspected}"
+        elif news:
+            self.occasion = news
+        elif since >= wanted:
+            self.occasion = self._retry or f"{wanted:g} s since the last plan"
+        else:
+            return False
+        return True

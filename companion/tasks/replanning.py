@@ -1,0 +1,233 @@
+"""One plan after the other: made when due, judged, swapped in, or answered by the emergency strategy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.assurance.emergency import EmergencyStep
+from companion.clock import Clock
+from companion.comms.announcer import Announcer
+from companion.errors import CompanionError
+from companion.flight.cycle import (
+    ShapedPath,
+    begin,
+    conclude,
+    conclude_emergency,
+    flown_passes,
+    is_over,
+)
+from companion.flight.decision import DecisionKind, Verdict
+from companion.flight.flight_state import StateOwner
+from companion.flight.modes import ModeEvent
+from companion.flight.planner import least_threat_request, plan_request
+from companion.flight.progress import Start
+from companion.flight.situation import Situation
+from companion.swapping.handover import Handover, SwapOutcome
+from companion.tasks.geofences import Geofences
+from companion.tasks.plan_maker import PlanMaker
+from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S, KnownThreats
+from companion.types.plan import Plan
+from companion.world.snapshot import Snapshot
+
+FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanningParts:
+    """What replanning works with.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    situation : Situation
+        Where the aircraft and the threats are.
+    maker : PlanMaker
+        Makes the plans.
+    handover : Handover
+        Brings them to the autopilot.
+    geofences : Geofences
+        Renewed before each plan.
+    announcer : Announcer
+        Told what is decided.
+    clock : Clock
+        The service's.
+    """
+
+    flight: StateOwner
+    situation: Situation
+    maker: PlanMaker
+    handover: Handover
+    geofences: Geofences
+    announcer: Announcer
+    clock: Clock
+
+
+class Replanning:
+    """Plans every time horizon, and sooner on news; sooner still while nothing safe is flown.
+
+    Parameters
+    ----------
+    parts : ReplanningParts
+        What it works with.
+
+    Attributes
+    ----------
+    emergency : EmergencyStep or None
+        The step of the emergency strategy that was announced last; None once a plan is flown again.
+    handover : Handover
+        Brings missions to the autopilot.
+    geofences : Geofences
+        Renewed before each plan.
+    """
+
+    def __init__(self, parts: ReplanningParts) -> None:
+        self.emergency: EmergencyStep | None = None
+        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._maker, self._schedule = parts.maker, parts.maker.schedule
+        self._announcer = parts.announcer
+        self.handover, self.geofences = parts.handover, parts.geofences
+        self._num_failed_swaps = 0
+
+    @property
+    def num_plans(self) -> int:
+        """How many plans were begun."""
+        return self._maker.num_plans
+
+    def plan_at_once(self) -> None:
+        """Whatever was flown meanwhile, plan from here at once."""
+        self._schedule.plan_at_once()
+
+    def break_off(self) -> None:
+        """End an exchange that is under way where it stands."""
+        self.handover.break_off()
+
+    def next_look_s(self) -> float:
+        """When to look next whether a plan is due, by the clock [s]."""
+        return self._maker.next_look_s()
+
+    def is_due(self) -> bool:
+        """Whether a plan is due."""
+        state = self._flight.state
+        return self._schedule.is_due(
+            self._clock.now_s(),
+            state.rules.time_horizon_s,
+            self._known(),
+            state.mission_list.suspected,
+            flies_to_goal=state.flies_to_goal,
+        )
+
+    def _known(self) -> KnownThreats:
+        tracks = self._situation.tracker.tracks(self._clock.now_s())
+        return KnownThreats(self._situation.num_known_threats, tuple(track.identity for track in tracks))
+
+    async def read_list(self) -> None:
+        """Read the autopilot's list on the ground: what is wrong with the mission is said there."""
+        await self.handover.reader.prepare()
+
+    async def plan_once(self) -> ModeEvent | None:
+        """One cycle: plan, judge, and swap if it is worth it.
+
+        Returns
+        -------
+        ModeEvent or None
+            What was found out that decides who flies.
+        """
+        now = self._clock.now_s()
+        self._schedule.begin(now)
+        if not self.handover.is_settled():
+            horizon_s = self._flight.state.rules.time_horizon_s
+            self._schedule.retry(now, horizon_s, SUSPICION_S, "it was not known what is flown")
+            return None
+        is_known, event = await self.handover.reader.knows_mission()
+        if not is_known:
+            return event
+        await self.geofences.renew()
+        await self._maker.until_begun()
+        now, state = self._clock.now_s(), self._flight.state
+        ownship = self._situation.ownship.state(now)
+        if ownship is None or not state.may_act or not state.goals_left:
+            return None
+        snapshot = self._situation.snapshot(now)
+        self._schedule.knows(self._known())
+        track_s = self._situation.newest_track_s
+        if not is_over(state, ownship):
+            await self._plan_from(begin(state, ownship), snapshot, track_s)
+        return None
+
+    async def _plan_from(self, start: Start, snapshot: Snapshot, track_s: float) -> None:
+        """Plan from a start, and carry out what comes of it."""
+        run = await self._maker.make(plan_request(self._flight.state, start, snapshot))
+        state = self._flight.state
+        if not state.may_act:
+            return
+        found = conclude(state, run.plan, start)
+        if found.shaped is not None:
+            await self._hand_over(found.shaped, run.plan_ms, track_s)
+            return
+        if found.is_unflyable:
+            self._announcer.count_rejected()
+        decision = found.decision
+        facts = {"occasion": self._schedule.occasion, **decision.why}
+        self._announcer.decide(decision.verdict.kind, decision.text, run.plan_ms, why=facts)
+        if decision.verdict.is_emergency:
+            await self._respond(run.plan, snapshot, track_s)
+        else:
+            self.emergency = None
+
+    async def _respond(self, failed: Plan, snapshot: Snapshot, track_s: float) -> None:
+        """No plan passes: take the first step of the emergency strategy that can be taken, and say so."""
+        ownship, state = self._situation.ownship.state(self._clock.now_s()), self._flight.state
+        if ownship is None:
+            return
+        start = begin(state, ownship)
+        if flown_passes(state, start):
+            self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
+            return
+        run = await self._maker.make(least_threat_request(state, start, snapshot))
+        state = self._flight.state
+        if not state.may_act:
+            return
+        found = conclude_emergency(state, run.plan, failed, start)
+        self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
+        if found.shaped is not None:
+            await self._hand_over(found.shaped, run.plan_ms, track_s)
+        elif found.step is EmergencyStep.RETURN_TO_LAUNCH and self._flight.state.may_act:
+            try:
+                await self.handover.return_to_launch()
+            except CompanionError as error:
+                self._announcer.decide(DecisionKind.EMERGENCY, f"return to launch: {error}")
+
+    def _announce(self, step: EmergencyStep, reason: str, kind: DecisionKind) -> None:
+        """Say a step of the emergency strategy, once until another is taken."""
+        if step is not self.emergency:
+            self.emergency = step
+            self._announcer.decide(kind, f"{step.value}: {reason}")
+
+    async def _hand_over(self, shaped: ShapedPath, plan_ms: float, track_s: float) -> None:
+        """Hand a mission over, and see what is flown then."""
+        outcome = await self.handover.hand_over(
+            shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
+        )
+        if outcome is SwapOutcome.FLOWN:
+            self._num_failed_swaps = 0
+            if shaped.verdict is not Verdict.EMERGENCY:
+                self.emergency = None
+            return
+        self._note_failed_swap(shaped.start)
+        horizon_s = self._flight.state.rules.time_horizon_s
+        self._schedule.retry(self._clock.now_s(), horizon_s, RETRY_S, "the last mission was not entered")
+
+    def _note_failed_swap(self, start: Start) -> None:
+        """Say that the aircraft is left with what it flies, once that looks like lasting."""
+        state = self._flight.state
+        self._num_failed_swaps += 1
+        if self._num_failed_swaps != FAILED_SWAPS_TOLD or not state.may_act:
+            return
+        passes = flown_passes(state, start)
+        reason = "it still passes" if passes else "nothing else reaches the autopilot"
+        self._announce(
+            EmergencyStep.KEEP_FLOWN,
+            f"{reason}; {self._num_failed_swaps} swaps failed",
+            DecisionKind.KEEP if passes else DecisionKind.EMERGENCY,
+        )
