@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from companion.clock import Clock
 from companion.comms.observer import Observer
@@ -77,6 +77,8 @@ class VehicleLink:
         self._clock = clock
         self._recorder = recorder
         self._observer = observer or Observer()
+        self._take: Callable[[Event, float], None] = _ignore
+        self._parameters: ParameterStore | None = None
         self.autopilot = link_kind(self.codec, clock, self.send)
 
     @property
@@ -84,18 +86,23 @@ class VehicleLink:
         """Whether the vehicle is known."""
         return self.codec.vehicle_system_id is not None
 
-    def receive(self, data: bytes, now_s: float, parameters: ParameterStore) -> Iterator[Event]:
-        """Take bytes from the transport: record, pass on and answer each frame, then yield its events.
+    async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
+        """Open the transport.
 
         Parameters
         ----------
-        data : bytes
-            As they came.
-        now_s : float
-            When, by the clock [s].
+        take : callable
+            Takes each event, and when it was heard by the clock [s].
         parameters : ParameterStore
             What others may ask for or set.
         """
+        self._take, self._parameters = take, parameters
+        self.transport.set_receiver(self.receive)
+        await self.transport.open()
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the transport: record, pass on and answer each frame, then hand out its events."""
+        now_s = self._clock.now_s()
         for frame in self.codec.feed(data, now_s):
             self._recorder.frame(now_s, frame.raw)
             self.streams.note(frame, now_s)
@@ -104,8 +111,9 @@ class VehicleLink:
             self.autopilot.receive(frame)
             if self.autopilot.is_exchanging and frame.message_id in MISSION_MESSAGES:
                 self._observer.progress()
-            self.send(answer(frame, self.codec, parameters))
-            yield from frame.events
+            self.send(answer(frame, self.codec, self._parameters))
+            for event in frame.events:
+                self._take(event, now_s)
 
     def send(self, data: bytes) -> None:
         """Send packed frames, signed where there is a key, and record them."""
@@ -140,3 +148,7 @@ class VehicleLink:
         """End the calls under way, and the transport."""
         await self.autopilot.close()
         await self.transport.close()
+
+
+def _ignore(event: Event, now_s: float) -> None:
+    """Before the link is opened nobody takes events."""

@@ -1,73 +1,20 @@
-"""One planning cycle without its waiting: where a plan begins, and what a plan comes to.
+"""One planning cycle without its waiting: where a plan begins, and what is done where none passes.
 
 Synchronous and without a clock, so that a replay decides the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from companion.assurance.emergency import EmergencyStep
-from companion.flight.decision import SwapDecision, Verdict, judge
+from companion.flight.decision import Verdict
 from companion.flight.fallback import flown_violations, respond
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
-from companion.flight.shaping import waypoints_of
-from companion.mission.waypoints import Waypoints
-from companion.types.path import Path
+from companion.flight.shaping import ShapedPath
 from companion.types.plan import Plan
 from companion.types.state import Ownship
-
-
-@dataclass(frozen=True, slots=True)
-class ShapedPath:
-    """A path in the shape that a mission carries it in, and why it is to be flown.
-
-    Parameters
-    ----------
-    path : Path
-        What is to be flown.
-    waypoints : Waypoints
-        What the mission carries of it.
-    carried_until_s : float
-        The path's time at their end [s].
-    start : Start
-        Where the plan began.
-    verdict : Verdict
-        Why it is to be flown.
-    text : str
-        The same in words.
-    why : mapping
-        The numbers that led to it.
-    """
-
-    path: Path
-    waypoints: Waypoints
-    carried_until_s: float
-    start: Start
-    verdict: Verdict
-    text: str
-    why: Mapping[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class Conclusion:
-    """What a plan comes to.
-
-    Parameters
-    ----------
-    decision : SwapDecision
-        What is said of it.
-    shaped : ShapedPath or None
-        What is to be handed over; None where nothing is.
-    is_unflyable : bool
-        Whether it would be flown, but no mission can carry it.
-    """
-
-    decision: SwapDecision
-    shaped: ShapedPath | None = None
-    is_unflyable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,19 +39,6 @@ def is_over(state: FlightState, ownship: Ownship) -> bool:
 def flown_passes(state: FlightState, start: Start) -> bool:
     """Whether something of ours is flown, and the rest of it passes the check."""
     return flown_violations(state, start) == ()
-
-
-def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
-    """Judge a plan, and shape what is to be flown of it."""
-    decision = judge(state, plan, start)
-    if not decision.verdict.is_swap or plan.path is None:
-        return Conclusion(decision)
-    waypoints, carried_s, violations = waypoints_of(state, plan.path, state.mission_list.max_waypoints)
-    if violations:
-        refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
-        return Conclusion(refused, is_unflyable=True)
-    shaped = ShapedPath(plan.path, waypoints, carried_s, start, decision.verdict, decision.text, decision.why)
-    return Conclusion(decision, shaped)
 
 
 def conclude_emergency(

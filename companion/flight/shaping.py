@@ -1,25 +1,91 @@
-"""From a path to the waypoints that a mission carries of it, with a circle at their end that was checked."""
+"""From a plan to what is handed over of it: waypoints that a mission carries, and a circle at their end."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.flight.decision import SwapDecision, Verdict, judge
 from companion.flight.flight_state import FlightState
+from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import loiter_beside
 from companion.mission.waypoints import Waypoints, merge_close_waypoints, waypoints_from_path
 from companion.types.mission import MissionItem
 from companion.types.path import Path
+from companion.types.plan import Plan
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 SHORTEST_ROWS = 12
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 Actions = tuple[MissionItem, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ShapedPath:
+    """A path in the shape that a mission carries it in, and why it is to be flown.
+
+    Parameters
+    ----------
+    path : Path
+        What is to be flown.
+    waypoints : Waypoints
+        What the mission carries of it.
+    carried_until_s : float
+        The path's time at their end [s].
+    start : Start
+        Where the plan began.
+    verdict : Verdict
+        Why it is to be flown.
+    text : str
+        The same in words.
+    why : mapping
+        The numbers that led to it.
+    """
+
+    path: Path
+    waypoints: Waypoints
+    carried_until_s: float
+    start: Start
+    verdict: Verdict
+    text: str
+    why: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """What a plan comes to.
+
+    Parameters
+    ----------
+    decision : SwapDecision
+        What is said of it.
+    shaped : ShapedPath or None
+        What is to be handed over; None where nothing is.
+    is_unflyable : bool
+        Whether it would be flown, but no mission can carry it.
+    """
+
+    decision: SwapDecision
+    shaped: ShapedPath | None = None
+    is_unflyable: bool = False
+
+
+def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
+    """Judge a plan, and shape what is to be flown of it."""
+    decision = judge(state, plan, start)
+    if not decision.verdict.is_swap or plan.path is None:
+        return Conclusion(decision)
+    waypoints, carried_s, violations = waypoints_of(state, plan.path, state.mission_list.max_waypoints)
+    if violations:
+        refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
+        return Conclusion(refused, is_unflyable=True)
+    shaped = ShapedPath(plan.path, waypoints, carried_s, start, decision.verdict, decision.text, decision.why)
+    return Conclusion(decision, shaped)
 
 
 def waypoints_of(

@@ -16,7 +16,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from companion.frames import LocalFrame
 from companion.mission.operator import (
     BANK_ITEMS_LIMITS,
     FIRST_WITHOUT_PLACE,
@@ -24,7 +23,7 @@ from companion.mission.operator import (
     banks_in,
     shifted_jumps,
 )
-from companion.mission.waypoints import Waypoints, loiter_item, path_items, speed_item
+from companion.mission.waypoints import MissionPart
 from companion.types.mission import Command, Frame, Mission, MissionItem
 
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
@@ -85,15 +84,11 @@ class TwoBankLayout:
         """Sequence of a bank's first item."""
         return len(self.prefix) + index * self.size
 
-    def items_for(self, waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
-        """A bank that carries waypoints."""
+    def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
+        """A bank that carries a part."""
         has_tail = self.tail is not None and self.tail < len(self.prefix)
-        return bank_items(
-            waypoints,
-            self.size,
-            frame,
-            jump_to=self.tail if waypoints.continues_with_operator_items and has_tail else None,
-        )
+        jumps = part.continues_with_operator_items and has_tail
+        return bank_items(part, self.size, jump_to=self.tail if jumps else None)
 
     def with_new(self, bank: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, TwoBankLayout]:
         """The list with a new path in the idle bank, and the banks once that is flown."""
@@ -152,13 +147,10 @@ class SingleListLayout:
         first = self.flown_span[1]
         return first, first + len(self.tail)
 
-    def items_for(self, waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
-        """Our part, for waypoints: at its end a loiter, or the airspeed twice and what follows the goal."""
-        items = path_items(waypoints, frame)
-        if waypoints.continues_with_operator_items and self.tail:
-            ours = (*items, *(speed_item(waypoints, frame),) * 2)
-        else:
-            ours = (*items, loiter_item(waypoints, frame))
+    def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
+        """Ours, for a part: at its end a loiter, or the airspeed twice and what follows the goal."""
+        goes_on = part.continues_with_operator_items and self.tail
+        ours = (*part.items, *((part.speed,) * 2 if goes_on else (part.loiter,)))
         size = max(self.size or int(WHOLE_SHARE * len(ours)), len(self.flown or ()), WHOLE_ITEMS_MIN)
         return ours + ours[-1:] * (size - len(ours))
 
@@ -178,18 +170,16 @@ def marked(mission: Mission, sequence: int) -> tuple[MissionItem, ...]:
     return tuple(replace(item, is_current=item.sequence == sequence) for item in mission.items)
 
 
-def bank_items(
-    waypoints: Waypoints, size: int, frame: LocalFrame, *, jump_to: int | None = None
-) -> tuple[MissionItem, ...]:
+def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> tuple[MissionItem, ...]:
     """A bank: waypoints, the airspeed, and loiters at the last waypoint up to the bank's size.
 
     With ``jump_to`` the operator's item of that sequence is flown next instead of the loiter.
     """
-    items = path_items(waypoints, frame)
+    items = part.items
     if jump_to is not None:
         parameters = (float(jump_to), _FOR_EVER, 0.0, 0.0)
         items = (*items, MissionItem(0, Command.DO_JUMP, Frame.MISSION, parameters, 0, 0, 0.0))
-    return items + (loiter_item(waypoints, frame),) * (size - len(items))
+    return items + (part.loiter,) * (size - len(items))
 
 
 def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> TwoBankLayout:

@@ -234,6 +234,38 @@ def _without(waypoints: Waypoints, number: int) -> Waypoints:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class MissionPart:
+    """Waypoints as mission items, to be put into an autopilot's list.
+
+    Parameters
+    ----------
+    items : tuple of MissionItem
+        The waypoints, the airspeed behind the first, and the operator's DO_ items where they belong.
+    speed : MissionItem
+        The airspeed again.
+    loiter : MissionItem
+        The circle at the end.
+    continues_with_operator_items : bool
+        Whether the operator's items that follow the goal are flown after the last waypoint.
+    """
+
+    items: tuple[MissionItem, ...]
+    speed: MissionItem
+    loiter: MissionItem
+    continues_with_operator_items: bool
+
+
+def mission_part(waypoints: Waypoints, frame: LocalFrame) -> MissionPart:
+    """Waypoints as mission items."""
+    return MissionPart(
+        path_items(waypoints, frame),
+        speed_item(waypoints, frame),
+        loiter_item(waypoints, frame),
+        waypoints.continues_with_operator_items,
+    )
+
+
 def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
     """Waypoints, the airspeed behind the first, and the operator's DO_ items where they belong."""
     actions = dict(waypoints.actions)

@@ -13,13 +13,14 @@ from collections.abc import Coroutine
 from companion.comms.announcer import Announcer
 from companion.comms.observer import Observer
 from companion.flight.checkpoint import Checkpoint, key_of
-from companion.flight.cycle import ShapedPath
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_swap
 from companion.flight.list_state import FlownPath, after_settled, after_swap_begun, after_swap_ended
+from companion.flight.shaping import ShapedPath
 from companion.mission.list_layout import Layout
 from companion.mission.mission_id import mission_id
 from companion.mission.swap import SwapOutcome
+from companion.mission.waypoints import mission_part
 from companion.recording.recorder import Recorder
 from companion.swapping.list_reader import ListReader
 from companion.swapping.protocols import SwapProtocols
@@ -154,8 +155,8 @@ class Handover:
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        ours = layout.items_for(shaped.waypoints, self._flight.state.mission.frame)
-        mission, after = layout.with_new(ours, plan_number)
+        part = mission_part(shaped.waypoints, self._flight.state.mission.frame)
+        mission, after = layout.with_new(layout.items_for(part), plan_number)
         self._offered = mission
         flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
         order = SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s)

@@ -77,8 +77,7 @@ class App:
             "memory": kept,
         }
         self.recorder.begin(self._clock.now_s(), remembered)
-        self.link.transport.set_receiver(self.receive)
-        await self.link.transport.open()
+        await self.link.open(self._take, self._parameters)
         try:
             async with asyncio.TaskGroup() as tasks:
                 for name, task in (("housekeeping", self._housekeeping), ("states", self._states)):
@@ -139,13 +138,8 @@ class App:
 
     # --- what is heard
 
-    def receive(self, data: bytes) -> None:
-        """Take bytes from the transport."""
-        now = self._clock.now_s()
-        for event in self.link.receive(data, now, self._parameters):
-            self._take(event, now)
-
     def _take(self, event: Event, now: float) -> None:
+        """Take what was heard."""
         if isinstance(event, Heartbeat):
             self._heartbeat_s = now
             self.autopilot_mode = event.mode

@@ -1,14 +1,61 @@
-"""Plans made within their budget, watched and written down."""
+"""The plans of one flight: each by its own seed, within its budget, watched and written down."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from companion.clock import Clock
 from companion.comms.observer import Observer
-from companion.flight.planner import Planner, PlanRequest
+from companion.config.rules import Rules
+from companion.flight.plan_request import PlanRequest
 from companion.planning.plan_runner import PlanRun, PlanRunner
+from companion.planning.problem import Problem
+from companion.planning.solver import solve
 from companion.recording.recorder import Recorder
 from companion.tasks.plan_schedule import PlanSchedule
+from companion.types.plan import Plan
 from companion.types.record import PlanRecord
+from companion.types.threat import ThreatTree
+
+SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
+
+
+class Planner:
+    """Makes plans one after the other; the same requests in the same order give the same plans.
+
+    Parameters
+    ----------
+    seed : int
+        The flight's seed, from which each plan's is counted.
+
+    Attributes
+    ----------
+    num_plans : int
+        How many were begun.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.num_plans = 0
+        self._seed = seed
+        self._threat_trees: tuple[ThreatTree, ...] = ()
+        self._grown_by: Rules | None = None
+
+    def plan(self, request: PlanRequest, should_stop: Callable[[], bool]) -> Plan:
+        """Search for a path until one is found and improved on, or the stopping rule holds."""
+        self.num_plans += 1
+        if request.rules is not self._grown_by:  # they grew round other obstacles
+            self._threat_trees, self._grown_by = (), request.rules
+        problem = Problem(
+            start=request.start.state,
+            goals=request.goals,
+            snapshot=request.snapshot.with_threat_trees(self._threat_trees),
+            vehicle=request.rules.vehicle,
+            settings=request.settings,
+            seed=self._seed * SEEDS_A_FLIGHT + self.num_plans,
+        )
+        plan = solve(problem, should_stop, flown=request.improved_on)
+        self._threat_trees = plan.threat_trees
+        return plan
 
 
 class PlanMaker:

@@ -9,9 +9,7 @@ from companion.clock import Clock
 from companion.comms.announcer import Announcer
 from companion.errors import CompanionError
 from companion.flight.cycle import (
-    ShapedPath,
     begin,
-    conclude,
     conclude_emergency,
     flown_passes,
     is_over,
@@ -19,8 +17,9 @@ from companion.flight.cycle import (
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.flight_state import StateOwner
 from companion.flight.modes import ModeEvent
-from companion.flight.planner import least_threat_request, plan_request
+from companion.flight.plan_request import least_threat_request, plan_request
 from companion.flight.progress import Start
+from companion.flight.shaping import ShapedPath, conclude
 from companion.flight.situation import Situation
 from companion.swapping.handover import Handover, SwapOutcome
 from companion.tasks.geofences import Geofences

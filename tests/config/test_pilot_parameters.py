@@ -180,7 +180,7 @@ def test_replanning_is_switched_off_and_on_in_flight():
 
     def send(harness, value):
         message = mavlink.MAVLink_param_set_message(1, 195, ENABLE.encode(), value, 9)
-        harness.app.receive(message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
+        harness.app.link.receive(message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
 
     def on_step(harness):
         for stamp_s, value in ((6.0, 0.0), (20.0, 1.0)):

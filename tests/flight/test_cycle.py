@@ -14,12 +14,13 @@ from companion.config.compose import world_of
 from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.list_state import FlownPath
-from companion.flight.planner import Planner, plan_request
+from companion.flight.plan_request import plan_request
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
 from companion.flight.shaping import waypoints_of
 from companion.mission.list_layout import new_banks
-from companion.mission.waypoints import merge_close_waypoints
+from companion.mission.waypoints import merge_close_waypoints, mission_part
 from companion.swapping.entry import entry_of, turns_after
+from companion.tasks.plan_maker import Planner
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
@@ -301,7 +302,7 @@ def test_the_mission_is_what_was_decided():
     made = begun()
     waypoints, _, _ = waypoints_of(made, straight(), 30)
     layout = new_banks((item(0),), len(waypoints.positions_enu_m))
-    mission, banks = layout.with_new(layout.items_for(waypoints, made.mission.frame), 7)
+    mission, banks = layout.with_new(layout.items_for(mission_part(waypoints, made.mission.frame)), 7)
     assert mission.plan_number == 7
     assert mission.entry == 1
     assert banks.flown == tuple(replace(entry, sequence=0, is_current=False) for entry in mission.items[1:])

@@ -60,7 +60,7 @@ def test_an_attacker_without_the_key_changes_nothing():
             mavlink.MAVLink_mission_current_message(99, 1, 3, 1),
             mavlink.MAVLink_statustext_message(6, b"Flight plan received"),
         ):
-            harness.app.receive(bytes(message.pack(writer)))
+            harness.app.link.receive(bytes(message.pack(writer)))
 
     harness.fly(8.0, attack)
     assert harness.app.mode is Mode.ACTIVE
@@ -74,7 +74,7 @@ def test_keys_on_the_wire_are_not_recorded(tmp_path):
 
     def tell(harness):
         writer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        harness.app.receive(bytes(setup.pack(writer)))
+        harness.app.link.receive(bytes(setup.pack(writer)))
 
     harness.fly(3.0, tell)
     assert harness.app.link.codec.counters["setup_signing"] > 100

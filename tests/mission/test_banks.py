@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from companion.mission import waypoints as builder
 from companion.mission.list_layout import bank_items, new_banks
+from companion.mission.waypoints import mission_part
 from companion.types.mission import Command
 from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
@@ -19,7 +20,7 @@ NUM_SWAPS = 10
 def bank(size, number, num_waypoints):
     """A bank whose places tell which plan it carries out."""
     positions = [(10.0 * number, 100.0 * k, 100.0) for k in range(num_waypoints)]
-    return bank_items(waypoints(*positions), size, FRAME)
+    return bank_items(mission_part(waypoints(*positions), FRAME), size)
 
 
 def place(entry):

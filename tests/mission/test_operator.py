@@ -27,6 +27,7 @@ from companion.mission.operator import (
     without_banks,
     without_span,
 )
+from companion.mission.waypoints import mission_part
 from companion.types.mission import Command, Frame
 from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
@@ -110,7 +111,7 @@ def test_a_waypoint_and_a_loiter_at_one_place_are_one_goal():
 
 def bank(number=0, count=2):
     places = [(100.0 * k, 10.0 * number, 100.0) for k in range(count)]
-    return bank_items(waypoints(*places, loiter_radius_m=125.0), SIZE, FRAME)
+    return bank_items(mission_part(waypoints(*places, loiter_radius_m=125.0), FRAME), SIZE)
 
 
 @pytest.mark.parametrize("num_operator", [0, 1, 7])
@@ -187,23 +188,23 @@ def whole(tail=True):
 def test_on_px4_ours_stand_between_the_operators_way_and_landing():
     layout = whole()
     assert isinstance(layout, SingleListLayout)
-    mission, after = layout.with_new(layout.items_for(PATH, FRAME), 3)
+    mission, after = layout.with_new(layout.items_for(mission_part(PATH, FRAME)), 3)
     commands = [entry.command for entry in mission.items]
     ours = [16, 178, 16, *(17,) * 13]
     assert commands == [22, 16, CAMERA, 16, *ours, 189, 31, 21]
     assert (mission.entry, after.flown_span) == (4, (4, 20))
     assert [entry.sequence for entry in mission.items] == list(range(23))
-    again, _ = after.with_new(after.items_for(PATH, FRAME), 4)
+    again, _ = after.with_new(after.items_for(mission_part(PATH, FRAME)), 4)
     assert again.items == mission.items  # the list does not grow
     assert [entry.sequence for entry in marked(mission, 6) if entry.is_current] == [6]
 
 
 def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
     layout = whole()
-    mission, _ = layout.with_new(layout.items_for(ON_TO_THE_LANDING, FRAME), 3)
+    mission, _ = layout.with_new(layout.items_for(mission_part(ON_TO_THE_LANDING, FRAME)), 3)
     assert [entry.command for entry in mission.items][4:] == [16, 178, 16, *(178,) * 13, 189, 31, 21]
     alone = whole(tail=False)
-    ours = alone.items_for(ON_TO_THE_LANDING, FRAME)
+    ours = alone.items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert ours[-1].command == Command.NAV_LOITER_UNLIM
 
 
@@ -211,7 +212,7 @@ def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
 def test_on_px4_ours_are_found_again(goes_on):
     layout = whole()
     mission, _ = layout.with_new(
-        layout.items_for(replace(PATH, continues_with_operator_items=goes_on), FRAME), 3
+        layout.items_for(mission_part(replace(PATH, continues_with_operator_items=goes_on), FRAME)), 3
     )
     for flown in (4, 7, 12):  # the one that a PX4 marks in a list it tells
         read = marked(mission, flown)
@@ -229,7 +230,7 @@ def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes
             continues_with_operator_items=goes_on,
         )
         before = layout.size
-        mission, layout = layout.with_new(layout.items_for(path, FRAME), 1)
+        mission, layout = layout.with_new(layout.items_for(mission_part(path, FRAME)), 1)
         sizes.append(len(mission.items))
         needed = length + (3 if goes_on else 2)
         assert layout.size >= needed
@@ -241,11 +242,11 @@ def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes
 
 def test_on_ardupilot_a_mission_that_reaches_the_goal_jumps_to_what_follows_it():
     banks = new_banks(OPERATOR, 2, tail=5)
-    ours = banks.items_for(ON_TO_THE_LANDING, FRAME)
+    ours = banks.items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert [entry.command for entry in ours[:5]] == [16, 178, 16, Command.DO_JUMP, 17]
     assert ours[3].parameters[:2] == (5.0, -1.0)
     assert len(ours) == banks.size
-    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(ON_TO_THE_LANDING, FRAME)
+    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert Command.DO_JUMP not in {entry.command for entry in without}
 
 
@@ -255,6 +256,6 @@ def test_jumps_still_lead_where_they_led():
 
 
 def test_actions_are_carried_out_at_their_waypoint():
-    ours = bank_items(replace(PATH, actions=((0, (PHOTO,)), (1, (PHOTO, PHOTO)))), SIZE, FRAME)
+    ours = bank_items(mission_part(replace(PATH, actions=((0, (PHOTO,)), (1, (PHOTO, PHOTO)))), FRAME), SIZE)
     assert [entry.command for entry in ours[:7]] == [16, 178, CAMERA, 16, CAMERA, CAMERA, 17]
     assert len(ours) == SIZE

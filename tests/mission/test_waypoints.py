@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
-from companion.mission.waypoints import equivalent_airspeed, waypoints_from_path
+from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
 from companion.types.mission import Command, Frame
 from tests.mission.made import FRAME, path_along, waypoints
 
@@ -138,7 +138,7 @@ def test_equivalent_airspeed_of_the_standard_atmosphere(altitude_m, density):
 
 def test_a_bank_is_waypoints_the_airspeed_and_loiters():
     made = waypoints((0.0, 0.0, 100.0), (0.0, 500.0, 120.0), loiter_radius_m=-125.0)
-    bank = bank_items(made, 6, FRAME)
+    bank = bank_items(mission_part(made, FRAME), 6)
     way, speed, loiter = Command.NAV_WAYPOINT, Command.DO_CHANGE_SPEED, Command.NAV_LOITER_UNLIM
     assert [entry.command for entry in bank] == [way, speed, way, loiter, loiter, loiter]
     assert bank[0].latitude_e7 == -353_632_610
@@ -155,7 +155,7 @@ def test_the_loiter_stands_at_its_centre():
     made = waypoints(
         (0.0, 0.0, 100.0), (0.0, 500.0, 100.0), loiter_centre_enu_m=np.array([125.0, 500.0, 90.0])
     )
-    last = bank_items(made, 5, FRAME)[-1]
+    last = bank_items(mission_part(made, FRAME), 5)[-1]
     east, north, up = FRAME.local_from_global(
         last.latitude_e7 * 1e-7, last.longitude_e7 * 1e-7, last.altitude_m
     )

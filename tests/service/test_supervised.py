@@ -14,7 +14,7 @@ from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, ser
 HANG = """
 import threading
 from companion.service import service
-from companion.flight.planner import Planner
+from companion.tasks.plan_maker import Planner
 from companion.tasks import replanning
 service.warm_up = lambda mission: None  # it plans, too
 def hang(*parts):
