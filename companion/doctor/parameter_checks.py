@@ -32,7 +32,7 @@ Judge = Callable[[float], Finding]
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ParameterCheck:
     """What a parameter should be.
 
     Parameters
@@ -60,36 +60,60 @@ class Wish:
 
 
 ARDUPLANE = (
-    Wish("MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True),
-    Wish("AVD_ENABLE", lambda v: v == 0.0, "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance "
-         "flies against the planner's"),
-    Wish("AVD_F_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
-    Wish("AVD_W_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
-    Wish("ADSB_TYPE", lambda v: v == 0.0, "set 0 unless an ADS-B receiver is wired to the autopilot: "
-         "it swallows others' reports and sends them on at its own rate"),
-    Wish("WP_RADIUS", lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
-         f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint"),
-)  # fmt: skip
+    ParameterCheck(
+        "MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True
+    ),
+    ParameterCheck(
+        "AVD_ENABLE",
+        lambda v: v == 0.0,
+        "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance flies against the planner's",
+    ),
+    ParameterCheck("AVD_F_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck("AVD_W_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck(
+        "ADSB_TYPE",
+        lambda v: v == 0.0,
+        "set 0 unless an ADS-B receiver is wired to the autopilot: "
+        "it swallows others' reports and sends them on at its own rate",
+    ),
+    ParameterCheck(
+        "WP_RADIUS",
+        lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
+        f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint",
+    ),
+)
 PX4 = (
-    Wish("MIS_TKO_LAND_REQ", lambda v: v == 0.0, "set 0, or let the mission end in a landing: one without is "
-         "accepted and then not flown, and the aircraft loiters"),
-    Wish("NAV_TRAFF_AVOID", lambda v: v <= 1.0, "set 1 (warn only) or 0: it would leave the mission for any "
-         "vehicle that is reported, ground vehicles too", True),
-    Wish("NAV_ACC_RAD", lambda v: v <= FLY_BY_M, f"set at most {FLY_BY_M:g}: corners would be cut "
-         "that were not checked so"),
-)  # fmt: skip
+    ParameterCheck(
+        "MIS_TKO_LAND_REQ",
+        lambda v: v == 0.0,
+        "set 0, or let the mission end in a landing: one without is "
+        "accepted and then not flown, and the aircraft loiters",
+    ),
+    ParameterCheck(
+        "NAV_TRAFF_AVOID",
+        lambda v: v <= 1.0,
+        "set 1 (warn only) or 0: it would leave the mission for any "
+        "vehicle that is reported, ground vehicles too",
+        True,
+    ),
+    ParameterCheck(
+        "NAV_ACC_RAD",
+        lambda v: v <= FLY_BY_M,
+        f"set at most {FLY_BY_M:g}: corners would be cut that were not checked so",
+    ),
+)
 SPEEDS = {
     Dialect.ARDUPILOT: ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE"),
     Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
 }
-WISHES = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
+PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
 # Avoidance that only exists where it is switched on.
 ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 
 
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
     """Parameters that are to be read."""
-    return (*(wish.name for wish in WISHES[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
+    return (*(check.name for check in PARAMETER_CHECKS[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
 
 
 def _serial_names(dialect: Dialect) -> list[str]:
@@ -116,12 +140,12 @@ def parameter_findings(
 ) -> list[Finding]:
     """Judge what was read; ``baud_rate`` is that of the serial line, if it is one."""
     findings = []
-    for wish in WISHES[dialect]:
-        switch = ONLY_WITH.get(wish.name)
+    for check in PARAMETER_CHECKS[dialect]:
+        switch = ONLY_WITH.get(check.name)
         if switch is not None and values.get(switch) == 0.0:
             continue
-        value = values.get(wish.name)
-        findings.append(_untold(wish.name) if value is None else wish.judged(value))
+        value = values.get(check.name)
+        findings.append(_untold(check.name) if value is None else check.judged(value))
     findings += _speeds(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings

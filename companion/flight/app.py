@@ -30,7 +30,7 @@ from companion.link.messages.streams import Streams
 from companion.link.messages.vehicle_telemetry import AUTOPILOT_COMPONENT
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.missions.mavsdk_reader import MISSION_MESSAGES
-from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.decoded_frame import DecodedFrame
 from companion.link.wire.framing import frames_in
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
@@ -269,7 +269,7 @@ class App:
             for event in frame.events:
                 self._take(event, frame, now)
 
-    def _take(self, event: Event, frame: Frame, now: float) -> None:
+    def _take(self, event: Event, frame: DecodedFrame, now: float) -> None:
         if isinstance(event, Heartbeat):
             self._heartbeat_s = now
             self.autopilot_mode = event.mode

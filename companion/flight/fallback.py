@@ -32,7 +32,7 @@ ROW_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class EscapeRoute:
     """A path, its waypoints, and the path's time at their end [s]."""
 
     path: Path
@@ -45,7 +45,7 @@ class Response:
     """The step to take, why, and what is flown by it."""
 
     decision: EmergencyDecision
-    way: Way | None
+    way: EscapeRoute | None
 
 
 def flown_violations(cycle: Cycle, start: Start) -> tuple[Violation, ...] | None:
@@ -99,17 +99,19 @@ def respond(
     return Response(decision, ways.get(decision.step))
 
 
-def _least_threat(cycle: Cycle, plan: Plan, room: int) -> tuple[Way | None, tuple[Violation, ...] | None]:
+def _least_threat(
+    cycle: Cycle, plan: Plan, room: int
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
     """The least-threat plan as a mission, and what is wrong with it; None where none reaches the goal."""
     if plan.path is None or not plan.reaches_goal:
         return None, None
     waypoints, carried_s, violations = cycle.waypoints(plan.path, room)
-    return Way(plan.path, waypoints, carried_s), (*cycle.check(plan.path), *violations)
+    return EscapeRoute(plan.path, waypoints, carried_s), (*cycle.check(plan.path), *violations)
 
 
 def _refuge(
     cycle: Cycle, start: Start, paths: Sequence[Path | None], room: int
-) -> tuple[Way | None, tuple[Violation, ...] | None]:
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
     """The reachable place to circle with the least threat, and what is wrong with it.
 
     Places lie along paths that begin at the start, as far as these keep the hard constraints, and
@@ -119,7 +121,7 @@ def _refuge(
     for _, path, row in _places(cycle, start, paths):
         waypoints, violations = cycle.carried(path, row)
         if not violations and len(waypoints.positions_enu_m) <= room:
-            return Way(path.until(row), waypoints, float(path.times_s[row])), ()
+            return EscapeRoute(path.until(row), waypoints, float(path.times_s[row])), ()
         wrong = wrong or violations
     return None, wrong
 

@@ -26,7 +26,7 @@ from companion.mission.operator import (
 )
 from companion.mission.waypoints import Waypoints, loiter_item, path_items, speed_item
 from companion.types.events import Dialect
-from companion.types.mission import Command, Frame, Mission, MissionItem
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
 BANK_EXTRAS = 3  # the airspeed, a jump, and the loiter at the end
@@ -186,7 +186,7 @@ def bank_items(
     items = path_items(waypoints, frame)
     if jump_to is not None:
         parameters = (float(jump_to), _FOR_EVER, 0.0, 0.0)
-        items = (*items, MissionItem(0, Command.DO_JUMP, Frame.MISSION, parameters, 0, 0, 0.0))
+        items = (*items, MissionItem(0, Command.DO_JUMP, MavFrame.MISSION, parameters, 0, 0, 0.0))
     return items + (loiter_item(waypoints, frame),) * (size - len(items))
 
 

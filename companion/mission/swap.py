@@ -22,7 +22,7 @@ from companion.errors import LinkError
 from companion.mission.list_layout import marked
 from companion.mission.mission_id import mission_id
 from companion.types.events import MissionCurrent
-from companion.types.mission import Command, Frame, Mission, MissionItem
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
 ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
 FIRST_COMMAND_WITHOUT_PLACE = 100
@@ -43,8 +43,8 @@ DROPPED: dict[int, frozenset[int]] = {
 }
 _ACTIVE = 3  # MISSION_STATE_ACTIVE
 SAME_FRAME: dict[int, int] = {
-    Frame.GLOBAL_INT: Frame.GLOBAL,
-    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
+    MavFrame.GLOBAL_INT: MavFrame.GLOBAL,
+    MavFrame.GLOBAL_RELATIVE_ALT_INT: MavFrame.GLOBAL_RELATIVE_ALT,
 }
 
 
@@ -80,7 +80,7 @@ class ToldLink(MissionLink, Protocol):
         """What it told last."""
         ...
 
-    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+    async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for it to tell something; whether it did in time."""
         ...
 
@@ -247,7 +247,9 @@ async def replace_whole(
         if not may_act():
             return SwapOutcome.WITHDRAWN, "the mode was changed"
         # A lost last acknowledgement ends in an error although all is flown: what it flies tells.
-        if await link.told(lambda told: told.mission_id == identity and told.state == _ACTIVE, CONFIRM_S):
+        if await link.wait_for_mission_current(
+            lambda told: told.mission_id == identity and told.state == _ACTIVE, CONFIRM_S
+        ):
             return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
         if not is_still_ahead():
             return SwapOutcome.STALE, "the entry was passed during the upload"
@@ -263,7 +265,9 @@ async def _uploaded(
     """Upload; over, too, once the autopilot tells that it flies it: an acknowledgement can be lost."""
     upload = asyncio.create_task(link.upload(items, may_finish))
     seen = asyncio.create_task(
-        link.told(lambda told: told.mission_id == identity and told.state == _ACTIVE, UPLOAD_MAX_S)
+        link.wait_for_mission_current(
+            lambda told: told.mission_id == identity and told.state == _ACTIVE, UPLOAD_MAX_S
+        )
     )
     try:
         await asyncio.wait({upload, seen}, return_when=asyncio.FIRST_COMPLETED)
@@ -289,7 +293,7 @@ async def _confirmed(
             return SwapOutcome.REFUSED, str(error)
         if differs:
             return SwapOutcome.DIFFERS, differs
-    is_told = await link.told(
+    is_told = await link.wait_for_mission_current(
         lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
     )
     current = link.current

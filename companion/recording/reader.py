@@ -40,7 +40,7 @@ Document = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class RecordedFrame:
     """A recorded frame: when, by the service's clock in microseconds, and whether the service sent it."""
 
     at_us: int
@@ -56,7 +56,7 @@ class Recording:
     ----------
     name : str
         Of the log's file.
-    frames : tuple of Heard
+    frames : tuple of RecordedFrame
         In order; times never go back.
     vehicle : int
         System id of the vehicle, 1 where no autopilot is heard.
@@ -79,7 +79,7 @@ class Recording:
     """
 
     name: str
-    frames: tuple[Heard, ...]
+    frames: tuple[RecordedFrame, ...]
     vehicle: int
     epoch_s: float
     about: Document = field(default_factory=dict)
@@ -139,7 +139,7 @@ def load_recording(log: Path) -> Recording:
     times = _straightened(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)
     heard = [
-        Heard(at, frame, (frame.system_id, frame.component_id) == ours)
+        RecordedFrame(at, frame, (frame.system_id, frame.component_id) == ours)
         for at, frame in zip(times, frames, strict=True)
     ]
     heard.sort(key=lambda entry: entry.at_us)
@@ -264,7 +264,7 @@ def _taken_of(document: Document) -> Taken:
     return Taken(int(asked or 0) if is_stopped else None, took_s, *instants)
 
 
-def told_decisions(frames: Sequence[Heard]) -> tuple[Decision, ...]:
+def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     """Decisions as the service told them to the pilot, from its STATUSTEXTs."""
     found = []
     for heard in frames:

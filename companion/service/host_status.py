@@ -13,7 +13,7 @@ CORE_SENSORS = ("cpu_thermal", "coretemp", "k10temp", "soc_thermal", "cpu-therma
 
 
 @dataclass(frozen=True, slots=True)
-class Computer:
+class HostStatus:
     """A look at it.
 
     Parameters
@@ -37,7 +37,7 @@ class Computer:
     disk_total_mb: float
 
 
-def look_at(folder: Path) -> Computer:
+def host_status(folder: Path) -> HostStatus:
     """Look at the computer, and at the disk that a folder is on."""
     memory = psutil.virtual_memory()
     try:
@@ -45,7 +45,7 @@ def look_at(folder: Path) -> Computer:
         used, total = disk.used / MEGABYTE, disk.total / MEGABYTE
     except OSError:  # the folder is gone, or its disk
         used = total = 0.0
-    return Computer(
+    return HostStatus(
         uptime_s=max(0.0, time.time() - psutil.boot_time()),
         cores_percent=tuple(psutil.cpu_percent(percpu=True)),
         temperature_c=_temperature_c(),

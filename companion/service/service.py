@@ -30,7 +30,7 @@ from companion.recording.recorder import About, Recorder
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
 from companion.service.sd_notify import Notifier, watchdog_of
-from companion.service.telemetry_out import Reporting
+from companion.service.telemetry_out import TelemetryReporter
 from companion.service.warm_up import warm_up
 from companion.service.watchdog import Report, Supervision
 from companion.threads import in_thread
@@ -51,14 +51,14 @@ class _Flight:
     ----------
     app : App
         Begun anew for it, so that its recording can be replayed by itself.
-    reporting : Reporting
+    reporting : TelemetryReporter
         Of the app's figures.
     folder : Path
         Of the recording, whether it could be written to or not.
     """
 
     app: App
-    reporting: Reporting
+    reporting: TelemetryReporter
     folder: Path
 
     def close(self) -> None:
@@ -147,7 +147,7 @@ class Service(Watch):
             parameters_file=flights / f"{mission.name}.parameters.json",
         )
         app.is_warm = self._is_warm
-        reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
+        reporting = TelemetryReporter(app, clock, flights, self._metrics, self._begun_s)
         return _Flight(app, reporting, folder)
 
     def progress(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from companion.clock import Clock
 from companion.flight.app import App
 from companion.flight.observer import Watch
-from companion.service.host_status import look_at
+from companion.service.host_status import host_status
 from companion.service.metrics import Metrics
 from companion.types.plan import Plan
 
@@ -16,7 +16,7 @@ PERIOD_S = 1.0
 COMPUTER_PERIODS = 5  # it changes slowly, and a telemetry radio is slow
 
 
-class Reporting(Watch):
+class TelemetryReporter(Watch):
     """Tells figures while the service runs.
 
     Parameters
@@ -70,7 +70,7 @@ class Reporting(Watch):
         if math.isfinite(self._plan_quality):
             app.send(app.codec.named_value(boot_s, "plan_q", self._plan_quality))
         if with_computer:
-            computer = look_at(self._folder)
+            computer = host_status(self._folder)
             app.send(
                 app.codec.computer_status(
                     computer.uptime_s,

@@ -22,7 +22,7 @@ class Command(IntEnum):
     DO_LAND_START = 189
 
 
-class Frame(IntEnum):
+class MavFrame(IntEnum):
     """MAV_FRAME numbers (MAVLink common.xml)."""
 
     GLOBAL = 0

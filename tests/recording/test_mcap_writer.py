@@ -19,7 +19,7 @@ from companion.recording import mcap_schema as channels
 from companion.recording.mcap_writer import CHUNK_S, FlightLog, plain
 from companion.recording.reader import load_recording, read_messages
 from companion.types.events import Dialect
-from tests.link.wire import heartbeat
+from tests.link.pymavlink_frames import heartbeat
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
 

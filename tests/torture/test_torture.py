@@ -5,7 +5,7 @@ import pytest
 from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
-from sim.faults import Event, Happening, LinkFaults, Schedule, random_schedule
+from sim.faults import Event, FaultKind, LinkFaults, Schedule, random_schedule
 from tests.torture.campaigns import lossy_flight
 from tests.torture.harness import TortureHarness, broken_after, flown, fly, num_messages, random_flight
 
@@ -97,9 +97,9 @@ def test_swaps_that_keep_failing_are_announced_as_an_emergency_step(dialect):
     assert verdict.violations == []
 
 
-@pytest.mark.parametrize("happening", [kind for kind in Happening if kind is not Happening.UPLOADER])
-def test_one_happening(happening):
-    event = Event(12.0, 18.0, happening, 3.0)
+@pytest.mark.parametrize("kind", [each for each in FaultKind if each is not FaultKind.UPLOADER])
+def test_one_fault(kind):
+    event = Event(12.0, 18.0, kind, 3.0)
     verdict, _ = fly(Dialect.ARDUPILOT, 1, Schedule((), (event,)), duration_s=35.0)
     assert verdict.violations == []
     assert verdict.num_swaps >= 2
@@ -108,8 +108,8 @@ def test_one_happening(happening):
 def test_schedules_repeat_and_differ():
     assert random_schedule(5, 60.0) == random_schedule(5, 60.0)
     assert len({random_schedule(seed, 60.0) for seed in range(20)}) == 20
-    kinds = {event.happening for seed in range(200) for event in random_schedule(seed, 60.0).events}
-    assert kinds == set(Happening)
+    kinds = {event.kind for seed in range(200) for event in random_schedule(seed, 60.0).events}
+    assert kinds == set(FaultKind)
 
 
 # --- the judge is no yes-man

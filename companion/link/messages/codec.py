@@ -18,7 +18,7 @@ from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
 from companion.link.missions.mission_items import item_of
 from companion.link.wire.decoded_frame import (
     CommandAck,
-    Frame,
+    DecodedFrame,
     MissionAck,
     MissionCount,
     MissionQuestion,
@@ -116,7 +116,7 @@ class Codec:
         """System and component id under which messages go out."""
         return self._telemetry.vehicle_system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
 
-    def feed(self, data: bytes, stamp_s: float) -> list[Frame]:
+    def feed(self, data: bytes, stamp_s: float) -> list[DecodedFrame]:
         """Take received bytes, in any portions.
 
         Parameters
@@ -128,7 +128,7 @@ class Codec:
 
         Returns
         -------
-        list of Frame
+        list of DecodedFrame
             Those that became complete, in order, without the own ones that came back.
         """
         frames = []
@@ -139,7 +139,7 @@ class Codec:
                 continue
             elif not raw.is_verified:
                 self.counters["unknown_message"] += 1
-                frames.append(Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
+                frames.append(DecodedFrame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
             else:
                 frames.append(self._decoded(raw, stamp_s))
         return frames
@@ -167,12 +167,12 @@ class Codec:
         """A received frame without its signature, for a reader that has no key."""
         return without_signature(raw, _EXTRAS)
 
-    def _decoded(self, raw: RawFrame, stamp_s: float) -> Frame:
+    def _decoded(self, raw: RawFrame, stamp_s: float) -> DecodedFrame:
         try:
             message = self._reader.decode(bytearray(raw.raw))
         except mavlink.MAVError:
             self.counters["undecodable"] += 1
-            return Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id)
+            return DecodedFrame(raw.raw, raw.system_id, raw.component_id, raw.message_id)
         self.counters["accepted"] += 1
         kind = message.get_type()
         if kind == "HEARTBEAT":
@@ -185,7 +185,7 @@ class Codec:
                 events.append(report)
         except RefusedError as refused:
             self.counters[f"refused_{refused.reason}"] += 1
-        return Frame(
+        return DecodedFrame(
             raw.raw,
             raw.system_id,
             raw.component_id,

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import Frame, Request
+from companion.link.wire.decoded_frame import DecodedFrame, Request
 
 _ACCEPTED, _UNSUPPORTED = 0, 3
 _WARNING = 4
@@ -42,12 +42,12 @@ class ParameterStore(Protocol):
         ...
 
 
-def answer(frame: Frame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
+def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
     """Return the bytes that a frame calls for, empty for none.
 
     Parameters
     ----------
-    frame : Frame
+    frame : DecodedFrame
         Any received one.
     codec : Codec
         Whose ids and encoding the answer has.
@@ -104,7 +104,7 @@ def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore
     return _told(name, codec, parameters) + said
 
 
-def _command_answer(request: Request, frame: Frame, codec: Codec) -> bytes:
+def _command_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
     sender = (frame.system_id, frame.component_id)
     if request.number == _REQUEST_MESSAGE:
         wanted = int(request.parameters[0])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.decoded_frame import DecodedFrame
 from companion.types.events import Dialect, Heartbeat, Rebooted
 
 POSITION, ATTITUDE, AIR, MISSION_CURRENT = 33, 30, 74, 42
@@ -63,7 +63,7 @@ class Streams:
         """Rates that the vital messages are asked for at [Hz]."""
         return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
 
-    def note(self, frame: Frame, stamp_s: float) -> None:
+    def note(self, frame: DecodedFrame, stamp_s: float) -> None:
         """Take note of a received frame."""
         for event in frame.events:
             if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:

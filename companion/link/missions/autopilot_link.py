@@ -21,11 +21,11 @@ from companion.link.messages.codec import Codec
 from companion.link.messages.flight_modes import custom_mode_of
 from companion.link.missions.mavsdk_reader import MavsdkReader
 from companion.link.missions.mission_items import check_upload
-from companion.link.missions.mission_transfer import OPENING, Reading, RoundTrip, Upload
+from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
 from companion.link.wire.decoded_frame import (
     RESULTS,
     CommandAck,
-    Frame,
+    DecodedFrame,
     MissionAck,
     MissionCount,
     MissionQuestion,
@@ -78,7 +78,7 @@ class AutopilotLink:
         self._turn = asyncio.Lock()
         self._current: MissionCurrent | None = None
         self._round_trip = RoundTrip()
-        self._moving: tuple[Upload | Reading, Callable[[int], bytes]] | None = None
+        self._moving: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._moved = asyncio.Event()
 
     @property
@@ -110,7 +110,7 @@ class AutopilotLink:
         """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
         self._mavsdk.give_up_turn()
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: DecodedFrame) -> None:
         """Take a received frame; those of other systems and of no concern are ignored."""
         if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, 1):
             return
@@ -193,7 +193,7 @@ class AutopilotLink:
         """
         async with self._turn:
             self._require_autopilot()
-            reading = Reading(self._round_trip, self._clock.now_s(), _WINDOW)
+            reading = MissionDownload(self._round_trip, self._clock.now_s(), _WINDOW)
 
             def frame_of(number: int) -> bytes:
                 return self._codec.mission_question(None if number == OPENING else number)
@@ -203,7 +203,7 @@ class AutopilotLink:
             return reading.items
 
     async def _moved_whole(
-        self, transfer: Upload | Reading, frame_of: Callable[[int], bytes], operation: str
+        self, transfer: Upload | MissionDownload, frame_of: Callable[[int], bytes], operation: str
     ) -> None:
         """Carry out a transfer of our own."""
         self._moving = transfer, frame_of
@@ -238,9 +238,9 @@ class AutopilotLink:
                 transfer.note_ack(told, now)
             case Upload(), MissionQuestion():
                 transfer.note_question(told, now)
-            case Reading(), MissionCount():
+            case MissionDownload(), MissionCount():
                 transfer.note_count(told, now)
-            case Reading(), MissionTold():
+            case MissionDownload(), MissionTold():
                 transfer.note_item(told, now)
         for number in transfer.due(now):
             self._send(frame_of(number))
@@ -306,7 +306,7 @@ class AutopilotLink:
         )
         _require_success("set_current", answer)
 
-    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+    async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for a MISSION_CURRENT, by our clock; whether one came in time."""
         answer = await self._asked(
             b"", lambda what: isinstance(what, MissionCurrent) and is_it(what), wait_s=wait_s

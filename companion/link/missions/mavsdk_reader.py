@@ -1,4 +1,4 @@
-"""Reading lists from the autopilot by MAVSDK. The only place that knows it.
+"""MissionDownload lists from the autopilot by MAVSDK. The only place that knows it.
 
 MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it wants
 to say is handed to the transport. It speaks the mission protocol and nothing else: its heartbeats and
@@ -28,7 +28,7 @@ from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError, MissionRawRe
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_items import item_of, log_of_mavsdk
-from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.decoded_frame import DecodedFrame
 from companion.link.wire.framing import raw_frame
 from companion.types.events import Heartbeat
 from companion.types.mission import MissionItem
@@ -100,7 +100,7 @@ class MavsdkReader:
         """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
         self._is_our_turn = False
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: DecodedFrame) -> None:
         """Take a frame of the autopilot's."""
         if any(isinstance(event, Heartbeat) for event in frame.events):
             self._heartbeat = self._codec.unsigned(frame.raw)

@@ -75,7 +75,7 @@ class Upload:
     is_accepted: bool = False
 
 
-class Overheard:
+class MissionSniffer:
     """Follows the mission transfers of one vehicle.
 
     Attributes

@@ -153,7 +153,7 @@ class Upload:
             self.failure, self.opaque_id = "", ack.opaque_id
 
 
-class Reading:
+class MissionDownload:
     """The autopilot's list on its way here.
 
     Parameters

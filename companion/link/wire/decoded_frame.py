@@ -133,7 +133,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class DecodedFrame:
     """A frame that was accepted: intact, and from somebody else.
 
     Parameters

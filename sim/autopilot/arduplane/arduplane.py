@@ -1,6 +1,6 @@
 """ArduPlane: its modes, and how it flies, replaces and ends missions.
 
-Behaviour as measured on ArduPlane 4.7-dev in its own SITL; ``tests/sim/test_ardupilot.py`` names
+Behaviour as measured on ArduPlane 4.7-dev in its own SITL; ``tests/sim/autopilot/test_ardupilot.py`` names
 each peculiarity.
 """
 
@@ -10,7 +10,7 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.arduplane.arduplane_runner import MissionRunner, MissionState
 from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer, item_from_message
@@ -56,7 +56,7 @@ def home_item(home: Home) -> MissionItem:
     return MissionItem(
         0,
         Command.NAV_WAYPOINT,
-        Frame.GLOBAL,
+        MavFrame.GLOBAL,
         (0.0, 0.0, 0.0, 0.0),
         home.latitude_e7,
         home.longitude_e7,

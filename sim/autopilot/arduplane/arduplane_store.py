@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 
 MAX_ITEMS = 655
 _ALTITUDE_MAX_M = 83_000.0
@@ -143,7 +143,7 @@ class MissionStore:
         parameters = _stored_parameters(item) if kind is MissionKind.MISSION else item.parameters
         return replace(
             item,
-            frame=_STORED_FRAMES[item.frame] if item.frame in _STORED_FRAMES else int(Frame.GLOBAL),
+            frame=_STORED_FRAMES[item.frame] if item.frame in _STORED_FRAMES else int(MavFrame.GLOBAL),
             parameters=parameters,
             altitude_m=_stored_altitude_m(item.altitude_m),
             is_current=False,

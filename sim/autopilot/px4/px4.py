@@ -1,6 +1,6 @@
 """PX4 for fixed wings: its modes, and how it flies, replaces and ends missions.
 
-Behaviour as measured on PX4 1.17-dev in its own SITL; ``tests/sim/test_px4_missions.py`` and its
+Behaviour as measured on PX4 1.17-dev in its own SITL; ``tests/sim/autopilot/test_px4_missions.py`` and its
 neighbours name each peculiarity. Not measured, and so only plausible here: landing, of which the
 approach alone is flown, and a reboot in flight, after which it holds.
 """

@@ -16,7 +16,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.arduplane.arduplane_store import MissionKind, Verdict
 from sim.projection import FastProjection
 
@@ -64,7 +64,7 @@ def verdict_on(kind: MissionKind, item: MissionItem) -> Verdict:
         if item.command not in known:
             return Verdict.UNSUPPORTED
         return Verdict.ACCEPTED if item.frame in _GLOBAL_FRAMES else Verdict.UNSUPPORTED_FRAME
-    if item.frame == Frame.MISSION:
+    if item.frame == MavFrame.MISSION:
         return Verdict.ACCEPTED if item.command in _FRAMELESS else Verdict.UNSUPPORTED
     if item.frame not in _GLOBAL_FRAMES:
         return Verdict.UNSUPPORTED_FRAME

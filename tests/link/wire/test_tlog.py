@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.errors import RecordError
 from companion.link.wire.tlog import Entry, TlogWriter, read_tlog
-from tests.link.wire import adsb, heartbeat, position
+from tests.link.pymavlink_frames import adsb, heartbeat, position
 
 FRAMES = [heartbeat(), position(), adsb(), position(2_000)]
 START_S = 1_795_228_291.25
@@ -52,7 +52,7 @@ def test_a_killed_process_loses_less_than_a_second(tmp_path):
         "    writer.write(1e9 + 0.1 * tick, bytes.fromhex(sys.argv[2]))\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     killed = subprocess.run(
         [sys.executable, "-c", code, str(path), FRAMES[0].hex()], cwd=root, check=False, timeout=60
     )

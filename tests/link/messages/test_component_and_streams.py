@@ -14,7 +14,7 @@ from companion.link.messages.streams import (
     WIND_COVARIANCE,
     Streams,
 )
-from tests.link.wire import heartbeat, packed, position
+from tests.link.pymavlink_frames import heartbeat, packed, position
 
 
 def started(**changes):
