@@ -19,7 +19,7 @@ from companion.campaign.runs import offline_world
 from companion.config import load_mission
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
-from companion.kernels.threat.fuzzy_threat import reachability as r
+from companion.kernels.threat import reachability as r
 from companion.planning.solver import solve
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import threat_trees

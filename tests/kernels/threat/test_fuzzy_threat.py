@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.threat.fuzzy_threat import fuzzy_threat as t
+from companion.kernels.threat import fuzzy_threat as t
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box
