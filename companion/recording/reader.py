@@ -25,6 +25,7 @@ from companion.link.wire.framing import RawFrame, raw_frame
 from companion.link.wire.tlog import Entry, read_tlog
 from companion.planning.plan_runner import Taken
 from companion.recording import mcap_schema as channels
+from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
 from companion.types.record import SPOKEN, Decision
 
 GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
@@ -32,8 +33,6 @@ OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an a
 ORDER_S = 1.0  # a stamp so little before another is that of a frame which waited while others were answered
 RECORD_MAX = 64 * 1024 * 1024  # bytes; a longer record of an mcap is damage
 SIMULATED = "simulated"
-_HEARTBEAT, _STATUSTEXT = 0, 253
-_AUTOPILOTS = {3, 12}  # MAV_AUTOPILOT of ArduPilot and PX4
 _DAMAGE = (McapError, struct.error, ValueError, KeyError, zstandard.ZstdError, MemoryError, OverflowError)
 
 Document = dict[str, object]
@@ -268,7 +267,7 @@ def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     """Decisions as the service told them to the pilot, from its STATUSTEXTs."""
     found = []
     for heard in frames:
-        if not heard.is_ours or heard.frame.message_id != _STATUSTEXT:
+        if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
             continue
         text = heard.frame.payload[1:51].rstrip(b"\0").decode("ascii", "replace")
         kind, colon, rest = text.removeprefix(SPOKEN).partition(": ")
@@ -281,8 +280,8 @@ def _vehicle_of(frames: Sequence[RawFrame]) -> int:
     """System id of the first autopilot that is heard."""
     for frame in frames:
         payload = frame.payload
-        is_heartbeat = (frame.message_id, frame.component_id) == (_HEARTBEAT, 1)
-        if is_heartbeat and len(payload) > 5 and payload[5] in _AUTOPILOTS:
+        is_heartbeat = (frame.message_id, frame.component_id) == (MessageId.HEARTBEAT, ComponentId.AUTOPILOT1)
+        if is_heartbeat and len(payload) > 5 and payload[5] in frozenset(Autopilot):
             return frame.system_id
     return 1
 

@@ -3,33 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
+from companion.types.mavlink_enums import Command, MavFrame
 
-class Command(IntEnum):
-    """MAV_CMD numbers the program sends or tells apart (MAVLink common.xml)."""
-
-    NAV_WAYPOINT = 16
-    NAV_LOITER_UNLIM = 17
-    NAV_LOITER_TURNS = 18
-    NAV_LOITER_TIME = 19
-    NAV_RETURN_TO_LAUNCH = 20
-    NAV_LAND = 21
-    NAV_TAKEOFF = 22
-    NAV_LOITER_TO_ALT = 31
-    DO_JUMP = 177
-    DO_CHANGE_SPEED = 178
-    DO_LAND_START = 189
-
-
-class MavFrame(IntEnum):
-    """MAV_FRAME numbers (MAVLink common.xml)."""
-
-    GLOBAL = 0
-    MISSION = 2
-    GLOBAL_RELATIVE_ALT = 3
-    GLOBAL_INT = 5
-    GLOBAL_RELATIVE_ALT_INT = 6
+__all__ = ["Command", "MavFrame", "Mission", "MissionItem"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,9 +40,10 @@ from companion.link.wire.framing import (
 from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
 from companion.link.wire.source_limits import SourceLimits
 from companion.types.events import Event
+from companion.types.mavlink_enums import ComponentId
 from companion.types.mission import MissionItem
 
-COMPONENT_ID = 195  # MAV_COMP_ID_PATHPLANNER
+COMPONENT_ID = ComponentId.PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}

@@ -14,15 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from companion import __version__
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import DecodedFrame, Request
-
-_ACCEPTED, _UNSUPPORTED = 0, 3
-_WARNING = 4
-_REAL32 = 9  # MAV_PARAM_TYPE
-_REQUEST_MESSAGE = 512
-_AUTOPILOT_VERSION, _HEARTBEAT = 148, 0
-_VERSION = 0x00010000  # 0.1.0, as AUTOPILOT_VERSION packs it
+from companion.types.mavlink_enums import (
+    Command,
+    CommandResult,
+    MessageId,
+    ParameterType,
+    Severity,
+)
 
 
 class ParameterStore(Protocol):
@@ -96,20 +97,29 @@ def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore
     said = b""
     if request.kind == "parameter_set":
         # In another type the same bytes are another number, and autopilots differ in how they take it.
-        is_real = request.number == _REAL32
+        is_real = request.number == ParameterType.REAL32
         reason = parameters.set(name, request.parameters[0]) if is_real else "not sent as REAL32"
         if reason:
             codec.counters["refused_parameter"] += 1
-            said = codec.status_text(_WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50])
+            said = codec.status_text(
+                Severity.WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50]
+            )
     return _told(name, codec, parameters) + said
 
 
 def _command_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
     sender = (frame.system_id, frame.component_id)
-    if request.number == _REQUEST_MESSAGE:
+    if request.number == Command.REQUEST_MESSAGE:
         wanted = int(request.parameters[0])
-        if wanted == _AUTOPILOT_VERSION:
-            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.autopilot_version(_VERSION)
-        if wanted == _HEARTBEAT:
-            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.heartbeat()
-    return codec.command_ack(request.number, _UNSUPPORTED, *sender)
+        accepted = codec.command_ack(request.number, CommandResult.ACCEPTED, *sender)
+        if wanted == MessageId.AUTOPILOT_VERSION:
+            return accepted + codec.autopilot_version(_packed_version())
+        if wanted == MessageId.HEARTBEAT:
+            return accepted + codec.heartbeat()
+    return codec.command_ack(request.number, CommandResult.UNSUPPORTED, *sender)
+
+
+def _packed_version() -> int:
+    """The program's version as AUTOPILOT_VERSION packs it: a byte each for major, minor and patch."""
+    major, minor, patch = (int(number) for number in __version__.split(".")[:3])
+    return major << 24 | minor << 16 | patch << 8

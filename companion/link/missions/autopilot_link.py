@@ -23,7 +23,6 @@ from companion.link.missions.mavsdk_reader import MavsdkReader
 from companion.link.missions.mission_items import check_upload
 from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
 from companion.link.wire.decoded_frame import (
-    RESULTS,
     CommandAck,
     DecodedFrame,
     MissionAck,
@@ -32,10 +31,9 @@ from companion.link.wire.decoded_frame import (
     MissionTold,
 )
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
+from companion.types.mavlink_enums import Command, CommandResult, ComponentId, name_of
 from companion.types.mission import MissionItem
 
-_COMMAND_SET_CURRENT, _COMMAND_SET_MODE = 224, 176
-_IN_PROGRESS = 5
 _INSIST_S = 4.5  # for so long a command is sent again until it is answered
 _REPEAT_MIN_S, _REPEAT_MAX_S = 0.5, 1.5  # PX4 tells a new item with its next MISSION_CURRENT, within 1 s
 _TICK_S = 0.04  # between looks at whether an item must be sent again
@@ -112,7 +110,7 @@ class AutopilotLink:
 
     def receive(self, frame: DecodedFrame) -> None:
         """Take a received frame; those of other systems and of no concern are ignored."""
-        if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, 1):
+        if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, ComponentId.AUTOPILOT1):
             return
         for event in frame.events:
             if isinstance(event, Heartbeat):
@@ -299,7 +297,7 @@ class AutopilotLink:
         answer = await self._insisted(
             make,
             lambda told: (
-                _is_result_of(told, _COMMAND_SET_CURRENT)
+                _is_result_of(told, Command.DO_SET_MISSION_CURRENT)
                 or (isinstance(told, MissionCurrent) and told.sequence == sequence)
             ),
             is_ahead,
@@ -325,7 +323,7 @@ class AutopilotLink:
         if number is None:
             raise TransferError("set_mode", f"no mode {mode}")
         answer = await self._insisted(
-            lambda _: self._codec.set_mode(number), lambda told: _is_result_of(told, _COMMAND_SET_MODE)
+            lambda _: self._codec.set_mode(number), lambda told: _is_result_of(told, Command.DO_SET_MODE)
         )
         _require_success("set_mode", answer)
 
@@ -398,12 +396,14 @@ class AutopilotLink:
 
 def _is_result_of(told: object, command: int) -> bool:
     """Whether something that was told ends a command."""
-    return isinstance(told, CommandAck) and told.command == command and told.result != _IN_PROGRESS
+    if not isinstance(told, CommandAck) or told.command != command:
+        return False
+    return told.result != CommandResult.IN_PROGRESS
 
 
 def _require_success(operation: str, answer: object | None) -> None:
     """TransferError without an answer, and where it refuses."""
     if answer is None:
         raise TransferError(operation, "no answer")
-    if isinstance(answer, CommandAck) and answer.result != 0:
-        raise TransferError(operation, RESULTS.get(answer.result, f"result {answer.result}"))
+    if isinstance(answer, CommandAck) and answer.result != CommandResult.ACCEPTED:
+        raise TransferError(operation, name_of(CommandResult, answer.result))
