@@ -9,8 +9,8 @@ FROM python:3.11-slim-bookworm AS build
 WORKDIR /src
 COPY pyproject.toml README.md constraints.txt ./
 COPY companion companion
-# Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads,
-# pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
+# Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads, all
+# of scipy but its linear algebra, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
 # pictures and reports are made where the recordings are taken to. Symbols go from libraries but those in
 # *.libs and numba's thread pools: these were patched after they were linked, and strip would break them.
 # Times of files are whole seconds, as a registry keeps them: numba compares them with its cache's.
@@ -23,6 +23,7 @@ RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \
     && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete \
+    && find scipy -mindepth 1 -maxdepth 1 -type d ! -name linalg ! -name '_*' -exec rm -rf {} + \
     && find . -type f -name '*.so*' ! -path './*.libs/*' ! -name '*pool.*' -exec strip --strip-unneeded {} + \
     && find . -exec touch --no-dereference --date=2026-01-01 {} +
 
@@ -36,8 +37,8 @@ ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU
 # Kernels are compiled here, so that the service plans at once. They are for any processor of the
 # architecture: compiled for the one that builds the image, they would not be used on another. What is
 # imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
-RUN python -c 'import companion.doctor.doctor_command, companion.replay.replay_command, companion.service.service' \
-    && companion plan /usr/share/companion/mission_configs/first-flight.yaml \
+RUN python -c 'import companion.campaign.runs, companion.doctor.doctor_command' \
+    && python -c 'import companion.replay.replay_command, companion.service.service' \
     && companion warm-up /usr/share/companion/mission_configs/first-flight.yaml \
     && chown -R companion:companion /var/cache/companion
 USER companion

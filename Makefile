@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions image help venv fly test explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: corruptions image help venv fly warm test explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -10,6 +10,8 @@ MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
+# Processes that share the tests: as many as there are processors, unless it is said.
+JOBS ?= logical
 PINS ?= -c constraints.txt
 
 help: ## show this list
@@ -26,11 +28,14 @@ $(STAMP): pyproject.toml constraints.txt
 fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
 	$(BIN)/companion sitl $(MISSION) $(FLAGS)
 
-test: $(STAMP) ## run the test suite
-	$(BIN)/pytest -q -m 'not slow and not bench'
+warm: $(STAMP)
+	@$(BIN)/companion warm-up mission_configs/first-flight.yaml # once, not in every process of the suite
+
+test: warm ## run the test suite, in JOBS processes
+	$(BIN)/pytest -q -m 'not slow and not bench' -n $(JOBS) --dist loadgroup --durations=15
 
 explore: $(STAMP) ## run the property tests with examples that were never tried before
-	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow'
+	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow' -n $(JOBS) --dist loadgroup
 
 test-long: $(STAMP) ## run the tests that take long
 	$(BIN)/pytest -q -m slow

@@ -271,12 +271,16 @@ def prove_health(builder: Builder) -> None:
     command = [*stage.entry, "run", MISSION, "--link", "udpin://127.0.0.1:0"]
     with builder.started(command, environment=environment) as running:
         began = time.monotonic()
-        while not _answers(environment["COMPANION_METRICS"]):
+        answered_s = None
+        while not (answer := _health(environment["COMPANION_METRICS"])).get("ready"):
+            if answer and answered_s is None:
+                answered_s = time.monotonic() - began
             if running.poll() is not None or time.monotonic() - began > HEALTHY_S:
                 running.kill()
-                raise RuntimeError("the service did not become healthy")
+                raise RuntimeError("the service did not become ready")
             time.sleep(0.02)
-        log.info("the service is ready after %.2f s", time.monotonic() - began)
+        ready_s = time.monotonic() - began
+        log.info("the service is healthy after %.2f s, ready after %.2f s", answered_s or ready_s, ready_s)
         began = time.monotonic()
         if not is_healthy():
             raise RuntimeError("it says that it is healthy, and its health check says that it is not")
@@ -289,14 +293,15 @@ def prove_health(builder: Builder) -> None:
         raise RuntimeError("healthy after the end")
 
 
-def _answers(port: str) -> bool:
-    """Whether the service says that it is healthy; asked from here, so that no program's start counts."""
+def _health(port: str) -> dict[str, object]:
+    """What a healthy service says of itself; asked from here, so that no program's start counts."""
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with direct.open(f"http://127.0.0.1:{port}/healthz", timeout=3.0):
-            return True
-    except (OSError, http.client.HTTPException):
-        return False
+        with direct.open(f"http://127.0.0.1:{port}/healthz", timeout=3.0) as answer:
+            told: dict[str, object] = json.load(answer)
+            return told
+    except (OSError, ValueError, http.client.HTTPException):
+        return {}
 
 
 def size_mb(root: Path) -> float:

@@ -23,6 +23,8 @@ from tests.link.pymavlink_frames import heartbeat
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
 
+pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process
+
 ROOT = Path(__file__).parents[2]
 WRITER = """
 import sys
