@@ -27,8 +27,10 @@ BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 
 PX4_INSTANCES = range(3)
 PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
 ONBOARD = 2.0  # MAV_n_MODE
-
-Judge = Callable[[float], Finding]
+SERIAL_PARAMETERS = {
+    Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
+    Dialect.PX4: "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +40,13 @@ class ParameterCheck:
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter, as the autopilot has it.
     is_good : callable
-        Whether a value is as it should be.
+        Takes the parameter's value and tells whether it is as it should be.
     otherwise : str
         What happens if it is not, and what to do.
     is_grave : bool
-        Whether that is dangerous.
+        Whether another value is dangerous, rather than a nuisance.
     """
 
     name: str
@@ -177,21 +179,24 @@ def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None
     rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
     found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
     if baud_rate is not None and baud_rate not in rates.values():
-        names = (
-            "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD"
-            if is_px4
-            else "SERIALn_PROTOCOL 2 and SERIALn_BAUD"
-        )
-        return warn(check, found, f"set {names} for {baud_rate}")
-    if is_px4:
-        modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
-        if modes and ONBOARD not in modes:
-            return warn(
-                check, found, "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
-            )
-    elif any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
-        return warn(check, found, "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures")
-    return ok(check, found)
+        return warn(check, found, f"set {SERIAL_PARAMETERS[dialect]} for {baud_rate}")
+    advice = _px4_advice(values, rates, baud_rate) if is_px4 else _ardupilot_advice(values, rates)
+    return warn(check, found, advice) if advice else ok(check, found)
+
+
+def _px4_advice(values: Mapping[str, float], rates: Mapping[str, int], baud_rate: int | None) -> str:
+    """What to change where the instances at our baud rate are none for a companion; '' for nothing."""
+    modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
+    if not modes or ONBOARD in modes:
+        return ""
+    return "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
+
+
+def _ardupilot_advice(values: Mapping[str, float], rates: Mapping[str, int]) -> str:
+    """What to change where a port speaks the old MAVLink; '' for nothing."""
+    if not any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
+        return ""
+    return "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures"
 
 
 def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:

@@ -13,7 +13,7 @@ from companion.clock import Clock
 from companion.errors import LinkError, TransferError
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.link.missions.mission_sniffer import as_sent
+from companion.link.missions.mission_items import as_sent
 from companion.mission.mission_id import mission_id
 from companion.types.events import Dialect, MissionCurrent
 from companion.types.mission import Command, MavFrame, MissionItem

@@ -97,6 +97,7 @@ class Service(Watch):
         url: str,
         flights: Path,
         environment: Mapping[str, str],
+        *,
         metrics_port: int | None = None,
         flights_max_bytes: int = FLIGHTS_MAX_BYTES,
         clock: Clock | None = None,
@@ -284,7 +285,10 @@ async def serve(
         If it cannot begin.
     """
     with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
-        await Service(file, url, flights, os.environ, metrics_port, flights_max_bytes).run()
+        service = Service(
+            file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes
+        )
+        await service.run()
 
 
 @contextlib.contextmanager

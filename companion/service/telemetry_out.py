@@ -41,7 +41,7 @@ class TelemetryReporter(Watch):
         self._begun_s = begun_s
         self._plan_quality = math.nan
 
-    def planned(self, plan: Plan, plan_ms: float) -> None:
+    def planned(self, plan: Plan, plan_ms: float) -> None:  # noqa: ARG002 - as every observer's
         """Remember the quality Q of the last plan."""
         if plan.path is not None:
             self._plan_quality = plan.measures.quality

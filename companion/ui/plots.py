@@ -31,7 +31,7 @@ def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None
     with style.drawing():
         height = min(max(float(mission.start.up_m), snapshot.bounds[4]), snapshot.bounds[5])
         sheet = new_sheet(mission, snapshot, height, mission.name)
-        _draw_mission_threats(sheet, mission, snapshot)
+        _draw_mission_threats(sheet, mission)
         sheet.finish()
         sheet.figure.savefig(path, dpi=style.DPI)
 
@@ -135,7 +135,7 @@ def _add_perspective(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot
         title.set_x(0.3 / total)
 
 
-def _draw_mission_threats(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot) -> None:
+def _draw_mission_threats(sheet: MapSheet, mission: MissionConfig) -> None:
     for threat in mission.dynamic_threat_list:
         place = threat.position_enu_m[:2]
         sheet.axes.add_patch(

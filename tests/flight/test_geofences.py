@@ -9,8 +9,8 @@ from shapely.geometry import LineString, Point
 from companion.config import mission_from_text
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
+from sim.mission_types import MissionKind
 from tests.flight.test_app import at
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness

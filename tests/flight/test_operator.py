@@ -11,8 +11,8 @@ from companion.flight.checkpoint import Memory
 from companion.flight.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
+from sim.mission_types import MissionKind
 from tests.flight.test_app import at, both, switch, when
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness

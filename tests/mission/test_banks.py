@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from companion.mission import waypoints as builder
 from companion.mission.list_layout import bank_items, new_banks
 from companion.types.mission import Command
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionStore
+from sim.mission_types import MissionKind, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME = item(0)

@@ -33,7 +33,7 @@ def recorded():
             items.append(
                 MissionItem(
                     message.seq, message.command, message.frame,
-                    tuple(None if value != value else value for value in values),
+                    tuple(None if math.isnan(value) else value for value in values),
                     message.x, message.y, message.z, bool(message.current), bool(message.autocontinue),
                 )
             )  # fmt: skip
@@ -71,7 +71,8 @@ def test_everything_else_counts(change):
 def by_table(data):
     """PX4's own way, byte by byte."""
     table = []
-    for entry in range(256):
+    for number in range(256):
+        entry = number
         for _ in range(8):
             entry = (entry >> 1) ^ (0xEDB88320 if entry & 1 else 0)
         table.append(entry)

@@ -27,7 +27,8 @@ from companion.mission.operator import (
 )
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionStore
+from sim.mission_types import MissionKind, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME_M = 584.0

@@ -1,11 +1,14 @@
 """A small share of ``make torture``: exchanges broken off, random schedules, and that the judge can see."""
 
+import asyncio
+from dataclasses import replace
+
 import pytest
 
 from companion.types.events import Dialect
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
 from sim.faults import Event, FaultKind, LinkFaults, Schedule, random_schedule
+from sim.mission_types import MissionKind
 from tests.torture.campaigns import lossy_flight
 from tests.torture.harness import TortureHarness, broken_after, flown, fly, num_messages, random_flight
 
@@ -117,8 +120,6 @@ def test_schedules_repeat_and_differ():
 
 def spoiled(dialect, spoil):
     """A flight in which somebody spoils the mission at 5 s."""
-    import asyncio
-
     harness = TortureHarness(dialect, 1, Schedule())
     act, done = harness.act, []
 
@@ -134,8 +135,6 @@ def spoiled(dialect, spoil):
 
 def through_the_wall(autopilot):
     """Move what lies ahead behind the wall."""
-    from dataclasses import replace
-
     latitude, longitude = autopilot.projection.degrees(630.0, -300.0)
     wrong = {"latitude_e7": round(latitude * 1e7), "longitude_e7": round(longitude * 1e7)}
     current = autopilot.current_sequence

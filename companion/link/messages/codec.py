@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.track_messages import Tracks
 from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
-from companion.link.missions.mission_items import item_of
+from companion.link.missions.mission_items import item_from_payload
 from companion.link.wire.decoded_frame import (
     CommandAck,
     DecodedFrame,
@@ -396,16 +396,16 @@ def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | No
     if kind == "AUTOPILOT_VERSION":
         major, minor, patch, release = message.flight_sw_version.to_bytes(4, "big")
         return VersionTold((major, minor, patch), release)
-    if kind in _TRANSFERS and message.target_component in (0, COMPONENT_ID):
-        return _TRANSFERS[kind](message)
-    return None
+    if kind not in _TRANSFERS or message.target_component not in (0, COMPONENT_ID):
+        return None
+    return _TRANSFERS[kind](message, raw)
 
 
-_TRANSFERS: dict[str, Callable[[Any], Reply]] = {
-    "MISSION_REQUEST": lambda m: MissionQuestion(m.seq, m.mission_type),
-    "MISSION_REQUEST_INT": lambda m: MissionQuestion(m.seq, m.mission_type),
-    "MISSION_COUNT": lambda m: MissionCount(m.count, m.mission_type),
-    "MISSION_ITEM_INT": lambda m: MissionTold(item_of(m), m.mission_type),
+_TRANSFERS: dict[str, Callable[[Any, RawFrame], Reply]] = {
+    "MISSION_REQUEST": lambda m, _: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_REQUEST_INT": lambda m, _: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_COUNT": lambda m, _: MissionCount(m.count, m.mission_type),
+    "MISSION_ITEM_INT": lambda _, raw: MissionTold(*item_from_payload(raw.message_id, raw.payload)),
 }
 
 

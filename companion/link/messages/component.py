@@ -60,16 +60,9 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
         return b""
     system, component = codec.own_ids
     if request.kind == "ping":
-        # A ping to nobody asks everybody; one with a target is itself an answer.
-        if (request.target_system, request.target_component) != (0, 0):
-            return b""
-        return codec.ping_answer(
-            int(request.parameters[0]), request.number, frame.system_id, frame.component_id
-        )
+        return _ping_answer(request, frame, codec)
     if request.kind == "parameter_list" and parameters is not None:
-        # Everybody is asked by component 0, and each answers for itself.
-        is_asked = request.target_system in (0, system) and request.target_component in (0, component)
-        return b"".join(_told(name, codec, parameters) for name in parameters.names) if is_asked else b""
+        return _parameter_list(request, codec, parameters)
     if (request.target_system, request.target_component) != (system, component):
         return b""  # an answer to a broadcast would be one of many, and the autopilot gives it
     if request.kind == "command":
@@ -79,6 +72,20 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
         is_autopilot = frame.system_id == system and frame.component_id == 1
         return b"" if is_autopilot else codec.mission_refusal(frame.system_id, frame.component_id)
     return b"" if parameters is None else _parameter_answer(request, codec, parameters)
+
+
+def _ping_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
+    """Answer to a ping that asks everybody; one with a target is itself an answer."""
+    if (request.target_system, request.target_component) != (0, 0):
+        return b""
+    return codec.ping_answer(int(request.parameters[0]), request.number, frame.system_id, frame.component_id)
+
+
+def _parameter_list(request: Request, codec: Codec, parameters: ParameterStore) -> bytes:
+    """All parameters, where we are asked or everybody is, by component 0: each answers for itself."""
+    system, component = codec.own_ids
+    is_asked = request.target_system in (0, system) and request.target_component in (0, component)
+    return b"".join(_told(name, codec, parameters) for name in parameters.names) if is_asked else b""
 
 
 def _told(name: str, codec: Codec, parameters: ParameterStore) -> bytes:

@@ -197,7 +197,11 @@ class MissionDownload:
                 return []
             self._due_s = now_s + self._round_trip.repeat_s
             return [OPENING]
-        missing = [number for number in range(self._count) if number not in self._items][: self._window]
+        return self._missing(self._count, now_s)
+
+    def _missing(self, count: int, now_s: float) -> list[int]:
+        """Numbers of the items in the window that were not asked for, or long enough ago."""
+        missing = [number for number in range(count) if number not in self._items][: self._window]
         repeat_s = self._round_trip.repeat_s
         asking = [
             number for number in missing

@@ -53,8 +53,8 @@ def oracle_point(pairs, delta, form=SHIFTED):
         PROBABILISTIC: 1.0,
     }[form]
     weighted = []
-    for mu, nu in pairs:
-        mu, nu = cf * mu, cf * nu
+    for certain, ruled_out in pairs:
+        mu, nu = cf * certain, cf * ruled_out
         if mu in (0.0, 1.0):
             nu = 0.0
         if mu + nu > 1.0:

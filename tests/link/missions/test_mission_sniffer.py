@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.codec import Codec
-from companion.link.missions.mission_sniffer import MissionSniffer, item_from_payload
+from companion.link.missions.mission_items import item_from_payload
+from companion.link.missions.mission_sniffer import MissionSniffer
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.tlog import read_tlog
 from companion.types.events import Dialect, Heartbeat, MissionCurrent, TrackReport
