@@ -9,9 +9,9 @@ from __future__ import annotations
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.autopilot.arduplane.arduplane_store import is_navigation
 from sim.autopilot.base import Autopilot
 from sim.autopilot.channel import Channel
+from sim.mission_types import is_navigation
 from sim.scenario import build
 from sim.threats.pursuer import TargetEstimate
 from sim.truth import PERIOD_US, Truth
