@@ -69,11 +69,13 @@ corruptions: $(STAMP) ## replay N damaged copies of each recording of a real aut
 image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
 	$(PYTHON) packaging/prove_image.py
 
-lint: $(STAMP) ## check style, types and the layers
+lint: $(STAMP) ## check style, types, the layers, dead code and dependencies
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/vulture
+	$(BIN)/deptry .
 
 format: $(STAMP) ## put the source into its format
 	$(BIN)/ruff check --fix .
