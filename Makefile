@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions image help venv fly warm test explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: corruptions image help venv fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -12,6 +12,10 @@ N ?= 1000
 MINUTES ?= 120
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
+QUICK := not slow and not bench
+# Tests of kernels, which numba hides from coverage where it compiles them.
+PLAIN := tests/kernels
+COVERAGE_MIN ?= 90
 PINS ?= -c constraints.txt
 
 help: ## show this list
@@ -32,7 +36,18 @@ warm: $(STAMP)
 	@$(BIN)/companion warm-up mission_configs/first-flight.yaml # once, not in every process of the suite
 
 test: warm ## run the test suite, in JOBS processes
-	$(BIN)/pytest -q -m 'not slow and not bench' -n $(JOBS) --dist loadgroup --durations=15
+	$(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --durations=15
+
+coverage: warm ## branch coverage: kernels as Python, then the whole suite compiled; fails below COVERAGE_MIN
+	rm -f .coverage .coverage.*
+	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=.coverage.plain $(BIN)/pytest -q -m '$(QUICK) and not compiled' \
+		-n $(JOBS) --dist loadgroup --cov --cov-report= $(PLAIN)
+	COVERAGE_FILE=.coverage.compiled $(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --cov --cov-report=
+	$(BIN)/coverage combine -q
+	$(BIN)/coverage report --fail-under=$(COVERAGE_MIN)
+
+pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
+	JOBS=$(JOBS) .ci/pythons
 
 explore: $(STAMP) ## run the property tests with examples that were never tried before
 	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow' -n $(JOBS) --dist loadgroup
@@ -82,4 +97,4 @@ format: $(STAMP) ## put the source into its format
 	$(BIN)/ruff format .
 
 clean: ## remove what the targets made
-	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-* .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -79,7 +79,7 @@ class Schedule:
     spells : tuple
         Begin and end [s] of each spell of a bad link, and how bad it is; they do not overlap.
     events : tuple of Event
-        In order.
+        Faults in the order in which they begin.
     """
 
     spells: tuple[tuple[float, float, LinkFaults], ...] = ()
@@ -105,9 +105,9 @@ def random_schedule(
     Parameters
     ----------
     seed : int
-        Of everything in it.
+        Seed of everything in the schedule.
     duration_s : float
-        Of the flight.
+        Duration of the flight [s].
     kinds : tuple of FaultKind
         Which may occur besides a bad link.
     """
@@ -208,7 +208,7 @@ class FaultyLink:
     faults : LinkFaults
         How bad it is; may be replaced at any time.
     seed : int
-        Of what is lost and when.
+        Seed of what is lost and when.
     schedule : Schedule, optional
         Replaces the faults as time goes on, and cuts the link.
 
@@ -280,7 +280,7 @@ class OtherUploader:
     Parameters
     ----------
     simulator : Simulator
-        To whose autopilot.
+        Autopilot that it uploads to.
     items : tuple of MissionItem
         The list, numbered from 0.
     """

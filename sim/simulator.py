@@ -28,16 +28,16 @@ class Simulator:
     Parameters
     ----------
     mission : MissionConfig
-        Where it starts, in which weather, among which obstacles and threats.
+        Mission that says where it starts, in which weather, among which obstacles and threats.
     seed : int
-        Of all randomness: turbulence, sensors, tracks.
+        Seed of all randomness: turbulence, sensors, tracks.
     dialect : Dialect
-        Whose autopilot flies.
+        Which autopilot flies.
 
     Attributes
     ----------
     autopilot : Autopilot
-        With ``mode``, ``mission_items`` and ``current_sequence``.
+        The simulated autopilot, with ``mode``, ``mission_items`` and ``current_sequence``.
     truth : Truth
         What really happened.
     """

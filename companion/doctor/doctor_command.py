@@ -28,7 +28,7 @@ async def examined(
     Returns
     -------
     list of Finding
-        In the order they were made.
+        All findings, in the order in which they were made.
     int
         Exit code: 0, 1 for a failure, 3 where no autopilot was heard.
 

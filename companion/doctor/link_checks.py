@@ -37,13 +37,13 @@ class LinkDoctor:
     transport : Transport
         Opened and closed by :meth:`examine`.
     clock : Clock
-        Its time.
+        Clock by which the doctor waits.
     url : str
-        What the transport was made from.
+        URL that the transport was made from, for the advice.
     mission : MissionConfig, optional
-        What the autopilot should fit.
+        Mission whose speeds and timing the autopilot should fit.
     signer : Signer, optional
-        As in the service.
+        Signs what is sent and verifies what comes, as in the service.
     """
 
     def __init__(

@@ -54,9 +54,9 @@ class Recording:
     Parameters
     ----------
     name : str
-        Of the log's file.
+        Name of the log's file.
     frames : tuple of RecordedFrame
-        In order; times never go back.
+        Recorded frames in order; times never go back.
     vehicle : int
         System id of the vehicle, 1 where no autopilot is heard.
     epoch_s : float
@@ -64,17 +64,18 @@ class Recording:
     about : dict
         What the recording says of itself; empty where there is only a tlog, as of a ground station.
     decisions : tuple of Decision
-        As written down; from a tlog alone, as they were told to the pilot, which cuts them short.
+        Decisions as written down; from a tlog alone, as they were told to the pilot, which cuts them short.
     taken : dict
-        What each plan took, by its number.
+        What each plan took, by the plan's number.
     counters : Counter
         What was left out, and why.
     start_us : int
         Clock reading at which the service began [µs].
     reloads : tuple
-        When the mission file was read again (clock reading [s]), and what it said then.
+        Each time that the mission file was read again: clock reading [s], and what the file said then.
     until_s : float
-        To when both files go, where the service was killed; what either has beyond is not comparable.
+        Clock reading to which both files go, where the service was killed [s]; what either has beyond
+        it cannot be compared.
     """
 
     name: str

@@ -14,18 +14,18 @@ CORE_SENSORS = ("cpu_thermal", "coretemp", "k10temp", "soc_thermal", "cpu-therma
 
 @dataclass(frozen=True, slots=True)
 class HostStatus:
-    """A look at it.
+    """A look at the companion computer.
 
     Parameters
     ----------
     uptime_s : float
-        Since it was switched on.
+        Time since the computer was switched on [s].
     cores_percent : tuple of float
-        Load of each core since the last look.
+        Load of each core since the last look [%].
     temperature_c : float or None
-        Of the processor; None where there is no sensor.
+        Temperature of the processor [°C]; None where there is no sensor.
     memory_used_mb, memory_total_mb, disk_used_mb, disk_total_mb : float
-        Memory, and the disk that the flights are on.
+        Memory, and the disk that the flights are on [MiB].
     """
 
     uptime_s: float

@@ -52,9 +52,9 @@ class _Flight:
     app : App
         Begun anew for it, so that its recording can be replayed by itself.
     reporting : TelemetryReporter
-        Of the app's figures.
+        Tells the app's figures, once a second.
     folder : Path
-        Of the recording, whether it could be written to or not.
+        Folder of the recording, whether it could be written to or not.
     """
 
     app: App
@@ -76,19 +76,19 @@ class Service(Watch):
     file : Path
         The mission file.
     url : str
-        Where the autopilot is.
+        URL of the autopilot's link, as ``transport_from_url`` takes it.
     flights : Path
         Folder of the recordings, and of what a restart needs to know.
     environment : mapping of str to str
-        For what systemd tells by it.
+        Environment variables, by which systemd tells its sockets and folders.
     metrics_port : int, optional
-        Where metrics and health are told, to this computer alone.
+        Port on which metrics and health are told, to this computer alone; left out, they are not.
     flights_max_bytes : int
         What the recordings may take; the oldest flights go first.
     clock : Clock, optional
-        Left out, the computer's.
+        Clock that the service goes by; left out, the computer's.
     line : Transport, optional
-        To the autopilot; left out, what the URL names.
+        Transport to the autopilot; left out, the one that the URL names.
     """
 
     def __init__(

@@ -22,15 +22,15 @@ class TelemetryReporter(Watch):
     Parameters
     ----------
     app : App
-        Whose.
+        The running app whose figures are told.
     clock : Clock
-        Its time.
+        Clock that the app goes by.
     folder : Path
-        On the disk that is looked at.
+        Folder on the disk whose use is told.
     metrics : Metrics or None
-        Renewed as well.
+        Prometheus figures to renew at the same time; None without any.
     begun_s : float
-        When the service began, by the clock [s].
+        Clock reading at which the service began [s].
     """
 
     def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None, begun_s: float) -> None:

@@ -198,7 +198,7 @@ class ParticleFilter:
         Parameters
         ----------
         stamp_s : float
-            When it was true; may lie before the filter's own time.
+            Clock reading at which the detection was true [s]; may lie before the filter's own time.
         position_m : ndarray, shape (2,)
             East and north of the detection [m].
         position_std_m : float
@@ -262,8 +262,8 @@ class ParticleFilter:
     ) -> None:
         """Sample the cloud anew from its moments, updated in closed form and brought to ``instant_s``.
 
-        ``rows``, shape (M, 4), is the observation matrix; ``observed`` and ``variances``, shape (M,), what
-        it saw.
+        ``rows``, shape (M, 4), is the observation matrix; ``observed``, shape (M,), and ``variances``,
+        shape (M,), what it saw.
         """
         mean, covariance = self.moments(stamp_s)
         innovation_covariance = rows @ covariance @ rows.T + np.diag(variances)

@@ -21,6 +21,7 @@ _FILE = "monte_carlo/resampling.py"
 
 
 def _loaded() -> Callable[[FloatArray], NDArray[np.intp]]:
+    """The function that draws N indices, shape (N,), by normalised weights, shape (N,)."""
     package = importlib.util.find_spec("filterpy")
     folders = [] if package is None else package.submodule_search_locations or []
     for folder in folders:

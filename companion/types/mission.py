@@ -34,11 +34,11 @@ class Mission:
     Parameters
     ----------
     items : tuple of MissionItem
-        In order; on ArduPlane item 0 is the home slot.
+        The list's items in order; on ArduPlane item 0 is the home slot.
     entry : int
         Sequence at which flying it starts.
     plan_number : int
-        Which plan it carries out; counted by the daemon.
+        Number of the plan that it carries out, as the service counts them.
     """
 
     items: tuple[MissionItem, ...]

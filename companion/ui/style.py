@@ -124,13 +124,13 @@ def clock_axis(axes: Axes, start_s: float, end_s: float) -> None:
 
 
 def tree_lines(nodes: FloatArray, parents: np.ndarray) -> FloatArray:
-    """Return the edges (E, 2, D) of a tree given by its nodes (N, D) and their parents, -1 at roots."""
+    """Edges, shape (E, 2, D), of a tree: nodes, shape (N, D), and parents, shape (N,), -1 at roots."""
     child = np.nonzero(parents >= 0)[0]
     return np.stack([nodes[child], nodes[parents[child]]], axis=1)
 
 
 def add_lines(axes: Axes, segments: FloatArray, **look: Any) -> LineCollection:  # noqa: ANN401
-    """Draw many segments as one artist: thousands of lines stay fast."""
+    """Draw many segments, shape (E, 2, 2), as one artist: thousands of lines stay fast."""
     collection = LineCollection(list(segments), **look)
     axes.add_collection(collection, autolim=False)
     return collection
@@ -143,7 +143,7 @@ class Labels:
     Parameters
     ----------
     axes : Axes
-        Where; its limits and size must be final.
+        Axes that are written in; their limits and size must be final.
     size : float
         Font size [pt].
     """
@@ -158,7 +158,7 @@ class Labels:
         self._taken.append((x - radius_pt, y - radius_pt, x + radius_pt, y + radius_pt))
 
     def reserve_line(self, line_m: FloatArray) -> None:
-        """Keep texts off a path (K, 2), as long as they find another place."""
+        """Keep texts off a path, shape (K, 2), as long as they find another place."""
         if len(line_m) == 0:
             return
         points = self.axes.transData.transform(line_m) * (72.0 / self._dpi())

@@ -75,9 +75,9 @@ class Autopilot(ABC):
     projection : FastProjection
         Between local metres and degrees.
     parameters : Parameters
-        Its parameters.
+        The autopilot's parameters.
     home : Home
-        Where home is.
+        Home position.
     """
 
     # Message ids a client gets at 1 Hz without asking.

@@ -48,13 +48,13 @@ class Pursuer:
     Parameters
     ----------
     roads : Roads
-        Where it can drive.
+        Graph of the ways that it can drive.
     position : tuple of float
-        Where it starts: east, north [m].
+        East and north at which it starts: east, north [m].
     speed_m_s : float
-        Its speed; 0 stands still.
+        Speed at which it drives [m/s]; 0 stands still.
     turn_radius_m : float
-        Its smallest turn radius.
+        Smallest turn radius [m].
     """
 
     def __init__(
@@ -112,7 +112,9 @@ class Pursuer:
     def _by_corners(
         self, points: FloatArray, to_corner: FloatArray, target: TargetEstimate
     ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-        """Shortest ways [m] over the graph to the points, and the corner each is left from.
+        """Shortest ways [m] over the graph to the points, and the corner each is left from: shape (N,) each.
+
+        ``points`` has shape (N, 2), ``to_corner``, the ways to the graph's corners, shape (C,) [m].
 
         What a point sees does not change with time, and missions change seldom: it is remembered.
         """

@@ -103,13 +103,13 @@ def test_a_flight_is_seen_in_the_figures(flight, endpoint):
 def test_plans_and_exchanges_are_counted_by_how_they_ended(endpoint):
     served, figures, _, _ = endpoint
     figures.planned(plan(PlanStatus.EXACT), 300.0)
-    figures.planned(plan(PlanStatus.TIMEOUT), 1200.0)
+    figures.planned(plan(PlanStatus.APPROXIMATE), 1200.0)
     figures.exchanged(SwapOutcome.FLOWN)
     figures.exchanged(SwapOutcome.STALE)
     seen = samples(get(f"http://127.0.0.1:{served.port}/metrics"))
     assert seen["companion_plan_seconds_bucket", "0.35", "exact"] == 1.0
-    assert seen["companion_plan_seconds_bucket", "1.0", "timeout"] == 0.0
-    assert seen["companion_plan_seconds_sum", "timeout"] == pytest.approx(1.2)
+    assert seen["companion_plan_seconds_bucket", "1.0", "approximate"] == 0.0
+    assert seen["companion_plan_seconds_sum", "approximate"] == pytest.approx(1.2)
     assert seen["companion_swaps_total", "flown"] == seen["companion_swaps_total", "stale"] == 1.0
     assert seen["companion_swaps_total", "refused"] == 0.0
 
@@ -156,7 +156,7 @@ def test_the_quality_of_the_last_plan_with_a_path_is_told(flight):
     harness, _, reporting = flight
     path = harness.app.cycle.flown.path
     reporting.planned(plan(PlanStatus.EXACT, path, 0.75), 1.0)
-    reporting.planned(plan(PlanStatus.TIMEOUT, None, 0.1), 1.0)
+    reporting.planned(plan(PlanStatus.APPROXIMATE, None, 0.1), 1.0)
     sent = []
     harness.app.send = sent.append
     reporting.tell(20.0, with_computer=False)

@@ -49,11 +49,11 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
     Parameters
     ----------
     frame : DecodedFrame
-        Any received one.
+        The received frame, of whatever kind.
     codec : Codec
-        Whose ids and encoding the answer has.
+        The link's codec, under whose ids the answer is encoded.
     parameters : ParameterStore, optional
-        Left out, there are none.
+        Parameters of this component; left out, it has none.
     """
     request = frame.request
     if request is None:

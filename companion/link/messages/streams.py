@@ -39,7 +39,7 @@ class Streams:
     Parameters
     ----------
     rate_hz : float
-        Of position; what changes slower is asked for more rarely.
+        Rate at which positions are asked for [Hz]; what changes slower is asked for more rarely.
     """
 
     def __init__(self, rate_hz: float) -> None:

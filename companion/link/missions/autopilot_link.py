@@ -46,13 +46,13 @@ class AutopilotLink:
     Parameters
     ----------
     codec : Codec
-        The link's; it knows the vehicle's ids.
+        Codec of the link that the calls go over; it knows the vehicle's ids.
     clock : Clock
-        For the waits of ``set_current`` and ``set_mode``.
+        Clock by which ``set_current`` and ``set_mode`` wait, and transfers repeat.
     send : callable
         Takes bytes for the transport.
     on_pending_change : callable, optional
-        Told ``pending_calls`` whenever it changes.
+        Called with ``pending_calls`` whenever that changes.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """

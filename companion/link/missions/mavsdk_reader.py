@@ -59,13 +59,13 @@ class MavsdkReader:
     Parameters
     ----------
     codec : Codec
-        The link's; it knows the vehicle's ids.
+        Codec of the link that MAVSDK is bridged to; it knows the vehicle's ids.
     send : callable
         Takes bytes for the transport.
     counters : Counter of str
-        For frames of MAVSDK's that were dropped.
+        Where frames of MAVSDK's that were dropped are counted.
     on_pending_change : callable, optional
-        Told ``pending_calls`` whenever it changes.
+        Called with ``pending_calls`` whenever that changes.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """

@@ -57,7 +57,7 @@ class MissionSniffer:
     settled : tuple of MissionItem or None
         The last list that it held as a whole.
     uploads : list of Upload
-        In order, by whomever; broken ones are not among them.
+        Uploads that were sent whole, in order, by whomever; broken ones are not among them.
     num_broken : int
         Uploads that ended otherwise.
     """

@@ -71,7 +71,7 @@ class Upload:
     round_trip : RoundTrip
         Learns from this transfer, and times it.
     now_s : float
-        When it begins.
+        Clock reading at which the transfer begins [s].
     may_finish : callable, optional
         Asked each time before the last item leaves; if it may not, the upload ends as withdrawn.
 
@@ -160,7 +160,7 @@ class MissionDownload:
     round_trip : RoundTrip
         Learns from this transfer, and times it.
     now_s : float
-        When it begins.
+        Clock reading at which the transfer begins [s].
     window : int
         Items asked for at once.
 

@@ -89,10 +89,10 @@ class Request:
         The command, the sequence number of a ping, or of a parameter the index, -1 for one by its name, and
         where it is to be set its MAV_PARAM_TYPE.
     parameters : tuple of float
-        Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds; the
+        A command's first four parameters, -1 for one not finite; a ping's time in microseconds; the
         value that a parameter is to have.
     name : str
-        Of a parameter.
+        Name of the parameter that is asked for or set; '' for other requests.
     """
 
     kind: str

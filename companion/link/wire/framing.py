@@ -95,7 +95,7 @@ class Framer:
     extras : mapping of int to int
         CRC extra byte of each message id the dialect knows.
     counters : Counter
-        Where ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` are counted.
+        Counts ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` frames.
     """
 
     def __init__(self, extras: Mapping[int, int], counters: Counter[str]) -> None:

@@ -157,11 +157,11 @@ class Signer:
     Parameters
     ----------
     key : bytes
-        32 bytes.
+        Secret key, 32 bytes.
     link_id : int
-        Ours.
+        Link id that our frames carry.
     timestamps : Timestamps
-        Of both directions.
+        Times of what was signed and verified, in both directions.
     extras : mapping of int to int
         CRC extra byte of each message id, for the checksum of what is signed.
     allow_unsigned : collection of int

@@ -414,7 +414,7 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
         ``serial:///dev/ttyAMA0:921600``, ``udpin://0.0.0.0:14540``, ``udpout://host:port`` or
         ``tcp://host:port``.
     clock : Clock
-        For the pauses between connecting again.
+        Clock by which the pauses between attempts to connect are timed.
 
     Raises
     ------

@@ -77,7 +77,7 @@ class MissionTransfer:
     Parameters
     ----------
     store : MissionStore
-        Where items go.
+        Store that items are written to.
     announce : callable
         Sends a text of a severity to everybody.
     may_clear : callable
