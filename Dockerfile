@@ -9,26 +9,40 @@ FROM python:3.11-slim-bookworm AS build
 WORKDIR /src
 COPY pyproject.toml README.md constraints.txt ./
 COPY companion companion
-# Left out at the end: the installer, the libraries' own tests, and dialects of MAVLink that nothing reads.
-RUN --mount=type=cache,target=/root/.cache/pip python -m venv /opt/companion \
-    && /opt/companion/bin/pip install --quiet --no-compile -c constraints.txt '.[metrics,plot]' \
-    && /opt/companion/bin/pip uninstall --yes pip setuptools \
+# Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads, all
+# of scipy but its linear algebra, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
+# pictures and reports are made where the recordings are taken to. Symbols go from libraries but those in
+# *.libs and numba's thread pools: these were patched after they were linked, and strip would break them.
+# Times of files are whole seconds, as a registry keeps them: numba compares them with its cache's.
+RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
+    && apt-get -qq install --yes --no-install-recommends binutils > /dev/null \
+    && python -m venv /opt/companion \
+    && /opt/companion/bin/pip install --quiet --no-compile -c constraints.txt '.[metrics]' \
+    && /opt/companion/bin/pip uninstall --quiet --yes lxml matplotlib contourpy cycler fonttools kiwisolver \
+        pillow pyparsing python-dateutil pip setuptools \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \
-    && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete
+    && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete \
+    && find scipy -mindepth 1 -maxdepth 1 -type d ! -name linalg ! -name '_*' -exec rm -rf {} + \
+    && find . -type f -name '*.so*' ! -path './*.libs/*' ! -name '*pool.*' -exec strip --strip-unneeded {} + \
+    && find . -exec touch --no-dereference --date=2026-01-01 {} +
 
 FROM python:3.11-slim-bookworm
 RUN useradd --system --create-home --home-dir /var/lib/companion --groups dialout companion \
     && install -d -o companion -g companion /var/cache/companion
 COPY --from=build /opt/companion /opt/companion
 COPY mission_configs /usr/share/companion/mission_configs
-# Kernels are compiled here, so that the service plans at once. They are for any processor of the
-# architecture: compiled for the one that builds the image, they would not be used on another.
 ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU_NAME=generic \
     COMPANION_METRICS=9105 PYTHONUNBUFFERED=1
+# Kernels are compiled here, so that the service plans at once. They are for any processor of the
+# architecture: compiled for the one that builds the image, they would not be used on another. What is
+# imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
+RUN python -c 'import companion.campaign.runs, companion.doctor.doctor_command' \
+    && python -c 'import companion.replay.replay_command, companion.service.service' \
+    && companion warm-up /usr/share/companion/mission_configs/first-flight.yaml \
+    && chown -R companion:companion /var/cache/companion
 USER companion
 WORKDIR /var/lib/companion
-RUN companion warm-up /usr/share/companion/mission_configs/first-flight.yaml
 # Asks the planning loop, not the process: one that hangs is unhealthy.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=60s --retries=3 CMD ["companion", "health"]
 STOPSIGNAL SIGTERM

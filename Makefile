@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions image help venv fly test explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: corruptions image help venv fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -10,6 +10,12 @@ MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
+# Processes that share the tests: as many as there are processors, unless it is said.
+JOBS ?= logical
+QUICK := not slow and not bench
+# Tests of kernels, which numba hides from coverage where it compiles them.
+PLAIN := tests/kernels
+COVERAGE_MIN ?= 90
 PINS ?= -c constraints.txt
 
 help: ## show this list
@@ -26,11 +32,25 @@ $(STAMP): pyproject.toml constraints.txt
 fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
 	$(BIN)/companion sitl $(MISSION) $(FLAGS)
 
-test: $(STAMP) ## run the test suite
-	$(BIN)/pytest -q -m 'not slow and not bench'
+warm: $(STAMP)
+	@$(BIN)/companion warm-up mission_configs/first-flight.yaml # once, not in every process of the suite
+
+test: warm ## run the test suite, in JOBS processes
+	$(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --durations=15
+
+coverage: warm ## branch coverage: kernels as Python, then the whole suite compiled; fails below COVERAGE_MIN
+	rm -f .coverage .coverage.*
+	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=.coverage.plain $(BIN)/pytest -q -m '$(QUICK) and not compiled' \
+		-n $(JOBS) --dist loadgroup --cov --cov-report= $(PLAIN)
+	COVERAGE_FILE=.coverage.compiled $(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --cov --cov-report=
+	$(BIN)/coverage combine -q
+	$(BIN)/coverage report --fail-under=$(COVERAGE_MIN)
+
+pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
+	JOBS=$(JOBS) .ci/pythons
 
 explore: $(STAMP) ## run the property tests with examples that were never tried before
-	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow'
+	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow' -n $(JOBS) --dist loadgroup
 
 test-long: $(STAMP) ## run the tests that take long
 	$(BIN)/pytest -q -m slow
@@ -64,15 +84,17 @@ corruptions: $(STAMP) ## replay N damaged copies of each recording of a real aut
 image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
 	$(PYTHON) packaging/prove_image.py
 
-lint: $(STAMP) ## check style, types and the layers
+lint: $(STAMP) ## check style, types, the layers, dead code and dependencies
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/vulture
+	$(BIN)/deptry .
 
 format: $(STAMP) ## put the source into its format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean: ## remove what the targets made
-	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-* .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -116,7 +116,7 @@ def check(
 ) -> None:
     """Validate a mission file, and tell what was understood."""
     from companion.config import load_mission
-    from companion.config.mission_summary import described, summary_table
+    from companion.config.mission_summary import mission_summary, summary_table
 
     if plot is not None:
         from companion.config.compose import world_of
@@ -124,7 +124,7 @@ def check(
 
     config = load_mission(mission)
     if json_file is not None:
-        write_json(json_file, described(config))
+        write_json(json_file, mission_summary(config))
     if json_file is None or str(json_file) != "-":
         if config.goals_from_autopilot:
             console.print(f"{config.name}: valid; its goals are the operator's waypoints in the autopilot")

@@ -49,7 +49,7 @@ class LinkFaults:
     command_nack: int = 0
 
 
-class Happening(Enum):
+class FaultKind(Enum):
     """What else may happen in a flight."""
 
     DISCONNECT = "the link is cut"
@@ -62,11 +62,11 @@ class Happening(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A happening, when it begins and ends [s], and how much of it."""
+    """A fault, when it begins and ends [s], and how much of it."""
 
     begin_s: float
     end_s: float
-    happening: Happening
+    kind: FaultKind
     amount: float = 0.0
 
 
@@ -79,7 +79,7 @@ class Schedule:
     spells : tuple
         Begin and end [s] of each spell of a bad link, and how bad it is; they do not overlap.
     events : tuple of Event
-        In order.
+        Faults in the order in which they begin.
     """
 
     spells: tuple[tuple[float, float, LinkFaults], ...] = ()
@@ -92,23 +92,23 @@ class Schedule:
     def is_cut(self, now_s: float) -> bool:
         """Whether the link is cut at an instant."""
         return any(
-            event.happening is Happening.DISCONNECT and event.begin_s <= now_s < event.end_s
+            event.kind is FaultKind.DISCONNECT and event.begin_s <= now_s < event.end_s
             for event in self.events
         )
 
 
 def random_schedule(
-    seed: int, duration_s: float, happenings: tuple[Happening, ...] = tuple(Happening)
+    seed: int, duration_s: float, kinds: tuple[FaultKind, ...] = tuple(FaultKind)
 ) -> Schedule:
     """Make a schedule of faults; the same seed makes the same one.
 
     Parameters
     ----------
     seed : int
-        Of everything in it.
+        Seed of everything in the schedule.
     duration_s : float
-        Of the flight.
-    happenings : tuple of Happening
+        Duration of the flight [s].
+    kinds : tuple of FaultKind
         Which may occur besides a bad link.
     """
     random = np.random.default_rng(seed)
@@ -119,13 +119,11 @@ def random_schedule(
         begin = end + float(random.uniform(0.0, 0.3 * duration_s))
     events = []
     for _ in range(int(random.integers(0, 3))):
-        if not happenings:
+        if not kinds:
             break
         at = float(random.uniform(2.0, duration_s))
-        happening = happenings[int(random.integers(len(happenings)))]
-        events.append(
-            Event(at, at + float(random.uniform(0.5, 12.0)), happening, float(random.uniform(0.1, 5.0)))
-        )
+        kind = kinds[int(random.integers(len(kinds)))]
+        events.append(Event(at, at + float(random.uniform(0.5, 12.0)), kind, float(random.uniform(0.1, 5.0))))
     return Schedule(tuple(spells), tuple(sorted(events, key=lambda event: event.begin_s)))
 
 
@@ -210,7 +208,7 @@ class FaultyLink:
     faults : LinkFaults
         How bad it is; may be replaced at any time.
     seed : int
-        Of what is lost and when.
+        Seed of what is lost and when.
     schedule : Schedule, optional
         Replaces the faults as time goes on, and cuts the link.
 
@@ -282,7 +280,7 @@ class OtherUploader:
     Parameters
     ----------
     simulator : Simulator
-        To whose autopilot.
+        Autopilot that it uploads to.
     items : tuple of MissionItem
         The list, numbered from 0.
     """

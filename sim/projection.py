@@ -18,7 +18,10 @@ _METRES_PER_DEGREE = 111_000.0
 
 
 def _terms(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Monomials up to the third degree, shape (N, 10), in the order :func:`_value` reads them."""
+    """Monomials up to the third degree of two columns, shape (N,) each.
+
+    Shape (N, 10), in the order in which :func:`_value` reads them.
+    """
     a, b = first, second
     columns = [np.ones_like(a), a, b, a * a, a * b, b * b, a * a * a, a * a * b, a * b * b, b * b * b]
     return np.column_stack(columns)
@@ -58,6 +61,7 @@ class FastProjection:
 
     @staticmethod
     def _fit(terms: FloatArray, values: FloatArray, metres_per_unit: float) -> tuple[float, ...]:
+        """Coefficients of ``terms``, shape (N, 10), that give ``values``, shape (N,)."""
         scale = np.abs(terms).max(axis=0)
         solution = np.linalg.lstsq(terms / scale, values, rcond=None)[0] / scale
         residual_m = float(np.abs(terms @ solution - values).max()) * metres_per_unit

@@ -11,7 +11,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from companion.config import MissionConfig
 from companion.types.events import Dialect
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.threat import Obstacle
 from sim.autopilot.arduplane.arduplane import ArduPlane, home_item
 from sim.autopilot.autopilot_parameters import Parameters
@@ -83,7 +83,7 @@ def operator_mission(
     """Make what the operator left in the autopilot: home, a waypoint, a loiter there."""
     latitude, longitude = projection.degrees(*centre)
     place = (round(latitude * 1e7), round(longitude * 1e7), height_m)
-    frame = Frame.GLOBAL_RELATIVE_ALT
+    frame = MavFrame.GLOBAL_RELATIVE_ALT
     return [
         home_item(home),
         MissionItem(1, Command.NAV_WAYPOINT, frame, (0.0, 0.0, 0.0, 0.0), *place),
@@ -95,7 +95,7 @@ def px4_operator_mission(
     home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
 ) -> list[MissionItem]:
     """Make what the operator left in a PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
-    relative, nothing = Frame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
+    relative, nothing = MavFrame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
 
     def place(east: float, north: float, height: float) -> tuple[int, int, float]:
         latitude, longitude = projection.degrees(east, north)
@@ -108,7 +108,7 @@ def px4_operator_mission(
         MissionItem(0, Command.NAV_TAKEOFF, relative, nothing, *touchdown[:2], height_m),
         MissionItem(1, Command.NAV_WAYPOINT, relative, nothing, *circle),
         MissionItem(2, Command.NAV_LOITER_UNLIM, relative, (0.0, 0.0, round(radius_m), None), *circle),
-        MissionItem(3, Command.DO_LAND_START, Frame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0),
+        MissionItem(3, Command.DO_LAND_START, MavFrame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0),
         MissionItem(4, Command.NAV_LOITER_TO_ALT, relative, (1.0, round(radius_m), 0.0, 1.0), *pattern),
         MissionItem(5, Command.NAV_LAND, relative, nothing, *touchdown),
     ]

@@ -167,7 +167,7 @@ async def serve(
     simulator : Simulator
         What flies.
     url : str
-        Where to listen.
+        Address to listen on.
     speed : float
         Simulated seconds a second. Where the computer cannot keep up, it flies as fast as it can.
     until : callable, optional

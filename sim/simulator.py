@@ -9,11 +9,11 @@ from __future__ import annotations
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.autopilot.arduplane.arduplane_store import is_navigation
 from sim.autopilot.base import Autopilot
 from sim.autopilot.channel import Channel
+from sim.mission_types import is_navigation
 from sim.scenario import build
-from sim.threats.pursuer import Prey
+from sim.threats.pursuer import TargetEstimate
 from sim.truth import PERIOD_US, Truth
 from sim.vehicle.control import TICK_S
 
@@ -28,16 +28,16 @@ class Simulator:
     Parameters
     ----------
     mission : MissionConfig
-        Where it starts, in which weather, among which obstacles and threats.
+        Mission that says where it starts, in which weather, among which obstacles and threats.
     seed : int
-        Of all randomness: turbulence, sensors, tracks.
+        Seed of all randomness: turbulence, sensors, tracks.
     dialect : Dialect
-        Whose autopilot flies.
+        Which autopilot flies.
 
     Attributes
     ----------
     autopilot : Autopilot
-        With ``mode``, ``mission_items`` and ``current_sequence``.
+        The simulated autopilot, with ``mode``, ``mission_items`` and ``current_sequence``.
     truth : Truth
         What really happened.
     """
@@ -122,12 +122,12 @@ class Simulator:
         if not scenario.pursuers:
             return
         speed = max(scenario.flight.estimate.ground_speed_m_s, 10.0)
-        prey = Prey(
+        target = TargetEstimate(
             (state.east_m, state.north_m), speed, self._mission_ahead(), self.autopilot.mission_revision
         )
         for name, pursuer in scenario.pursuers:
             if self._now_us > 0:
-                pursuer.step(self._now_us, PERIOD_US * 1e-6, prey)
+                pursuer.step(self._now_us, PERIOD_US * 1e-6, target)
             self.truth.record_threat(self.now_s, name, pursuer.position)
 
     def _mission_ahead(self) -> tuple[tuple[float, float], ...]:

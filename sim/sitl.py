@@ -46,11 +46,11 @@ class Flight:
     mission : MissionConfig
         The mission file.
     seed : int
-        Of everything random.
+        Seed of everything random.
     folder : Path or None
-        For the recording.
+        Folder of the recording.
     dialect : Dialect
-        Whose autopilot flies.
+        Which autopilot flies.
     speed : float
         Simulated seconds a second.
     turn_timeout_s : float

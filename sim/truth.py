@@ -30,9 +30,9 @@ class Truth:
         Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]``: course over the ground
         clockwise from north, flight-path angle, true airspeed.
     threat_paths : dict
-        By the threat's name, rows ``[t_s, east_m, north_m]``.
+        Paths by the threats' names, rows ``[t_s, east_m, north_m]``.
     threat_distances_m : dict
-        By the threat's name, the smallest slant distance so far [m].
+        Smallest slant distance so far, by the threats' names [m].
     collision : bool
         Whether the flight touched an obstacle or the ground.
     min_obstacle_clearance_m : float

@@ -228,9 +228,23 @@ class Checker:
         speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
-        yield from outside("speed", rows, ready, speed, airspeeds, SPEED_TOLERANCE_M_S, "airspeed [m/s]")
         yield from outside(
-            "climb", rows, ready, climb, self._climbs, CLIMB_TOLERANCE_RAD, "stated climb angle [rad]"
+            "speed",
+            rows,
+            ready,
+            speed,
+            airspeeds,
+            tolerance=SPEED_TOLERANCE_M_S,
+            detail="airspeed [m/s]",
+        )
+        yield from outside(
+            "climb",
+            rows,
+            ready,
+            climb,
+            self._climbs,
+            tolerance=CLIMB_TOLERANCE_RAD,
+            detail="stated climb angle [rad]",
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
@@ -270,7 +284,15 @@ class Checker:
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
         yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
-        yield from outside("climb", rows, ahead, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+        yield from outside(
+            "climb",
+            rows,
+            ahead,
+            angles,
+            self._climbs,
+            tolerance=CLIMB_TOLERANCE_RAD,
+            detail=BETWEEN_ROWS,
+        )
 
     def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Bounds of the arcs' middles, which lie outside the chords by the sagitta."""
@@ -294,7 +316,13 @@ class Checker:
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
             yield from outside(
-                "bounds", rows, ready, points[:, axis], (low, high), widen[axis], f"{name} of the bounds [m]"
+                "bounds",
+                rows,
+                ready,
+                points[:, axis],
+                (low, high),
+                tolerance=widen[axis],
+                detail=f"{name} of the bounds [m]",
             )
 
     def _clearance_violations(
@@ -355,7 +383,15 @@ class Checker:
         moving = lengths > POINT_TOLERANCE_M
         angles = np.arctan2(away[:, 2], lengths)
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
-        yield from outside("climb", rows, flown, angles, self._climbs, CLIMB_TOLERANCE_RAD, BETWEEN_ROWS)
+        yield from outside(
+            "climb",
+            rows,
+            flown,
+            angles,
+            self._climbs,
+            tolerance=CLIMB_TOLERANCE_RAD,
+            detail=BETWEEN_ROWS,
+        )
         kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
         if len(kept) >= 3:
             yield from self._corner_violations(points[kept], kept)

@@ -47,6 +47,7 @@ def outside(
     ready: BoolArray,
     values: FloatArray,
     limits: tuple[float, float],
+    *,
     tolerance: float,
     detail: str,
 ) -> Iterator[Violation]:

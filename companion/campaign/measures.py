@@ -70,7 +70,7 @@ def pursuit_measures(
     which : int
         Which of the snapshot's tracks.
     track : ndarray, shape (M, 3)
-        Where the DT really was: clock reading [s], east, north [m], by rising time. It stands still
+        True positions of the DT: clock reading [s], east, north [m], by rising time. It stands still
         before and after.
     """
     dt = snapshot.tracks[which]
@@ -106,7 +106,7 @@ def pursuit_measures(
 
 
 def _with_points_between(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Times (K,) and positions (K, 3) of the waypoints with the points between them."""
+    """Times, shape (K,), and positions, shape (K, 3), of the waypoints with the points between them."""
     steps = np.arange((len(path) - 1) * (NUM_SECONDARY + 1) + 1) / (NUM_SECONDARY + 1.0)
     rows = np.arange(len(path))
     times = np.interp(steps, rows, path.times_s)
@@ -115,7 +115,7 @@ def _with_points_between(path: Path) -> tuple[FloatArray, FloatArray]:
 
 
 def _threat(dt: FloatArray, aircraft: FloatArray, reach_m: float, obstacles: Obstacles) -> float:
-    """Membership (1) of a DT at a place, 0 where it does not see the aircraft."""
+    """Membership, paper (1), of a DT at ``dt`` to an ``aircraft``, shape (3,) each [m]; 0 where unseen."""
     slant = float(np.linalg.norm(aircraft - dt))
     if slant > reach_m or segment_blocked(
         dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], obstacles

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from rich.table import Table
 
-from companion.campaign.paper import paper_row
+from companion.campaign.paper import PaperRow, paper_row
 from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.errors import ConfigError
@@ -105,50 +106,70 @@ def result_of(plan: Plan) -> dict[str, object]:
     }
 
 
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A measure of the table: its name, its value of a plan, and the paper's where that gives one."""
+
+    name: str
+    of_plan: Callable[[Plan], float | None]
+    of_paper: Callable[[PaperRow], float | None] = lambda _: None
+
+
+_ROWS = (
+    _Row(
+        "PST, path search, ms",
+        lambda plan: 1e3 * plan.measures.path_search_time_s,
+        lambda paper: 1e3 * paper.path_search_time_s,
+    ),
+    _Row(
+        "NCDC, collision checks",
+        lambda plan: float(plan.measures.num_collision_checks),
+        lambda paper: float(paper.num_collision_checks),
+    ),
+    _Row(
+        "NTN, tree nodes",
+        lambda plan: float(plan.measures.num_tree_nodes),
+        lambda paper: paper.extension_success_rate * paper.num_collision_checks,
+    ),
+    _Row(
+        "ESR",
+        lambda plan: plan.measures.extension_success_rate,
+        lambda paper: paper.extension_success_rate,
+    ),
+    _Row(
+        "TSI, time a check, ms",
+        lambda plan: 1e3 * plan.measures.search_iteration_time_s,
+        lambda paper: 1e3 * paper.search_iteration_time_s,
+    ),
+    _Row("PC, path cost", lambda plan: plan.measures.path_cost, lambda paper: paper.path_cost),
+    _Row("Q, path quality", lambda plan: plan.measures.quality, lambda paper: paper.quality),
+    _Row("TTA, radar threat", lambda plan: plan.measures.total_threat_amount),
+    _Row("NHTW, waypoints above 0.5", lambda plan: float(plan.measures.num_high_threat_waypoints)),
+    _Row("length, m", lambda plan: None if plan.path is None else plan.path.length_m),
+    _Row("duration, s", lambda plan: None if plan.path is None else plan.path.duration_s),
+)
+
+
 def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
     """Medians of the runs for the terminal, and the paper's values where it measured the like."""
     reached = [plan for plan in plans if plan.reaches_goal]
     paper = paper_row(name, dimension, plans[0].method)
     table = Table(title=f"{name}: {plans[0].method}, {len(reached)} of {len(plans)} reach the goal")
-    columns = ("measure", "median", "min", "max") + (("paper",) if paper else ())
-    for column in columns:
+    for column in ("measure", "median", "min", "max") + (("paper",) if paper else ()):
         table.add_column(column, justify="left" if column == "measure" else "right")
-    rows: dict[str, tuple[list[float], float | None]] = {
-        "PST, path search, ms": (
-            [1e3 * plan.measures.path_search_time_s for plan in reached],
-            paper and 1e3 * paper.path_search_time_s,
-        ),
-        "NCDC, collision checks": (
-            [float(plan.measures.num_collision_checks) for plan in reached],
-            paper and float(paper.num_collision_checks),
-        ),
-        "NTN, tree nodes": (
-            [float(plan.measures.num_tree_nodes) for plan in reached],
-            paper and paper.extension_success_rate * paper.num_collision_checks,
-        ),
-        "ESR": (
-            [plan.measures.extension_success_rate for plan in reached],
-            paper and paper.extension_success_rate,
-        ),
-        "TSI, time a check, ms": (
-            [1e3 * plan.measures.search_iteration_time_s for plan in reached],
-            paper and 1e3 * paper.search_iteration_time_s,
-        ),
-        "PC, path cost": ([plan.measures.path_cost for plan in reached], paper and paper.path_cost),
-        "Q, path quality": ([plan.measures.quality for plan in reached], paper and paper.quality),
-        "TTA, radar threat": ([plan.measures.total_threat_amount for plan in reached], None),
-        "NHTW, waypoints above 0.5": (
-            [float(plan.measures.num_high_threat_waypoints) for plan in reached],
-            None,
-        ),
-        "length, m": ([plan.path.length_m for plan in reached if plan.path is not None], None),
-        "duration, s": ([plan.path.duration_s for plan in reached if plan.path is not None], None),
-    }
     rate = f"{1.0 - len(reached) / len(plans):.3g}"
     table.add_row("FR, failure rate", rate, "", "", *((f"{paper.failure_rate:.3g}",) if paper else ()))
-    for measure, (values, printed) in rows.items():
+    for row in _ROWS:
+        values = [value for plan in reached if (value := row.of_plan(plan)) is not None]
         if values:
-            figures = (f"{v:.4g}" for v in (np.median(values), min(values), max(values)))
-            beside = ("" if printed is None else f"{printed:.4g}",) if paper else ()
-            table.add_row(measure, *figures, *beside)
+            figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
+            table.add_row(row.name, *figures, *_beside(row, paper))
     return table
+
+
+def _beside(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
+    """The paper's column of a row; none where the paper has no such plans."""
+    if paper is None:
+        return ()
+    printed = row.of_paper(paper)
+    return ("" if printed is None else f"{printed:.4g}",)

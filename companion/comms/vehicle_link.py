@@ -134,7 +134,7 @@ class VehicleLink:
             self.send(self.codec.heartbeat(is_active=is_active))
             self.send(self.streams.due(self.codec, now_s))
 
-    def told(self) -> dict[str, object]:
+    def status(self) -> dict[str, object]:
         """How the link is, for the recording."""
         dialect = self.autopilot.dialect
         return {

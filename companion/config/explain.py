@@ -124,7 +124,7 @@ def _nearest(path: KeyPath) -> str:
 
 def _likeness(wanted: str, key: str) -> float:
     ratio = difflib.SequenceMatcher(None, wanted, key).ratio()
-    stem = wanted.split("_")[0]  # "radius_ft" is near "max_threat_radius_m" by its noun
+    stem = wanted.split("_", maxsplit=1)[0]  # "radius_ft" is near "max_threat_radius_m" by its noun
     return max(ratio, 0.6) if len(stem) > 3 and stem in key.split("_") else ratio
 
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from companion.config import MissionConfig
 
 
-def described(mission: MissionConfig) -> dict[str, object]:
+def mission_summary(mission: MissionConfig) -> dict[str, object]:
     """The JSON of ``companion check``; positions in metres east, north, up of the origin."""
     start = mission.start
     return {

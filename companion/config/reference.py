@@ -100,13 +100,11 @@ def _range(metadata: list[Any]) -> str:
     flat = [
         entry for item in metadata for entry in (item.metadata if isinstance(item, FieldInfo) else [item])
     ]
-    bounds = {
-        key: getattr(entry, key) for entry in flat for key in ("gt", "ge", "lt", "le") if hasattr(entry, key)
-    }
-    low = f"> {bounds['gt']:g}" if "gt" in bounds else f"≥ {bounds['ge']:g}" if "ge" in bounds else ""
-    high = f"≤ {bounds['le']:g}" if "le" in bounds else ""
+    bounds = {key: getattr(entry, key) for entry in flat for key in ("gt", "ge", "le") if hasattr(entry, key)}
+    signs = {"gt": ">", "ge": "≥", "le": "≤"}
+    limits = [f"{sign} {bounds[key]:g}" for key, sign in signs.items() if key in bounds]
     longest = next((entry.max_length for entry in flat if hasattr(entry, "max_length")), None)
-    return ", ".join(filter(None, (low, high, f"up to {longest} characters" if longest else "")))
+    return ", ".join([*limits, *((f"up to {longest} characters",) if longest else ())])
 
 
 def _default(field: FieldInfo) -> str:
@@ -115,7 +113,7 @@ def _default(field: FieldInfo) -> str:
     value = field.default
     if isinstance(value, Section):
         return "its defaults"
-    if value is None or value == () or value == "":
+    if value in (None, (), ""):
         return "none"
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 

@@ -47,7 +47,7 @@ class Document:
     Parameters
     ----------
     file : str
-        Its name, for messages.
+        Name of the file, for error messages.
     data : dict
         Keys and values; lists are tuples.
     lines : dict

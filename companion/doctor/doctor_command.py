@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.table import Table
@@ -28,7 +28,7 @@ async def examined(
     Returns
     -------
     list of Finding
-        In the order they were made.
+        All findings, in the order in which they were made.
     int
         Exit code: 0, 1 for a failure, 3 where no autopilot was heard.
 
@@ -43,12 +43,10 @@ async def examined(
     findings = local_findings(mission, url, flights)
     is_deaf = False
     if transport is not None and url is not None:
-        signer = None
-        if mission is not None and all(entry.verdict is not Verdict.FAIL for entry in findings):
-            signer = signing_of(mission, None)[1]
+        signer = None if mission is None or _has_failed(findings) else signing_of(mission, None)[1]
         doctor = LinkDoctor(transport, clock, url, mission, signer)
         try:
-            if all(entry.verdict is not Verdict.FAIL for entry in findings if entry.check == SERIAL_PORT):
+            if not _has_failed(entry for entry in findings if entry.check == SERIAL_PORT):
                 findings += await doctor.examine(seconds)
         except LinkError as error:
             advice = "end what listens there, the service perhaps, or name another"
@@ -56,7 +54,11 @@ async def examined(
         is_deaf = not doctor.is_heard
     if is_deaf:
         return findings, LinkError.exit_code
-    return findings, EXIT_FAILED * any(entry.verdict is Verdict.FAIL for entry in findings)
+    return findings, EXIT_FAILED * _has_failed(findings)
+
+
+def _has_failed(findings: Iterable[Finding]) -> bool:
+    return any(entry.verdict is Verdict.FAIL for entry in findings)
 
 
 def findings_table(findings: Sequence[Finding]) -> Table:

@@ -21,11 +21,11 @@ class Finding:
     Parameters
     ----------
     check : str
-        What.
+        Name of what was looked at.
     verdict : Verdict
-        How bad.
+        Whether it is well, doubtful, or would fail.
     found : str
-        In words.
+        What was found, in words.
     advice : str
         What to do; '' where nothing is.
     """

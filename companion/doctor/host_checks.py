@@ -29,11 +29,11 @@ def local_findings(mission: MissionConfig | None, url: str | None, flights: Path
     Parameters
     ----------
     mission : MissionConfig, optional
-        For the key that it names.
+        Mission file, whose signing key is looked at.
     url : str, optional
-        For the serial port that it names.
+        URL of the link, whose serial port is looked at.
     flights : Path
-        Where recordings would go.
+        Folder that recordings would go to.
     """
     findings = [clock_set(datetime.now(UTC)), clock_synchronised(_clock_state())]
     findings += [kernel_cache(Path(numba.config.CACHE_DIR)), disk(flights)]  # type: ignore[attr-defined]

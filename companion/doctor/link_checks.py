@@ -11,20 +11,18 @@ from companion.config import MissionConfig
 from companion.doctor.finding import Finding, fail, ok, warn
 from companion.doctor.parameter_checks import parameter_findings, parameter_names, version
 from companion.link.messages.codec import Codec
-from companion.link.messages.streams import MISSION_CURRENT, Streams
-from companion.link.messages.vehicle_telemetry import AUTOPILOT_COMPONENT
+from companion.link.messages.streams import Streams
 from companion.link.wire.decoded_frame import ParameterTold, VersionTold
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.transport import Transport
 from companion.types.events import Dialect, Heartbeat
+from companion.types.mavlink_enums import ComponentId, MessageId
 
 HEARD_S = 10.0  # for the first heartbeat
 ASK_S = 0.5  # between repetitions of what was not answered
 ASKING_S = 6.0
 SETTLE_S = 1.0  # for rates to take effect
-MESSAGES = {33: "GLOBAL_POSITION_INT", 74: "VFR_HUD", 42: "MISSION_CURRENT"}
-AUTOPILOT_VERSION = 148
 PX4_CURRENT_HZ = 1.0  # whatever it is asked for
 RATE_SHARE = 0.8
 LOSS_WARN, LOSS_FAIL = 0.01, 0.1
@@ -39,13 +37,13 @@ class LinkDoctor:
     transport : Transport
         Opened and closed by :meth:`examine`.
     clock : Clock
-        Its time.
+        Clock by which the doctor waits.
     url : str
-        What the transport was made from.
+        URL that the transport was made from, for the advice.
     mission : MissionConfig, optional
-        What the autopilot should fit.
+        Mission whose speeds and timing the autopilot should fit.
     signer : Signer, optional
-        As in the service.
+        Signs what is sent and verifies what comes, as in the service.
     """
 
     def __init__(
@@ -109,7 +107,10 @@ class LinkDoctor:
         now = self._clock.now_s()
         self._num_bytes += len(data)
         for frame in self._codec.feed(data, now):
-            if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, AUTOPILOT_COMPONENT):
+            if (frame.system_id, frame.component_id) != (
+                self._codec.vehicle_system_id,
+                ComponentId.AUTOPILOT1,
+            ):
                 continue
             self._streams.note(frame, now)
             self._quality.note(frame.raw)
@@ -129,7 +130,7 @@ class LinkDoctor:
             if self._heartbeat is not None and self._transport.is_open:
                 questions = self._codec.heartbeat() + self._streams.due(self._codec, now)
                 if names and self._version is None:
-                    questions += self._codec.request_message(AUTOPILOT_VERSION)
+                    questions += self._codec.request_message(MessageId.AUTOPILOT_VERSION)
                 for name in names:
                     if name not in self._values:
                         questions += self._codec.parameter_question(name)
@@ -168,10 +169,10 @@ class LinkDoctor:
 
     def _rates(self, dialect: Dialect, seconds: float) -> list[Finding]:
         findings = []
-        for number, wanted in self._streams.wanted.items():
-            name, rate = MESSAGES.get(number, str(number)), self._counts[number] / max(seconds, 1e-3)
-            if number == MISSION_CURRENT and dialect is Dialect.PX4:
-                wanted = min(wanted, PX4_CURRENT_HZ)
+        for number, asked in self._streams.wanted.items():
+            name, rate = MessageId(number).name, self._counts[number] / max(seconds, 1e-3)
+            is_slow = number == MessageId.MISSION_CURRENT and dialect is Dialect.PX4
+            wanted = min(asked, PX4_CURRENT_HZ) if is_slow else asked
             found = f"{rate:.1f} Hz, {wanted:g} wanted"
             if rate >= RATE_SHARE * wanted:
                 findings.append(ok(name, found))

@@ -27,24 +27,26 @@ BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 
 PX4_INSTANCES = range(3)
 PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
 ONBOARD = 2.0  # MAV_n_MODE
-
-Judge = Callable[[float], Finding]
+SERIAL_PARAMETERS = {
+    Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
+    Dialect.PX4: "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD",
+}
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ParameterCheck:
     """What a parameter should be.
 
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter, as the autopilot has it.
     is_good : callable
-        Whether a value is as it should be.
+        Takes the parameter's value and tells whether it is as it should be.
     otherwise : str
         What happens if it is not, and what to do.
     is_grave : bool
-        Whether that is dangerous.
+        Whether another value is dangerous, rather than a nuisance.
     """
 
     name: str
@@ -60,36 +62,60 @@ class Wish:
 
 
 ARDUPLANE = (
-    Wish("MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True),
-    Wish("AVD_ENABLE", lambda v: v == 0.0, "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance "
-         "flies against the planner's"),
-    Wish("AVD_F_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
-    Wish("AVD_W_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
-    Wish("ADSB_TYPE", lambda v: v == 0.0, "set 0 unless an ADS-B receiver is wired to the autopilot: "
-         "it swallows others' reports and sends them on at its own rate"),
-    Wish("WP_RADIUS", lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
-         f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint"),
-)  # fmt: skip
+    ParameterCheck(
+        "MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True
+    ),
+    ParameterCheck(
+        "AVD_ENABLE",
+        lambda v: v == 0.0,
+        "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance flies against the planner's",
+    ),
+    ParameterCheck("AVD_F_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck("AVD_W_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck(
+        "ADSB_TYPE",
+        lambda v: v == 0.0,
+        "set 0 unless an ADS-B receiver is wired to the autopilot: "
+        "it swallows others' reports and sends them on at its own rate",
+    ),
+    ParameterCheck(
+        "WP_RADIUS",
+        lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
+        f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint",
+    ),
+)
 PX4 = (
-    Wish("MIS_TKO_LAND_REQ", lambda v: v == 0.0, "set 0, or let the mission end in a landing: one without is "
-         "accepted and then not flown, and the aircraft loiters"),
-    Wish("NAV_TRAFF_AVOID", lambda v: v <= 1.0, "set 1 (warn only) or 0: it would leave the mission for any "
-         "vehicle that is reported, ground vehicles too", True),
-    Wish("NAV_ACC_RAD", lambda v: v <= FLY_BY_M, f"set at most {FLY_BY_M:g}: corners would be cut "
-         "that were not checked so"),
-)  # fmt: skip
+    ParameterCheck(
+        "MIS_TKO_LAND_REQ",
+        lambda v: v == 0.0,
+        "set 0, or let the mission end in a landing: one without is "
+        "accepted and then not flown, and the aircraft loiters",
+    ),
+    ParameterCheck(
+        "NAV_TRAFF_AVOID",
+        lambda v: v <= 1.0,
+        "set 1 (warn only) or 0: it would leave the mission for any "
+        "vehicle that is reported, ground vehicles too",
+        True,
+    ),
+    ParameterCheck(
+        "NAV_ACC_RAD",
+        lambda v: v <= FLY_BY_M,
+        f"set at most {FLY_BY_M:g}: corners would be cut that were not checked so",
+    ),
+)
 SPEEDS = {
     Dialect.ARDUPILOT: ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE"),
     Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
 }
-WISHES = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
+PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
 # Avoidance that only exists where it is switched on.
 ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 
 
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
     """Parameters that are to be read."""
-    return (*(wish.name for wish in WISHES[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
+    return (*(check.name for check in PARAMETER_CHECKS[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
 
 
 def _serial_names(dialect: Dialect) -> list[str]:
@@ -116,12 +142,12 @@ def parameter_findings(
 ) -> list[Finding]:
     """Judge what was read; ``baud_rate`` is that of the serial line, if it is one."""
     findings = []
-    for wish in WISHES[dialect]:
-        switch = ONLY_WITH.get(wish.name)
+    for check in PARAMETER_CHECKS[dialect]:
+        switch = ONLY_WITH.get(check.name)
         if switch is not None and values.get(switch) == 0.0:
             continue
-        value = values.get(wish.name)
-        findings.append(_untold(wish.name) if value is None else wish.judged(value))
+        value = values.get(check.name)
+        findings.append(_untold(check.name) if value is None else check.judged(value))
     findings += _speeds(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings
@@ -153,21 +179,24 @@ def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None
     rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
     found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
     if baud_rate is not None and baud_rate not in rates.values():
-        names = (
-            "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD"
-            if is_px4
-            else "SERIALn_PROTOCOL 2 and SERIALn_BAUD"
-        )
-        return warn(check, found, f"set {names} for {baud_rate}")
-    if is_px4:
-        modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
-        if modes and ONBOARD not in modes:
-            return warn(
-                check, found, "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
-            )
-    elif any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
-        return warn(check, found, "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures")
-    return ok(check, found)
+        return warn(check, found, f"set {SERIAL_PARAMETERS[dialect]} for {baud_rate}")
+    advice = _px4_advice(values, rates, baud_rate) if is_px4 else _ardupilot_advice(values, rates)
+    return warn(check, found, advice) if advice else ok(check, found)
+
+
+def _px4_advice(values: Mapping[str, float], rates: Mapping[str, int], baud_rate: int | None) -> str:
+    """What to change where the instances at our baud rate are none for a companion; '' for nothing."""
+    modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
+    if not modes or ONBOARD in modes:
+        return ""
+    return "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
+
+
+def _ardupilot_advice(values: Mapping[str, float], rates: Mapping[str, int]) -> str:
+    """What to change where a port speaks the old MAVLink; '' for nothing."""
+    if not any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
+        return ""
+    return "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures"
 
 
 def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:

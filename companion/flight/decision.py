@@ -139,7 +139,7 @@ _Facts = dict[str, object]
 _Answer = tuple[Verdict, str] | None
 
 
-def _no_plan(case: _Case, why: _Facts) -> _Answer:
+def _no_plan(case: _Case, _why: _Facts) -> _Answer:
     """Nothing that reaches the goal."""
     if case.plan.path is not None and case.plan.reaches_goal:
         return None
@@ -166,14 +166,14 @@ def _flown_is_unsafe(case: _Case, why: _Facts) -> _Answer:
     return Verdict.UNSAFE, f"flown plan: {case.rest_violations[0]}"
 
 
-def _nothing_is_flown(case: _Case, why: _Facts) -> _Answer:
+def _nothing_is_flown(case: _Case, _why: _Facts) -> _Answer:
     """Nothing to compare with."""
     if case.start.rest is not None and case.plan.flown_cost is not None:
         return None
     return Verdict.FIRST_PLAN, f"cost {case.plan.measures.path_cost:.1f}"
 
 
-def _flown_is_threatened(case: _Case, why: _Facts) -> _Answer:
+def _flown_is_threatened(case: _Case, _why: _Facts) -> _Answer:
     """The flown path's threat level passes the limit, and the new one's is lower."""
     level = case.plan.flown_threat or 0.0
     if level > float(case.state.mission.planning.threat_level_max) and case.threat < level:
@@ -195,7 +195,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     return Verdict.BETTER, f"cost {cost:.1f}{instead}"
 
 
-def _is_short_or_kept(case: _Case, why: _Facts) -> _Answer:
+def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
     """The mission in the autopilot ends soon, or all is well."""
     is_short = case.carried_s < EXTENDED_HORIZONS * case.state.rules.time_horizon_s
     text = f"cost {case.plan.measures.path_cost:.1f}, flown {case.plan.flown_cost:.1f}"

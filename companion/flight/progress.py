@@ -49,15 +49,25 @@ def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
     if rest is not None:
         east, north, up = (float(value) for value in rest.positions_enu_m[0])
         begin = _begin(
-            state.rules, ownship, float(rest.times_s[0]), (east, north, up), float(rest.courses_rad[0]),
-            float(rest.climb_angles_rad[0]), float(rest.speeds_m_s[0]),
-        )  # fmt: skip
+            state.rules,
+            ownship,
+            float(rest.times_s[0]),
+            (east, north, up),
+            course_rad=float(rest.courses_rad[0]),
+            climb_rad=float(rest.climb_angles_rad[0]),
+            airspeed_m_s=float(rest.speeds_m_s[0]),
+        )
         return Start(begin, rest)
     ahead = predicted(ownship, ahead_s)
     begin = _begin(
-        state.rules, ownship, ownship.stamp_s + ahead_s, ahead.position_enu_m, ahead.course_rad,
-        ahead.flight_path_angle_rad, ownship.airspeed_m_s,
-    )  # fmt: skip
+        state.rules,
+        ownship,
+        ownship.stamp_s + ahead_s,
+        ahead.position_enu_m,
+        course_rad=ahead.course_rad,
+        climb_rad=ahead.flight_path_angle_rad,
+        airspeed_m_s=ownship.airspeed_m_s,
+    )
     return Start(begin, None)
 
 
@@ -74,9 +84,15 @@ def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | 
 
 
 def _begin(
-    rules: Rules, ownship: Ownship, stamp_s: float, position: tuple[float, float, float], course_rad: float,
-    climb_rad: float, airspeed_m_s: float,
-) -> StartState:  # fmt: skip
+    rules: Rules,
+    ownship: Ownship,
+    stamp_s: float,
+    position: tuple[float, float, float],
+    *,
+    course_rad: float,
+    climb_rad: float,
+    airspeed_m_s: float,
+) -> StartState:
     """A start state within the aircraft's limits; in the plane on the mission's level."""
     vehicle = rules.vehicle
     if rules.mission.dimension == 2:

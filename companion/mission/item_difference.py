@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from companion.mission.operator import FIRST_WITHOUT_PLACE
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 
 ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
 SPEED_TOLERANCE_M_S = 0.06
@@ -22,8 +22,8 @@ DROPPED: dict[int, frozenset[int]] = {
     Command.DO_JUMP: frozenset(),
 }
 SAME_FRAME: dict[int, int] = {
-    Frame.GLOBAL_INT: Frame.GLOBAL,
-    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
+    MavFrame.GLOBAL_INT: MavFrame.GLOBAL,
+    MavFrame.GLOBAL_RELATIVE_ALT_INT: MavFrame.GLOBAL_RELATIVE_ALT,
 }
 
 

@@ -24,7 +24,7 @@ from companion.mission.operator import (
     shifted_jumps,
 )
 from companion.mission.waypoints import MissionPart
-from companion.types.mission import Command, Frame, Mission, MissionItem
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
 BANK_EXTRAS = 3  # the airspeed, a jump, and the loiter at the end
@@ -178,7 +178,7 @@ def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> t
     items = part.items
     if jump_to is not None:
         parameters = (float(jump_to), _FOR_EVER, 0.0, 0.0)
-        items = (*items, MissionItem(0, Command.DO_JUMP, Frame.MISSION, parameters, 0, 0, 0.0))
+        items = (*items, MissionItem(0, Command.DO_JUMP, MavFrame.MISSION, parameters, 0, 0, 0.0))
     return items + (part.loiter,) * (size - len(items))
 
 

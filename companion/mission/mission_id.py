@@ -4,23 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
+import zlib
 from collections.abc import Sequence
 
 from companion.types.mission import MissionItem
 
-_POLYNOMIAL = 0xEDB88320
-
-
-def _remainders() -> list[int]:
-    table = []
-    for number in range(256):
-        for _ in range(8):
-            number = (number >> 1) ^ (_POLYNOMIAL if number & 1 else 0)
-        table.append(number)
-    return table
-
-
-_REMAINDERS = _remainders()
+_ALL_ONES = 0xFFFFFFFF  # zlib starts with it and XORs with it in the end; PX4 does neither
 
 
 def mission_id(items: Sequence[MissionItem]) -> int:
@@ -46,6 +35,5 @@ def mission_id(items: Sequence[MissionItem]) -> int:
             "<BHBffffiif", item.frame, item.command, item.autocontinue, one, two, three, four,
             item.latitude_e7, item.longitude_e7, item.altitude_m,
         )  # fmt: skip
-        for byte in packed:
-            remainder = _REMAINDERS[(remainder ^ byte) & 0xFF] ^ (remainder >> 8)
+        remainder = zlib.crc32(packed, remainder ^ _ALL_ONES) ^ _ALL_ONES
     return remainder

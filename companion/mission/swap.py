@@ -40,7 +40,7 @@ class MissionLink(Protocol):
         """What the autopilot told last of the mission it flies."""
         ...
 
-    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+    async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for it to tell something; whether it did in time."""
         ...
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.frames import FloatArray, LocalFrame
-from companion.types.mission import Command, Frame, Mission, MissionItem
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.path import Path
 
 FIRST_WAYPOINT_AHEAD_M = (
@@ -285,7 +285,7 @@ def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
     altitude = frame.altitude_amsl_m + float(waypoints.positions_enu_m[0, 2])
     airspeed = equivalent_airspeed(waypoints.airspeed_m_s, altitude)
     parameters = (0.0, round(airspeed, 1), -1.0, 0.0)
-    return MissionItem(0, Command.DO_CHANGE_SPEED, Frame.MISSION, parameters, 0, 0, 0.0)
+    return MissionItem(0, Command.DO_CHANGE_SPEED, MavFrame.MISSION, parameters, 0, 0, 0.0)
 
 
 def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
@@ -316,7 +316,7 @@ def _item(command: Command, position_enu_m: FloatArray, frame: LocalFrame) -> Mi
     return MissionItem(
         sequence=0,
         command=command,
-        frame=Frame.GLOBAL_INT,
+        frame=MavFrame.GLOBAL_INT,
         parameters=(0.0, 0.0, 0.0, None),
         latitude_e7=round(latitude * 1e7),
         longitude_e7=round(longitude * 1e7),

@@ -47,12 +47,12 @@ class PlanRunner(Protocol):
         """When to look next whether a plan is due."""
         ...
 
-    async def until_begun(self, clock: Clock, number: int) -> None:
+    async def until_begun(self, clock: Clock, number: int, /) -> None:
         """Wait until the plan of this number is to be made."""
         ...
 
     async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int, /
     ) -> PlanRun:
         """Run the search for the plan of this number within a budget of the clock's time."""
         ...
@@ -86,7 +86,7 @@ class _LiveRunner:
         """After a short while."""
         return now_s + POLL_S
 
-    async def until_begun(self, clock: Clock, number: int) -> None:
+    async def until_begun(self, _clock: Clock, _number: int, /) -> None:
         """Begin at once."""
 
 
@@ -94,11 +94,11 @@ class InlineRunner(_LiveRunner):
     """In the event loop, to the iteration budget; the plan takes its budget of a clock that others move."""
 
     async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, _number: int, /
     ) -> PlanRun:
         """Run the search, however long the computer needs."""
         due = clock.now_s() + budget_s
-        paced = _searched(search, request, _Rule(lambda asked: False))
+        paced = _searched(search, request, _Rule(lambda _asked: False))
         await clock.sleep_until(due)
         return paced
 
@@ -107,11 +107,11 @@ class ThreadRunner(_LiveRunner):
     """In a thread, until the clock says that the budget is spent."""
 
     async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, _number: int, /
     ) -> PlanRun:
         """Run the search to its deadline."""
         due = clock.now_s() + budget_s
-        return await in_thread(_searched, search, request, _Rule(lambda asked: clock.now_s() >= due))
+        return await in_thread(_searched, search, request, _Rule(lambda _asked: clock.now_s() >= due))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ class RecordedRunner:
         due = [entry.due_s for entry in self._taken.values() if entry.due_s is not None]
         return min([now_s + POLL_S, *(at for at in due if at > now_s)])
 
-    async def until_begun(self, clock: Clock, number: int) -> None:
+    async def until_begun(self, clock: Clock, number: int, /) -> None:
         """Begin when it was begun, unless that is far off: then it is another plan."""
         taken = self._taken.get(number)
         seen_s = None if taken is None else taken.seen_s
@@ -159,7 +159,7 @@ class RecordedRunner:
             await clock.sleep_until(seen_s)
 
     async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int
+        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int, /
     ) -> PlanRun:
         """Run the search as it was run in flight."""
         taken = self._taken.get(number, RecordedPlanTiming(None, budget_s))

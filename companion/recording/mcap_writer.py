@@ -102,14 +102,17 @@ def plain(value: object) -> object:
     """A value in terms of JSON: arrays as lists, data classes as tables, what is not finite as null."""
     if isinstance(value, float | np.floating):
         return round(float(value), _DIGITS) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    if isinstance(value, np.bool_):
-        return bool(value)
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
+    return _plain_parts(value)
+
+
+def _plain_parts(value: object) -> object:
+    """What holds other values, in terms of JSON; anything else as it is."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

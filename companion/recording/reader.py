@@ -10,7 +10,7 @@ import json
 import math
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from companion.link.wire.framing import RawFrame, raw_frame
 from companion.link.wire.tlog import Entry, read_tlog
 from companion.planning.plan_runner import RecordedPlanTiming
 from companion.recording import mcap_schema as channels
+from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
 from companion.types.record import SPOKEN, Decision
 
 GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
@@ -32,15 +33,13 @@ OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an a
 ORDER_S = 1.0  # a stamp so little before another is that of a frame which waited while others were answered
 RECORD_MAX = 64 * 1024 * 1024  # bytes; a longer record of an mcap is damage
 SIMULATED = "simulated"
-_HEARTBEAT, _STATUSTEXT = 0, 253
-_AUTOPILOTS = {3, 12}  # MAV_AUTOPILOT of ArduPilot and PX4
 _DAMAGE = (McapError, struct.error, ValueError, KeyError, zstandard.ZstdError, MemoryError, OverflowError)
 
 Document = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class RecordedFrame:
     """A recorded frame: when, by the service's clock in microseconds, and whether the service sent it."""
 
     at_us: int
@@ -55,9 +54,9 @@ class Recording:
     Parameters
     ----------
     name : str
-        Of the log's file.
-    frames : tuple of Heard
-        In order; times never go back.
+        Name of the log's file.
+    frames : tuple of RecordedFrame
+        Recorded frames in order; times never go back.
     vehicle : int
         System id of the vehicle, 1 where no autopilot is heard.
     epoch_s : float
@@ -65,21 +64,22 @@ class Recording:
     about : dict
         What the recording says of itself; empty where there is only a tlog, as of a ground station.
     decisions : tuple of Decision
-        As written down; from a tlog alone, as they were told to the pilot, which cuts them short.
+        Decisions as written down; from a tlog alone, as they were told to the pilot, which cuts them short.
     taken : dict
-        What each plan took, by its number.
+        What each plan took, by the plan's number.
     counters : Counter
         What was left out, and why.
     start_us : int
         Clock reading at which the service began [µs].
     reloads : tuple
-        When the mission file was read again (clock reading [s]), and what it said then.
+        Each time that the mission file was read again: clock reading [s], and what the file said then.
     until_s : float
-        To when both files go, where the service was killed; what either has beyond is not comparable.
+        Clock reading to which both files go, where the service was killed [s]; what either has beyond
+        it cannot be compared.
     """
 
     name: str
-    frames: tuple[Heard, ...]
+    frames: tuple[RecordedFrame, ...]
     vehicle: int
     epoch_s: float
     about: Document = field(default_factory=dict)
@@ -120,60 +120,80 @@ def load_recording(log: Path) -> Recording:
         When the tlog cannot be read at all.
     """
     counters: Counter[str] = Counter()
-    read = list(read_tlog(log, counters))
-    entries = [entry for entry in read if is_intact(entry.raw)]
-    if len(entries) < len(read):
-        counters["bad_checksum"] += len(read) - len(entries)
+    entries = _intact(list(read_tlog(log, counters)), counters)
     beside = log.with_suffix(".mcap")
     documents = read_messages(beside, counters) if beside != log and beside.exists() else {}
-    about = documents.get(channels.MISSION, [{}])[0]
+    missions = documents.get(channels.MISSION, [{}])
+    about = missions[0]
     frames = [raw_frame(entry.raw) for entry in entries]
     vehicle = _vehicle_of(frames)
-    epoch_s = number(about.get("epoch_s"))
-    if epoch_s is None:
-        epoch_s = entries[0].time_s if entries else 0.0
-    start_us = round(1e6 * (number(about.get("stamp_s")) or 0.0))
-    if about.get("clock") == SIMULATED:  # the service begins with its first step
-        start_us = max(0, start_us - round(1e6 * (number(about.get("step_s")) or 0.0)))
+    epoch_s = _epoch_s(about, entries)
+    start_us = _start_us(about)
     gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
     times = _straightened(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)
     heard = [
-        Heard(at, frame, (frame.system_id, frame.component_id) == ours)
+        RecordedFrame(at, frame, (frame.system_id, frame.component_id) == ours)
         for at, frame in zip(times, frames, strict=True)
     ]
     heard.sort(key=lambda entry: entry.at_us)
-    decisions = (
-        tuple(decision_of(document) for document in documents.get(channels.DECISION, []))
-        if about
-        else told_decisions(heard)
+    decided = tuple(decision_of(document) for document in documents.get(channels.DECISION, []))
+    is_cut_off = bool(about and counters["mcap_ends_early"] and heard)
+    return Recording(
+        name=log.name,
+        frames=tuple(heard),
+        vehicle=vehicle,
+        epoch_s=epoch_s,
+        about=about,
+        decisions=decided if about else told_decisions(heard),
+        taken=_taken_by_number(documents.get(channels.PLAN, [])),
+        counters=counters,
+        until_s=min(heard[-1].at_us * 1e-6, _newest_s(documents)) if is_cut_off else math.inf,
+        start_us=start_us,
+        reloads=tuple((_stamp_s(entry), str(entry.get("mission_file", ""))) for entry in missions[1:]),
     )
-    taken = {
+
+
+def _intact(entries: Sequence[Entry], counters: Counter[str]) -> list[Entry]:
+    """Entries whose checksums fit; the others are counted."""
+    kept = [entry for entry in entries if is_intact(entry.raw)]
+    if len(kept) < len(entries):
+        counters["bad_checksum"] += len(entries) - len(kept)
+    return kept
+
+
+def _epoch_s(about: Document, entries: Sequence[Entry]) -> float:
+    """UTC at clock reading 0 [s]: as was written down, else that of the first frame."""
+    told = number(about.get("epoch_s"))
+    if told is not None:
+        return told
+    return entries[0].time_s if entries else 0.0
+
+
+def _start_us(about: Document) -> int:
+    """Clock reading at which the service began [µs]; in the simulator that is with its first step."""
+    start_us = round(1e6 * _stamp_s(about))
+    if about.get("clock") == SIMULATED:
+        start_us = max(0, start_us - round(1e6 * (number(about.get("step_s")) or 0.0)))
+    return start_us
+
+
+def _stamp_s(document: Document) -> float:
+    return number(document.get("stamp_s")) or 0.0
+
+
+def _newest_s(documents: Mapping[str, Sequence[Document]]) -> float:
+    """The last instant that any document tells of [s]."""
+    return max((_stamp_s(document) for rows in documents.values() for document in rows), default=0.0)
+
+
+def _taken_by_number(documents: Sequence[Document]) -> dict[int, RecordedPlanTiming]:
+    """What each plan took, by the plan's number."""
+    return {
         int(count): _taken_of(document)
-        for document in documents.get(channels.PLAN, [])
+        for document in documents
         if (count := number(document.get("number"))) is not None
     }
-    until_s = math.inf
-    if about and counters["mcap_ends_early"] and heard:
-        stamps = [number(document.get("stamp_s")) or 0.0 for rows in documents.values() for document in rows]
-        until_s = min(heard[-1].at_us * 1e-6, max(stamps, default=0.0))
-    reloads = tuple(
-        (number(document.get("stamp_s")) or 0.0, str(document.get("mission_file", "")))
-        for document in documents.get(channels.MISSION, [])[1:]
-    )
-    return Recording(
-        log.name,
-        tuple(heard),
-        vehicle,
-        epoch_s,
-        about,
-        decisions,
-        taken,
-        counters,
-        until_s,
-        start_us,
-        reloads,
-    )  # fmt: skip
 
 
 def read_messages(path: Path, counters: Counter[str]) -> dict[str, list[Document]]:
@@ -247,7 +267,7 @@ def decision_of(document: Document) -> Decision:
     """A decision as it was written down."""
     why = document.get("why")
     return Decision(
-        number(document.get("stamp_s")) or 0.0,
+        _stamp_s(document),
         str(document.get("kind", "")),
         str(document.get("text", "")),
         number(document.get("plan_ms")),
@@ -264,11 +284,11 @@ def _taken_of(document: Document) -> RecordedPlanTiming:
     return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants)
 
 
-def told_decisions(frames: Sequence[Heard]) -> tuple[Decision, ...]:
+def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     """Decisions as the service told them to the pilot, from its STATUSTEXTs."""
     found = []
     for heard in frames:
-        if not heard.is_ours or heard.frame.message_id != _STATUSTEXT:
+        if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
             continue
         text = heard.frame.payload[1:51].rstrip(b"\0").decode("ascii", "replace")
         kind, colon, rest = text.removeprefix(SPOKEN).partition(": ")
@@ -281,8 +301,8 @@ def _vehicle_of(frames: Sequence[RawFrame]) -> int:
     """System id of the first autopilot that is heard."""
     for frame in frames:
         payload = frame.payload
-        is_heartbeat = (frame.message_id, frame.component_id) == (_HEARTBEAT, 1)
-        if is_heartbeat and len(payload) > 5 and payload[5] in _AUTOPILOTS:
+        is_heartbeat = (frame.message_id, frame.component_id) == (MessageId.HEARTBEAT, ComponentId.AUTOPILOT1)
+        if is_heartbeat and len(payload) > 5 and payload[5] in frozenset(Autopilot):
             return frame.system_id
     return 1
 

@@ -42,13 +42,13 @@ class About:
     Parameters
     ----------
     mission : MissionConfig
-        What is flown.
+        Mission that is flown.
     seed : int
-        Of plans and filters.
+        Seed of plans and filters.
     mission_text : str
         The mission file, to be copied; left out, it is written anew from what was understood.
     step_s : float or None
-        Of simulated time [s]; None by a wall clock.
+        Step of simulated time [s]; None where a wall clock is gone by.
     """
 
     mission: MissionConfig
@@ -64,7 +64,7 @@ class Recorder:
     Parameters
     ----------
     folder : Path or None
-        Where ``flight.tlog``, ``flight.mcap`` and the mission file go; None records in memory only.
+        Folder of ``flight.tlog``, ``flight.mcap`` and the mission file; None records in memory only.
     epoch_s : float
         UTC seconds at clock reading 0, for the stamps.
     about : About, optional

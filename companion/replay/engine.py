@@ -29,11 +29,11 @@ from companion.config import MissionConfig, mission_from_text
 from companion.errors import ConfigError
 from companion.flight.checkpoint import Checkpoint
 from companion.link.messages.codec import COMPONENT_ID, Codec
-from companion.link.missions.mission_sniffer import Overheard, Upload
+from companion.link.missions.mission_sniffer import MissionSniffer, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
-from companion.recording.reader import Heard, Recording
+from companion.recording.reader import RecordedFrame, Recording
 from companion.recording.recorder import Recorder
 from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.replay.recorded_link import ReplayLink
@@ -52,6 +52,10 @@ _TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
 _FOREIGN_STEP_S = 0.1
 _TOLD_STEPS = 50
 _SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
+
+
+def _unheard(_done_s: float) -> None:
+    """Nobody wants to know how far a replay is."""
 
 
 @dataclass(slots=True)
@@ -110,7 +114,7 @@ class Replay:
         self._recording, self._mission = recording, mission
         self._clock = ManualClock(recording.start_us / 1e6)
         self._ours, self._theirs = MemoryTransport.pair()
-        self._flown, self._now = Overheard(), Overheard()
+        self._flown, self._now = MissionSniffer(), MissionSniffer()
         self._expected = deque(heard for heard in recording.frames if heard.is_ours and _is_told(heard.frame))
         self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
         self._last: tuple[int, bytes] | None = None
@@ -145,7 +149,7 @@ class Replay:
     def _runner(self) -> PlanRunner:
         return InlineRunner() if self._recording.is_simulated else RecordedRunner(self._recording.taken)
 
-    async def run(self, on_progress: Callable[[float], None] = lambda done_s: None) -> Replayed:
+    async def run(self, on_progress: Callable[[float], None] = _unheard) -> Replayed:
         """Replay to the end of the recording.
 
         Parameters
@@ -232,7 +236,7 @@ class Replay:
         found |= {stamp_s for stamp_s, _ in self._recording.reloads}
         return sorted(math.ceil(1e6 * at - 1e-3) for at in found)
 
-    def _follow(self, heard: Heard) -> None:
+    def _follow(self, heard: RecordedFrame) -> None:
         """Keep up what the recorded autopilot holds."""
         if self._link is not None:
             self._flown.dialect = self._link.dialect
@@ -240,7 +244,7 @@ class Replay:
 
     def _is_kept_back(self, frame: RawFrame) -> bool:
         """Whether a recorded answer fits no more."""
-        if self._link is None or not self._link.is_apart:
+        if self._link is None or not self._link.has_diverged:
             return False
         is_news = frame.message_id in (_CURRENT, _REACHED) and self._is_autopilots(frame)
         is_text = frame.message_id == _TEXT and _STORED in frame.payload
@@ -248,7 +252,7 @@ class Replay:
 
     @property
     def _is_apart(self) -> bool:
-        return self._link is not None and self._link.is_apart
+        return self._link is not None and self._link.has_diverged
 
     def _is_autopilots(self, frame: RawFrame) -> bool:
         return (frame.system_id, frame.component_id) == (self._recording.vehicle, 1)
@@ -263,7 +267,7 @@ class Replay:
             frame = raw_frame(raw)
             self._now.dialect = None if self._link is None else self._link.dialect
             self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
-            if self._link is None or self._link.is_apart or not _is_told(frame):
+            if self._link is None or self._link.has_diverged or not _is_told(frame):
                 continue
             said = frame.message_id, frame.payload
             if said == self._last and not self._recording.is_simulated:
@@ -279,7 +283,7 @@ class Replay:
 
     def _note_missing(self, now_us: int) -> None:
         """Notice what was sent by now, and is not."""
-        if self._link is None or self._link.is_apart:
+        if self._link is None or self._link.has_diverged:
             return
         while self._expected and self._late_us and _said(self._expected[0]) == self._last:
             self._expected.popleft()
@@ -307,10 +311,10 @@ class Replay:
 
 def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
     """Missions that the service sent in a recorded flight."""
-    overheard = Overheard()
+    sniffer = MissionSniffer()
     for heard in recording.frames:
-        overheard.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
-    return tuple(entry for entry in overheard.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
+        sniffer.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
+    return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
 
 
 def _remembered(about: dict[str, object]) -> dict[str, object]:
@@ -336,7 +340,7 @@ def _is_told(frame: RawFrame) -> bool:
     return frame.message_id in _TRANSFERS
 
 
-def _said(heard: Heard) -> tuple[int, bytes]:
+def _said(heard: RecordedFrame) -> tuple[int, bytes]:
     return heard.frame.message_id, heard.frame.payload
 
 
@@ -351,7 +355,7 @@ def _named(frame: RawFrame) -> str:
     return _NAMES.get(frame.message_id, f"message {frame.message_id}")
 
 
-def _instead(wanted: Heard | None, now_us: int, late_us: int) -> str:
+def _instead(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
     if wanted is None or wanted.at_us > now_us + late_us:
         return "where nothing was"
     if wanted.at_us < now_us - late_us:

@@ -13,14 +13,14 @@ from companion.clock import Clock
 from companion.errors import LinkError, TransferError
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.link.missions.mission_sniffer import as_sent
+from companion.link.missions.mission_items import as_sent
 from companion.mission.mission_id import mission_id
 from companion.types.events import Dialect, MissionCurrent
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 
 ITEM_S = 0.02  # as measured on ArduPlane
 _ACTIVE = 3  # MISSION_STATE_ACTIVE
-_HOME = MissionItem(0, Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
+_HOME = MissionItem(0, Command.NAV_WAYPOINT, MavFrame.GLOBAL, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
 
 Items = tuple[MissionItem, ...]
 
@@ -41,7 +41,7 @@ class ReplayLink(AutopilotLink):
 
     Attributes
     ----------
-    is_apart : bool
+    has_diverged : bool
         Whether the recorded autopilot answers no more.
     uploads : list
         When, and what, was stored since.
@@ -51,7 +51,7 @@ class ReplayLink(AutopilotLink):
         self, codec: Codec, clock: Clock, send: Callable[[bytes], None], held: Callable[[], Items | None]
     ) -> None:
         super().__init__(codec, clock, send)
-        self.is_apart = False
+        self.has_diverged = False
         self.uploads: list[tuple[float, Items]] = []
         self._held = held
         self._items: Items = ()
@@ -60,9 +60,9 @@ class ReplayLink(AutopilotLink):
 
     def part(self) -> None:
         """Answer from the model from now on; what is under way is begun again with it."""
-        if self.is_apart:
+        if self.has_diverged:
             return
-        self.is_apart = True
+        self.has_diverged = True
         self.abandon()
 
     @property
@@ -88,7 +88,7 @@ class ReplayLink(AutopilotLink):
 
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
         """Replace the mission, in the model once apart."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().upload(items, may_finish)
         await self._lasts(len(items))
@@ -104,7 +104,7 @@ class ReplayLink(AutopilotLink):
 
     async def write(self, items: Sequence[MissionItem]) -> None:
         """Overwrite a part of the list, in the model once apart."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().write(items)
         await self._lasts(len(items))
@@ -115,7 +115,7 @@ class ReplayLink(AutopilotLink):
 
     async def read_back(self) -> Items:
         """Read the list that was written to, from the model once apart."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().read_back()
         await self._lasts(len(self._stored()))
@@ -123,7 +123,7 @@ class ReplayLink(AutopilotLink):
 
     async def download(self) -> Items:
         """Read the mission, from the model once apart."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().download()
         await self._lasts(len(self._stored()))
@@ -131,7 +131,7 @@ class ReplayLink(AutopilotLink):
 
     async def download_fence(self) -> Items:
         """Read the fence; once apart, as it was read last."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 self._fence = await super().download_fence()
                 return self._fence
@@ -139,24 +139,24 @@ class ReplayLink(AutopilotLink):
 
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
         """Fly to an item, in the model once apart."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().set_current(sequence, is_ahead)
         await self._lasts(1)
         self._tell_current(sequence)
 
-    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+    async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Whether the autopilot tells something in time, the model at once."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
-                is_told = await super().told(is_it, wait_s)
-                if not self.is_apart:
+                is_told = await super().wait_for_mission_current(is_it, wait_s)
+                if not self.has_diverged:
                     return is_told
         return self.current is not None and is_it(self.current)
 
     async def set_mode(self, mode: str) -> None:
         """Select a mode; once apart, the recorded modes stay."""
-        if not self.is_apart:
+        if not self.has_diverged:
             with self._unless_apart():
                 return await super().set_mode(mode)
 
@@ -166,13 +166,13 @@ class ReplayLink(AutopilotLink):
         try:
             yield
         except LinkError:
-            if not self.is_apart:
+            if not self.has_diverged:
                 raise
 
     async def _asked(
         self, data: bytes, is_answer: Callable[[object], bool], *, wait_s: float
     ) -> object | None:
-        if self.is_apart:
+        if self.has_diverged:
             raise TransferError("question", "the recorded autopilot answers no more")
         return await super()._asked(data, is_answer, wait_s=wait_s)
 

@@ -13,19 +13,19 @@ CORE_SENSORS = ("cpu_thermal", "coretemp", "k10temp", "soc_thermal", "cpu-therma
 
 
 @dataclass(frozen=True, slots=True)
-class Computer:
-    """A look at it.
+class HostStatus:
+    """A look at the companion computer.
 
     Parameters
     ----------
     uptime_s : float
-        Since it was switched on.
+        Time since the computer was switched on [s].
     cores_percent : tuple of float
-        Load of each core since the last look.
+        Load of each core since the last look [%].
     temperature_c : float or None
-        Of the processor; None where there is no sensor.
+        Temperature of the processor [°C]; None where there is no sensor.
     memory_used_mb, memory_total_mb, disk_used_mb, disk_total_mb : float
-        Memory, and the disk that the flights are on.
+        Memory, and the disk that the flights are on [MiB].
     """
 
     uptime_s: float
@@ -37,7 +37,7 @@ class Computer:
     disk_total_mb: float
 
 
-def look_at(folder: Path) -> Computer:
+def host_status(folder: Path) -> HostStatus:
     """Look at the computer, and at the disk that a folder is on."""
     memory = psutil.virtual_memory()
     try:
@@ -45,7 +45,7 @@ def look_at(folder: Path) -> Computer:
         used, total = disk.used / MEGABYTE, disk.total / MEGABYTE
     except OSError:  # the folder is gone, or its disk
         used = total = 0.0
-    return Computer(
+    return HostStatus(
         uptime_s=max(0.0, time.time() - psutil.boot_time()),
         cores_percent=tuple(psutil.cpu_percent(percpu=True)),
         temperature_c=_temperature_c(),

@@ -137,7 +137,7 @@ class Endpoint:
     Parameters
     ----------
     port : int
-        To listen on; 0 for any.
+        TCP port to listen on; 0 for any that is free.
     metrics : Metrics
         What is handed out.
     supervision : Supervision

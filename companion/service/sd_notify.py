@@ -26,7 +26,7 @@ class Notifier:
     Parameters
     ----------
     address : str
-        Of its socket: a path, or ``@`` and a name in the abstract namespace; empty for none.
+        Address of systemd's socket: a path, or ``@`` and a name in the abstract namespace; empty for none.
     """
 
     def __init__(self, address: str = "") -> None:

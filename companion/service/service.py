@@ -32,7 +32,7 @@ from companion.recording.recorder import About, Recorder
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
 from companion.service.sd_notify import Notifier, watchdog_of
-from companion.service.telemetry_out import Reporting
+from companion.service.telemetry_out import TelemetryReporter
 from companion.service.warm_up import warm_up
 from companion.service.watchdog import Report, Supervision
 from companion.tasks.app import App
@@ -55,14 +55,14 @@ class _Flight:
     ----------
     app : App
         Begun anew for it, so that its recording can be replayed by itself.
-    reporting : Reporting
-        Of the app's figures.
+    reporting : TelemetryReporter
+        Tells the app's figures, once a second.
     folder : Path
-        Of the recording, whether it could be written to or not.
+        Folder of the recording, whether it could be written to or not.
     """
 
     app: App
-    reporting: Reporting
+    reporting: TelemetryReporter
     folder: Path
 
     def close(self) -> None:
@@ -80,19 +80,19 @@ class Service(Observer):
     file : Path
         The mission file.
     url : str
-        Where the autopilot is.
+        URL of the autopilot's link, as ``transport_from_url`` takes it.
     flights : Path
         Folder of the recordings, and of what a restart needs to know.
     environment : mapping of str to str
-        For what systemd tells by it.
+        Environment variables, by which systemd tells its sockets and folders.
     metrics_port : int, optional
-        Where metrics and health are told, to this computer alone.
+        Port on which metrics and health are told, to this computer alone; left out, they are not.
     flights_max_bytes : int
         What the recordings may take; the oldest flights go first.
     clock : Clock, optional
-        Left out, the computer's.
+        Clock that the service goes by; left out, the computer's.
     line : Transport, optional
-        To the autopilot; left out, what the URL names.
+        Transport to the autopilot; left out, the one that the URL names.
     """
 
     def __init__(
@@ -101,6 +101,7 @@ class Service(Observer):
         url: str,
         flights: Path,
         environment: Mapping[str, str],
+        *,
         metrics_port: int | None = None,
         flights_max_bytes: int = FLIGHTS_MAX_BYTES,
         clock: Clock | None = None,
@@ -151,7 +152,7 @@ class Service(Observer):
             parameters_file=flights / f"{mission.name}.parameters.json",
         )
         app = App(parts, is_warm=self._is_warm)
-        reporting = Reporting(app, clock, flights, self._metrics, self._begun_s)
+        reporting = TelemetryReporter(app, clock, flights, self._metrics, self._begun_s)
         return _Flight(app, reporting, folder)
 
     def progress(self) -> None:
@@ -289,7 +290,10 @@ async def serve(
         If it cannot begin.
     """
     with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
-        await Service(file, url, flights, os.environ, metrics_port, flights_max_bytes).run()
+        service = Service(
+            file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes
+        )
+        await service.run()
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.clock import Clock
 from companion.comms.observer import Observer
-from companion.service.host_status import look_at
+from companion.service.host_status import host_status
 from companion.service.metrics import Metrics
 from companion.tasks.app import App
 from companion.types.plan import Plan
@@ -16,21 +16,21 @@ PERIOD_S = 1.0
 COMPUTER_PERIODS = 5  # it changes slowly, and a telemetry radio is slow
 
 
-class Reporting(Observer):
+class TelemetryReporter(Observer):
     """Tells figures while the service runs.
 
     Parameters
     ----------
     app : App
-        Whose.
+        The running app whose figures are told.
     clock : Clock
-        Its time.
+        Clock that the app goes by.
     folder : Path
-        On the disk that is looked at.
+        Folder on the disk whose use is told.
     metrics : Metrics or None
-        Renewed as well.
+        Prometheus figures to renew at the same time; None without any.
     begun_s : float
-        When the service began, by the clock [s].
+        Clock reading at which the service began [s].
     """
 
     def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None, begun_s: float) -> None:
@@ -41,7 +41,7 @@ class Reporting(Observer):
         self._begun_s = begun_s
         self._plan_quality = math.nan
 
-    def planned(self, plan: Plan, plan_ms: float) -> None:
+    def planned(self, plan: Plan, plan_ms: float) -> None:  # noqa: ARG002 - as every observer's
         """Remember the quality Q of the last plan."""
         if plan.path is not None:
             self._plan_quality = plan.measures.quality
@@ -70,7 +70,7 @@ class Reporting(Observer):
         if math.isfinite(self._plan_quality):
             app.link.send(app.link.codec.named_value(boot_s, "plan_q", self._plan_quality))
         if with_computer:
-            computer = look_at(self._folder)
+            computer = host_status(self._folder)
             app.link.send(
                 app.link.codec.computer_status(
                     computer.uptime_s,

@@ -47,7 +47,7 @@ class ArduPlaneSwap:
         """The bank that is not written to next."""
         return None if banks_in(read) is None else layout.flown_span
 
-    def layout_as_flown(self, layout: Layout, ours: tuple[MissionItem, ...]) -> Layout:
+    def layout_as_flown(self, layout: Layout, _ours: tuple[MissionItem, ...], /) -> Layout:
         """As it is: the layout was read with the flown bank in it."""
         return layout
 

@@ -111,15 +111,15 @@ class SwapProtocol(Protocol):
         """The operator's items in a list as read."""
         ...
 
-    def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
+    def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int, /) -> Layout:
         """How ours are to stand in a list as read, in which the item ``current`` is flown."""
         ...
 
-    def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
+    def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout, /) -> tuple[int, int] | None:
         """First sequence of the part of ours that may be flown, and the one behind its last; None without."""
         ...
 
-    def layout_as_flown(self, layout: Layout, ours: tuple[MissionItem, ...]) -> Layout:
+    def layout_as_flown(self, layout: Layout, ours: tuple[MissionItem, ...], /) -> Layout:
         """The layout where a part of ours was found to be flown."""
         ...
 

@@ -77,11 +77,11 @@ class Px4Swap:
         """The operator's items in a list as read."""
         return without_span(read)
 
-    def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
+    def layout_of(self, _read: tuple[MissionItem, ...], operator: Operator, _current: int, /) -> Layout:
         """Ours between the operator's items up to the goal and those that follow."""
         return single_list_layout_of(operator)
 
-    def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
+    def span_of_ours(self, read: tuple[MissionItem, ...], _layout: Layout, /) -> tuple[int, int] | None:
         """Where ours are in the list."""
         return span_in(read)
 
@@ -139,7 +139,9 @@ async def replace_whole(
         if not may_act():
             return SwapOutcome.WITHDRAWN, "the mode was changed"
         # A lost last acknowledgement ends in an error although all is flown: what it flies tells.
-        if await link.told(lambda told: told.mission_id == identity and told.state == _ACTIVE, CONFIRM_S):
+        if await link.wait_for_mission_current(
+            lambda told: told.mission_id == identity and told.state == _ACTIVE, CONFIRM_S
+        ):
             return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
         if not may_finish():
             return SwapOutcome.STALE, "the entry was passed during the upload"
@@ -155,7 +157,9 @@ async def _uploaded(
     """Upload; over, too, once the autopilot tells that it flies it: an acknowledgement can be lost."""
     upload = asyncio.create_task(link.upload(items, may_finish))
     seen = asyncio.create_task(
-        link.told(lambda told: told.mission_id == identity and told.state == _ACTIVE, UPLOAD_MAX_S)
+        link.wait_for_mission_current(
+            lambda told: told.mission_id == identity and told.state == _ACTIVE, UPLOAD_MAX_S
+        )
     )
     try:
         await asyncio.wait({upload, seen}, return_when=asyncio.FIRST_COMPLETED)
@@ -181,7 +185,7 @@ async def _confirmed(
             return SwapOutcome.REFUSED, str(error)
         if differs:
             return SwapOutcome.DIFFERS, differs
-    is_told = await link.told(
+    is_told = await link.wait_for_mission_current(
         lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
     )
     current = link.current

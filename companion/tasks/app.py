@@ -265,7 +265,11 @@ class App:
 
     def _note_link(self, now: float) -> None:
         """Record how the link is, and tell once that the recording ended."""
-        told = {"mode": self.mode.value, "autopilot_mode": self.autopilot_mode, **self.link.told()}
+        told = {
+            "mode": self.mode.value,
+            "autopilot_mode": self.autopilot_mode,
+            **self.link.status(),
+        }
         self.recorder.link(now, told)
         if self.recorder.failure and not self._said_failure and self.link.has_heard:
             self._said_failure = True

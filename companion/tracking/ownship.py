@@ -181,9 +181,9 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     Parameters
     ----------
     state : Ownship
-        Where it starts.
+        State at which the turn starts.
     ahead_s : float
-        For how long, at least 0 [s].
+        How long the turn is flown, at least 0 [s].
 
     References
     ----------

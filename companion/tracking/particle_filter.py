@@ -4,12 +4,12 @@ State ``[x, ẋ, y, ẏ]``: east [m], east speed [m/s], north [m], north speed [
 with white acceleration noise. Three points where the paper is silent or would fail on board:
 
 - *Irregular times.* The printed noise (one acceleration held for the whole step τ) makes the spread
-  after 10 s depend on how many sightings fell into them. The noise here is white in time, with the
+  after 10 s depend on how many detections fell into them. The noise here is white in time, with the
   spectral density that gives the paper's velocity variance after its step of 1 s; steps then add
   up: predicting 3 s and 7 s is predicting 10 s.
-- *Sharp sightings after a gap.* Drawing from the prediction leaves a handful of particles near the
-  sighting. The prediction and the likelihood are both Gaussian given a particle, so each is drawn
-  from their product instead, and weighed by the sighting's probability given where it came from
+- *Sharp detections after a gap.* Drawing from the prediction leaves a handful of particles near the
+  detection. The prediction and the likelihood are both Gaussian given a particle, so each is drawn
+  from their product instead, and weighed by the detection's probability given where it came from
   (the optimal importance density). Where even so few particles carry all the weight, the
   cloud cannot tell its own spread, and its moments are updated in closed form and sampled anew.
 - *Copies.* Resampling repeats particles. Each is then moved by a small kernel and drawn towards the
@@ -32,10 +32,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from filterpy.monte_carlo import systematic_resample
 from numpy.typing import NDArray
 
 from companion.frames import FloatArray
+from companion.tracking.resampling import systematic_resample
 
 POSITION_ROWS = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 STATE_ROWS = np.eye(4)
@@ -47,8 +47,8 @@ WEIGHT_MARGIN = 1e-9
 _legacy_generator_lock = threading.Lock()
 
 
-class Fate(Enum):
-    """What became of a sighting."""
+class UpdateResult(Enum):
+    """What became of a detection that a filter was given."""
 
     APPLIED = "applied"
     APPLIED_LATE = "applied_late"  # older than the filter: weighed after retrodiction
@@ -62,15 +62,16 @@ class FilterSettings:
     Parameters
     ----------
     num_particles : int
-        N_s.
+        Number of particles, N_s of the paper.
     acceleration_std_m_s2 : float
-        σ_ω; velocity spreads by this much in the first second, and with the root of time.
+        Acceleration noise σ_ω of the paper: velocity spreads by this much in the first second, and
+        with the root of time [m/s²].
     velocity_std_m_s : float
-        One-sigma accuracy taken for a reported velocity, each axis.
+        One-sigma accuracy taken for a reported velocity, each axis [m/s].
     use_reported_velocity : bool
         Whether a reported velocity counts as observed; the paper observes positions only.
     late_max_s : float
-        How much older than the filter a sighting may be [s].
+        How much older than the filter a detection may be [s].
     num_effective_min : float
         Below this number of effective particles the moments are updated instead.
     """
@@ -90,14 +91,14 @@ class FilterSettings:
 
 
 def transition(elapsed_s: float) -> FloatArray:
-    """Transition matrix (4, 4) over a time, negative for retrodiction."""
+    """Transition matrix, shape (4, 4), over a time, negative for retrodiction."""
     matrix = np.eye(4)
     matrix[0, 1] = matrix[2, 3] = elapsed_s
     return matrix
 
 
 def process_noise(elapsed_s: float, acceleration_std_m_s2: float) -> FloatArray:
-    """Covariance (4, 4) gathered over a time; over a negative one, that of the retrodicted state.
+    """Covariance, shape (4, 4), gathered over a time; over a negative one, that of the retrodicted state.
 
     A state in the past is ``x − v·lag`` less what noise did meanwhile: the same variances, and
     position and velocity correlated with the other sign.
@@ -116,15 +117,17 @@ class ParticleFilter:
     Parameters
     ----------
     stamp_s : float
-        When the first sighting was true.
+        When the first detection was true [s].
     position_m : ndarray, shape (2,)
-        Where: east, north [m].
+        East and north of the first detection [m].
     position_std_m : float
-        Its accuracy, each axis [m].
+        One-sigma accuracy of that position, each axis [m].
     velocity_m_s : ndarray, shape (2,), or None
-        Reported velocity; None: any up to the speed limit is as likely.
+        Reported velocity east and north [m/s]; None: any up to the speed limit is as likely.
     speed_max_m_s : float
-        What the vehicle can do [m/s].
+        Highest speed of the vehicle [m/s].
+    settings : FilterSettings
+        How the cloud is made and moved.
     generator : numpy.random.Generator
         The only source of chance.
     """
@@ -157,16 +160,16 @@ class ParticleFilter:
 
     @property
     def mean(self) -> FloatArray:
-        """Mean state (4,) at ``stamp_s``."""
+        """Mean state, shape (4,), at ``stamp_s``."""
         return np.asarray(self._particles.mean(axis=0))
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance (4, 4) at ``stamp_s``: symmetric, positive definite."""
+        """Covariance, shape (4, 4), at ``stamp_s``: symmetric, positive definite."""
         return _covariance(self._particles, np.full(len(self._particles), 1.0 / len(self._particles)))
 
     def moments(self, instant_s: float) -> tuple[FloatArray, FloatArray]:
-        """Mean (4,) and covariance (4, 4) at an instant, before or after ``stamp_s``.
+        """Mean, shape (4,), and covariance, shape (4, 4), at an instant, before or after ``stamp_s``.
 
         In closed form, without moving the cloud: asking changes nothing.
         """
@@ -177,11 +180,11 @@ class ParticleFilter:
         return step @ self.mean, 0.5 * (covariance + covariance.T)
 
     def squared_distance(self, stamp_s: float, position_m: FloatArray, position_std_m: float) -> float:
-        """Squared Mahalanobis distance of a sighted position from the one expected then."""
+        """Squared Mahalanobis distance of a detected position, shape (2,) [m], from the one expected then."""
         mean, covariance = self.moments(stamp_s)
         innovation = position_m - POSITION_ROWS @ mean
-        spread = POSITION_ROWS @ covariance @ POSITION_ROWS.T + position_std_m**2 * np.eye(2)
-        return float(innovation @ np.linalg.solve(spread, innovation))
+        innovation_covariance = POSITION_ROWS @ covariance @ POSITION_ROWS.T + position_std_m**2 * np.eye(2)
+        return float(innovation @ np.linalg.solve(innovation_covariance, innovation))
 
     def observe(
         self,
@@ -189,23 +192,23 @@ class ParticleFilter:
         position_m: FloatArray,
         position_std_m: float,
         velocity_m_s: FloatArray | None = None,
-    ) -> Fate:
-        """Take in a sighting.
+    ) -> UpdateResult:
+        """Take in a detection.
 
         Parameters
         ----------
         stamp_s : float
-            When it was true; may lie before the filter's own time.
+            Clock reading at which the detection was true [s]; may lie before the filter's own time.
         position_m : ndarray, shape (2,)
-            East, north [m].
+            East and north of the detection [m].
         position_std_m : float
-            One-sigma accuracy of each [m].
+            One-sigma accuracy of that position, each axis [m].
         velocity_m_s : ndarray, shape (2,), optional
-            Reported velocity.
+            Reported velocity east and north [m/s].
         """
         elapsed = stamp_s - self.stamp_s
         if elapsed < -self._settings.late_max_s:
-            return Fate.TOO_LATE
+            return UpdateResult.TOO_LATE
         rows, observed, variances = self._observation(position_m, position_std_m, velocity_m_s)
         noise = process_noise(elapsed, self._settings.acceleration_std_m_s2)
         predicted = self._particles @ transition(elapsed).T
@@ -224,12 +227,15 @@ class ParticleFilter:
             self._particles = predicted + innovations @ gain.T + drawn
             self._resample(weights)
         self.stamp_s = max(stamp_s, self.stamp_s)
-        return Fate.APPLIED if elapsed >= 0.0 else Fate.APPLIED_LATE
+        return UpdateResult.APPLIED if elapsed >= 0.0 else UpdateResult.APPLIED_LATE
 
     def _observation(
         self, position_m: FloatArray, position_std_m: float, velocity_m_s: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rows of the observation matrix, what was observed, and its variances."""
+        """Observation matrix, shape (M, 4), what was observed and its variances, shape (M,) each.
+
+        Both arguments have shape (2,); M is 4 where a velocity was reported, else 2.
+        """
         if velocity_m_s is None or not self._settings.use_reported_velocity:
             return POSITION_ROWS, position_m, np.full(2, position_std_m**2)
         observed = np.array([position_m[0], velocity_m_s[0], position_m[1], velocity_m_s[1]])
@@ -237,7 +243,7 @@ class ParticleFilter:
         return STATE_ROWS, observed, stds**2
 
     def _resample(self, weights: FloatArray) -> None:
-        """Replace the cloud by as many particles drawn by weight, each moved by the kernel."""
+        """Replace the cloud by as many drawn by ``weights``, shape (N,), each moved by the kernel."""
         num = len(weights)
         mean = weights @ self._particles
         root = _root(_covariance(self._particles, weights))
@@ -254,10 +260,14 @@ class ParticleFilter:
         observed: FloatArray,
         variances: FloatArray,
     ) -> None:
-        """Sample the cloud anew from its moments, updated in closed form and brought to ``instant_s``."""
+        """Sample the cloud anew from its moments, updated in closed form and brought to ``instant_s``.
+
+        ``rows``, shape (M, 4), is the observation matrix; ``observed``, shape (M,), and ``variances``,
+        shape (M,), what it saw.
+        """
         mean, covariance = self.moments(stamp_s)
-        spread = rows @ covariance @ rows.T + np.diag(variances)
-        gain = np.linalg.solve(spread, rows @ covariance).T
+        innovation_covariance = rows @ covariance @ rows.T + np.diag(variances)
+        gain = np.linalg.solve(innovation_covariance, rows @ covariance).T
         mean = mean + gain @ (observed - rows @ mean)
         keep = np.eye(4) - gain @ rows
         covariance = keep @ covariance @ keep.T + gain @ np.diag(variances) @ gain.T
@@ -269,9 +279,12 @@ class ParticleFilter:
 
 
 def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Gaussian likelihood (N,) of innovations (N, M), scaled to a sum of 1.
+    """Gaussian likelihood, shape (N,), of innovations, shape (N, M), scaled to a sum of 1.
 
-    Logarithms are shifted by the largest, so that however far the sighting lies, one weight is 1
+    ``covariance``, shape (M, M), is that of the innovations.
+
+
+    Logarithms are shifted by the largest, so that however far the detection lies, one weight is 1
     before scaling and none is NaN.
     """
     distances = np.einsum("ni,ij,nj->n", innovations, np.linalg.inv(covariance), innovations)
@@ -280,20 +293,20 @@ def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _covariance(particles: FloatArray, weights: FloatArray) -> FloatArray:
-    """Weighted covariance (4, 4), symmetric, with the floor added."""
+    """Covariance, shape (4, 4), of particles, shape (N, 4), by weights, shape (N,); the floor is added."""
     away = particles - weights @ particles
     covariance = (weights[:, None] * away).T @ away
     return np.asarray(0.5 * (covariance + covariance.T) + VARIANCE_FLOOR * np.eye(4))
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Square root (4, 4) of a covariance that may be singular."""
+    """Square root, shape (4, 4), of a covariance, shape (4, 4), that may be singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _systematic(weights: FloatArray, generator: np.random.Generator) -> NDArray[np.intp]:
-    """Return the indices of systematic resampling, by filterpy, drawn with the given generator.
+    """Return the indices, shape (N,), of systematic resampling by weights, shape (N,), drawn by filterpy.
 
     filterpy draws from NumPy's process-wide generator. It is seeded for this one call and put back,
     so that a track depends on its own seed alone and nobody else's numbers change.

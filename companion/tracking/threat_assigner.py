@@ -12,15 +12,19 @@ REMEMBERED_MAX = 1_000  # identities; more are forgotten, the oldest first
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class VehicleClass:
     """What a tracked vehicle can do, as far as the mission file tells.
 
     Parameters
     ----------
     number : int or None
         Place in the mission file's list; None for a vehicle it does not name.
-    speed_m_s, max_threat_radius_m, turn_radius_m : float
-        As in ``DynamicThreat``.
+    speed_m_s : float
+        Highest ground speed [m/s].
+    max_threat_radius_m : float
+        Distance within which it may harm the aircraft [m].
+    turn_radius_m : float
+        Tightest turn it can make [m].
     """
 
     number: int | None
@@ -35,48 +39,48 @@ class Kind:
 
 
 @dataclass(frozen=True, slots=True)
-class KindSettings:
+class VehicleClassSettings:
     """What is taken for vehicles that the mission file does not name.
 
     Parameters
     ----------
-    ground, air : Kind
-        Vehicles unknown to the mission file.
+    ground, air : VehicleClass
+        What is assumed of a ground vehicle, and of an aircraft, that the mission file does not name.
     air_match_distance_m : float
-        The mission file names ground vehicles; a sighting that says it is airborne, or does not say
+        The mission file names ground vehicles; a detection that says it is airborne, or does not say
         what it is, counts as one of them only within this distance of its start [m].
     """
 
-    ground: Kind = Kind(None, speed_m_s=25.0, max_threat_radius_m=250.0, turn_radius_m=15.0)
-    air: Kind = Kind(None, speed_m_s=40.0, max_threat_radius_m=250.0, turn_radius_m=50.0)
+    ground: VehicleClass = VehicleClass(None, speed_m_s=25.0, max_threat_radius_m=250.0, turn_radius_m=15.0)
+    air: VehicleClass = VehicleClass(None, speed_m_s=40.0, max_threat_radius_m=250.0, turn_radius_m=50.0)
     air_match_distance_m: float = 300.0
 
     def __post_init__(self) -> None:
         if self.ground.number is not None or self.air.number is not None:
-            raise ValueError("the kinds of unknown vehicles have no number")
+            raise ValueError("the classes of unknown vehicles have no number")
 
 
-class KindRegister:
+class ThreatAssigner:
     """Gives each named threat to one identity at a time.
 
     Parameters
     ----------
     threats : sequence of DynamicThreat
-        The mission file's.
-    settings : KindSettings
-        What is taken for others.
+        The threats the mission file names, in its order.
+    settings : VehicleClassSettings
+        What is assumed of vehicles the mission file does not name.
     """
 
-    def __init__(self, threats: Sequence[DynamicThreat], settings: KindSettings) -> None:
+    def __init__(self, threats: Sequence[DynamicThreat], settings: VehicleClassSettings) -> None:
         self._threats = tuple(threats)
         self._settings = settings
         self._holders: dict[int, str] = {}
         self._remembered: dict[str, int] = {}
 
-    def assigned(self, identity: str, east_m: float, north_m: float, *, is_airborne: bool) -> Kind:
-        """Assign the free kind that starts nearest, and return it.
+    def assigned(self, identity: str, east_m: float, north_m: float, *, is_airborne: bool) -> VehicleClass:
+        """Assign the free threat that starts nearest, and return its class.
 
-        An identity that held a kind before gets the same again while nobody else holds it: where a
+        An identity that held a threat before gets the same again while nobody else holds it: where a
         vehicle reappears says less than what it was.
         """
         reach = self._settings.air_match_distance_m if is_airborne else math.inf
@@ -93,12 +97,12 @@ class KindRegister:
         if len(self._remembered) > REMEMBERED_MAX:
             del self._remembered[next(iter(self._remembered))]
         threat = self._threats[number]
-        return Kind(number, threat.speed_m_s, threat.max_threat_radius_m, threat.turn_radius_m)
+        return VehicleClass(number, threat.speed_m_s, threat.max_threat_radius_m, threat.turn_radius_m)
 
-    def release(self, kind: Kind) -> None:
-        """Make a dropped track's kind free again."""
-        if kind.number is not None:
-            self._holders.pop(kind.number, None)
+    def release(self, vehicle_class: VehicleClass) -> None:
+        """Make a dropped track's threat free again."""
+        if vehicle_class.number is not None:
+            self._holders.pop(vehicle_class.number, None)
 
     def _nearest_free(self, east_m: float, north_m: float, reach_m: float) -> int | None:
         distances = (

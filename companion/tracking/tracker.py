@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.frames import LocalFrame
-from companion.tracking.threat_assigner import KindRegister, KindSettings
-from companion.tracking.track import Sighting, Track, TrackSettings
+from companion.tracking.threat_assigner import ThreatAssigner, VehicleClassSettings
+from companion.tracking.track import Detection, Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
 from companion.types.threat import DynamicThreat, TrackState
 
@@ -24,13 +24,13 @@ class TrackerSettings:
     Parameters
     ----------
     drop_after_s : float
-        Age of the newest sighting at which a track ends [s].
+        Age of the newest detection at which a track ends [s].
     stale_after_s : float
         Age from which a track gives way first when there are too many [s].
     num_tracks_max : int
         As many are followed at once.
     future_tolerance_s : float
-        How far ahead of the clock a sighting may be dated [s].
+        How far ahead of the clock a detection may be dated [s].
     range_max_m : float
         Farthest believable distance from the frame's origin; the frame itself reaches no farther [m].
     altitude_max_m : float
@@ -38,7 +38,11 @@ class TrackerSettings:
     speed_max_m_s : float
         Largest believable reported speed [m/s].
     position_std_m, position_std_min_m : float
-        Accuracy taken where a sighting states none, and the best that is believed [m].
+        Accuracy taken where a detection states none, and the best that is believed [m].
+    track : TrackSettings
+        Gating and starting over of each track.
+    classes : VehicleClassSettings
+        What is assumed of vehicles that the mission file does not name.
     """
 
     drop_after_s: float = 60.0
@@ -51,13 +55,13 @@ class TrackerSettings:
     position_std_m: float = 8.0
     position_std_min_m: float = 0.5
     track: TrackSettings = field(default_factory=TrackSettings)
-    kinds: KindSettings = field(default_factory=KindSettings)
+    classes: VehicleClassSettings = field(default_factory=VehicleClassSettings)
 
     def __post_init__(self) -> None:
         if self.num_tracks_max < 1 or self.drop_after_s <= 0.0:
             raise ValueError("at least one track, for some time")
         if self.position_std_min_m <= 0.0:
-            raise ValueError("no sighting is exact")
+            raise ValueError("no detection is exact")
 
 
 class Tracker:
@@ -68,9 +72,9 @@ class Tracker:
     frame : LocalFrame
         The mission file's frame.
     dynamic_threats : sequence of DynamicThreat
-        What the mission file names; unknown vehicles get the settings' kinds.
+        The threats the mission file names; unknown vehicles get the settings' classes.
     settings : TrackerSettings, optional
-        Limits and models.
+        What is believed, and how many vehicles are followed.
     seed : int
         Each identity draws from a generator of its own, made from this seed and its name, so that
         its estimates do not depend on whom else is seen.
@@ -93,7 +97,7 @@ class Tracker:
         self._frame = frame
         self._settings = settings or TrackerSettings()
         self._seed = seed
-        self._kinds = KindRegister(dynamic_threats, self._settings.kinds)
+        self._assigner = ThreatAssigner(dynamic_threats, self._settings.classes)
         self._tracks: dict[str, Track] = {}
         self._centre_m = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
@@ -109,22 +113,22 @@ class Tracker:
     def observe(self, report: TrackReport, now_s: float) -> None:
         """Take in a report; what cannot be true is dropped and counted, never raised."""
         self._end_old(now_s)
-        sighting = self._believed(report, now_s)
-        if isinstance(sighting, str):
-            self.counters[sighting] += 1
+        detection = self._believed(report, now_s)
+        if isinstance(detection, str):
+            self.counters[detection] += 1
             return
         track = self._tracks.get(report.identity)
         if track is not None:
-            self.counters[track.observe(sighting)] += 1
-        elif self._has_room(sighting, now_s):
-            self._initiate(report.identity, sighting)
+            self.counters[track.observe(detection)] += 1
+        elif self._has_room(detection, now_s):
+            self._initiate(report.identity, detection)
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
         """Return all vehicles as estimated at an instant, sorted by identity."""
         self._end_old(now_s)
         return tuple(self._tracks[identity].state(now_s) for identity in sorted(self._tracks))
 
-    def _believed(self, report: TrackReport, now_s: float) -> Sighting | str:
+    def _believed(self, report: TrackReport, now_s: float) -> Detection | str:
         """Bring a report to the local frame, or say why it cannot be true."""
         settings = self._settings
         velocity, std = report.velocity_enu_m_s, report.position_std_m
@@ -145,7 +149,7 @@ class Tracker:
             return "out_of_range"
         if std is None or std <= 0.0:
             std = settings.position_std_m
-        return Sighting(
+        return Detection(
             stamp_s=report.stamp_s,
             position_enu_m=place,
             position_std_m=min(max(std, settings.position_std_min_m), settings.range_max_m),
@@ -162,15 +166,15 @@ class Tracker:
             and speed <= self._settings.speed_max_m_s
         )
 
-    def _initiate(self, identity: str, sighting: Sighting) -> None:
-        east, north, _ = sighting.position_enu_m
-        kind = self._kinds.assigned(identity, east, north, is_airborne=sighting.is_airborne)
+    def _initiate(self, identity: str, detection: Detection) -> None:
+        east, north, _ = detection.position_enu_m
+        vehicle_class = self._assigner.assigned(identity, east, north, is_airborne=detection.is_airborne)
         name = hashlib.sha256(identity.encode()).digest()
         generator = np.random.default_rng([self._seed, int.from_bytes(name[:16], "big")])
-        self._tracks[identity] = Track(identity, kind, sighting, self._settings.track, generator)
+        self._tracks[identity] = Track(identity, vehicle_class, detection, self._settings.track, generator)
         self.counters["initiated"] += 1
 
-    def _has_room(self, sighting: Sighting, now_s: float) -> bool:
+    def _has_room(self, detection: Detection, now_s: float) -> bool:
         """Whether a new track fits; the least interesting one makes room if it is less than this."""
         if len(self._tracks) < self._settings.num_tracks_max:
             return True
@@ -178,6 +182,7 @@ class Tracker:
         centre_east, centre_north = self._centre_m
 
         def interest(stamp_s: float, horizontal_m: np.ndarray) -> tuple[bool, float]:
+            """Sort key of a vehicle at ``horizontal_m``, shape (2,), east and north [m]; less is nearer."""
             is_stale = now_s - stamp_s > self._settings.stale_after_s
             return is_stale, math.hypot(horizontal_m[0] - centre_east, horizontal_m[1] - centre_north)
 
@@ -185,7 +190,7 @@ class Tracker:
             (interest(track.observed_s, track.place_m), identity) for identity, track in self._tracks.items()
         ]
         worst, identity = max(ranked)
-        if worst <= interest(sighting.stamp_s, sighting.horizontal_m):
+        if worst <= interest(detection.stamp_s, detection.horizontal_m):
             self.counters["crowded"] += 1
             return False
         self._end(identity, "evicted")
@@ -197,5 +202,5 @@ class Tracker:
             self._end(identity, "aged_out")
 
     def _end(self, identity: str, reason: str) -> None:
-        self._kinds.release(self._tracks.pop(identity).kind)
+        self._assigner.release(self._tracks.pop(identity).vehicle_class)
         self.counters[reason] += 1

@@ -134,12 +134,12 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class TrackReport:
-    """One sighting of another vehicle, by whatever message it came.
+    """One detection of another vehicle, by whatever message it came.
 
     Parameters
     ----------
     stamp_s : float
-        When the position was true (receipt less the age the message states).
+        Clock reading at which the position was true: receipt less the age the message states [s].
     source : str
         Message and sender, for instance ``ADSB_VEHICLE 200/156``.
     identity : str

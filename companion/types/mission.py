@@ -3,33 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
+from companion.types.mavlink_enums import Command, MavFrame
 
-class Command(IntEnum):
-    """MAV_CMD numbers the program sends or tells apart (MAVLink common.xml)."""
-
-    NAV_WAYPOINT = 16
-    NAV_LOITER_UNLIM = 17
-    NAV_LOITER_TURNS = 18
-    NAV_LOITER_TIME = 19
-    NAV_RETURN_TO_LAUNCH = 20
-    NAV_LAND = 21
-    NAV_TAKEOFF = 22
-    NAV_LOITER_TO_ALT = 31
-    DO_JUMP = 177
-    DO_CHANGE_SPEED = 178
-    DO_LAND_START = 189
-
-
-class Frame(IntEnum):
-    """MAV_FRAME numbers (MAVLink common.xml)."""
-
-    GLOBAL = 0
-    MISSION = 2
-    GLOBAL_RELATIVE_ALT = 3
-    GLOBAL_INT = 5
-    GLOBAL_RELATIVE_ALT_INT = 6
+__all__ = ["Command", "MavFrame", "Mission", "MissionItem"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +34,11 @@ class Mission:
     Parameters
     ----------
     items : tuple of MissionItem
-        In order; on ArduPlane item 0 is the home slot.
+        The list's items in order; on ArduPlane item 0 is the home slot.
     entry : int
         Sequence at which flying it starts.
     plan_number : int
-        Which plan it carries out; counted by the daemon.
+        Number of the plan that it carries out, as the service counts them.
     """
 
     items: tuple[MissionItem, ...]

@@ -17,8 +17,6 @@ class PlanStatus(Enum):
 
     EXACT = "exact"  # the goal is reached
     APPROXIMATE = "approximate"  # a path towards the goal that does not reach it
-    TIMEOUT = "timeout"  # the budget ended with no usable path
-    INFEASIBLE = "infeasible"  # the search space is exhausted
     INVALID_START = "invalid_start"  # the start state breaks a constraint
 
 

@@ -63,11 +63,12 @@ class PlanRecord:
     is_stopped : bool
         Whether it was told to: a wall clock decided, not the iteration budget.
     due_s, seen_s : float
-        When it was found to be due, and when the world was seen that it was made in, by the clock [s].
+        Clock readings at which it was found to be due, and at which the world that it was made in was
+        seen [s].
     begun_s, took_s : float
-        By the service's clock [s].
+        Clock reading at which the plan was begun, and how long it took by the same clock [s].
     plan_ms : float
-        Of the computer's time.
+        Time that the computer took [ms].
     """
 
     number: int
@@ -108,15 +109,15 @@ class FlightRecord:
     dt_paths, dt_tracks : tuple of ndarray, shape (M, 3)
         Time [s], east, north [m] of each moving threat: as it was, and as it was tracked.
     missions : tuple of UploadedMission
-        In order.
+        Missions that were uploaded, in order.
     decisions : tuple of Decision
-        In order.
+        Decisions of the flight, in order.
     threat : ndarray, shape (N, 2)
         Time [s] and threat level along the flight.
     plan_ms : tuple of float
         Computing time of every plan [ms].
     summary : dict
-        Shown as a table.
+        Figures that are shown as a table.
     epoch_s : float, optional
         UTC at time 0 [s].
     note : str

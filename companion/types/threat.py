@@ -34,7 +34,7 @@ class Obstacle:
 
 @dataclass(frozen=True, slots=True)
 class Radar:
-    """A static threat (SPEC 3, paper 3.1).
+    """A static threat (paper 3.1).
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class DynamicThreat:
     Parameters
     ----------
     position_enu_m : tuple of float
-        Where it starts [m]; up is the ground's height.
+        East, north and up of its start [m]; up is the ground's height.
     speed_m_s : float
         v_D; 0 is a parked one.
     max_threat_radius_m : float
@@ -86,7 +86,7 @@ class TrackState:
     position_enu_m, velocity_enu_m_s : tuple of float
         Mean, east, north, up; the up part is the reported one.
     covariance : ndarray, shape (4, 4)
-        Of [east, east speed, north, north speed], SI.
+        Covariance of [east, east speed, north, north speed], shape (4, 4) [m², m²/s, m²/s²].
     is_airborne : bool
         Ground vehicles are bound by obstacles, airborne ones are not.
     """

@@ -42,7 +42,7 @@ class MapSheet:
     labels : style.Labels
         Texts on the map.
     height_m : float
-        Where the world is cut [m, up].
+        Height at which the world is cut [m, up].
     handles : list
         Legend entries so far.
     """

@@ -130,9 +130,9 @@ def obstacle_tops(snapshot: Snapshot, flown: FloatArray) -> tuple[FloatArray, Fl
     Parameters
     ----------
     snapshot : Snapshot
-        The world.
+        World whose obstacles are looked for.
     flown : ndarray, shape (N, 7)
-        As in the record.
+        The flown path, columns as in ``FlightRecord``.
 
     Returns
     -------

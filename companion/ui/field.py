@@ -36,7 +36,7 @@ def threat_field(
     east_m, north_m : ndarray, shape (NX,) and (NY,)
         Cell centres [m].
     level : ndarray, shape (NY, NX)
-        In [0, 1].
+        Threat level of each cell, in [0, 1].
     """
     east_low, east_high, north_low, north_high = snapshot.bounds[:4]
     spacing = max(east_high - east_low, north_high - north_low) / num_nodes
@@ -56,7 +56,7 @@ def threat_field(
 
 
 def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:
-    """Return the height at which to section the world: the median flown [m], or the fallback."""
+    """Return the height to section the world at [m]: the median of ``ups_m``, shape (N,), or the fallback."""
     finite = ups_m[np.isfinite(ups_m)]
     height = float(np.median(finite)) if finite.size else fallback_m
     return min(max(height, snapshot.bounds[4]), snapshot.bounds[5])

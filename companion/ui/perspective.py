@@ -21,7 +21,7 @@ CIRCLE_POINTS = 73
 
 
 def prism_faces(obstacle: Obstacle) -> list[FloatArray]:
-    """Walls and roof of a prism, each (K, 3)."""
+    """Walls and roof of a prism, each of shape (K, 3)."""
     ring = obstacle.polygon_enu_m
     low = np.column_stack([ring, np.full(len(ring), obstacle.base_m)])
     high = np.column_stack([ring, np.full(len(ring), obstacle.top_m)])
@@ -76,7 +76,7 @@ def draw_perspective(
 
 
 def circle(centre_m: tuple[float, float], radius_m: float) -> FloatArray:
-    """Points (K, 2) of a closed circle."""
+    """Points, shape (K, 2), of a closed circle."""
     angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
     return np.column_stack([centre_m[0] + radius_m * np.cos(angle), centre_m[1] + radius_m * np.sin(angle)])
 

@@ -31,7 +31,7 @@ def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None
     with style.drawing():
         height = min(max(float(mission.start.up_m), snapshot.bounds[4]), snapshot.bounds[5])
         sheet = new_sheet(mission, snapshot, height, mission.name)
-        _draw_mission_threats(sheet, mission, snapshot)
+        _draw_mission_threats(sheet, mission)
         sheet.finish()
         sheet.figure.savefig(path, dpi=style.DPI)
 
@@ -98,9 +98,9 @@ def closest_approach(flown: FloatArray, dt_path: FloatArray) -> tuple[float, Flo
     Parameters
     ----------
     flown : ndarray, shape (N, 7)
-        As in the record.
+        The flown path, columns as in ``FlightRecord``.
     dt_path : ndarray, shape (M, 3)
-        Time, east, north.
+        Time [s], east and north [m] of the moving threat.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def _add_perspective(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot
         title.set_x(0.3 / total)
 
 
-def _draw_mission_threats(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot) -> None:
+def _draw_mission_threats(sheet: MapSheet, mission: MissionConfig) -> None:
     for threat in mission.dynamic_threat_list:
         place = threat.position_enu_m[:2]
         sheet.axes.add_patch(
@@ -207,7 +207,7 @@ def _draw_search(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot, pl
 
 
 def _draw_reach(sheet: MapSheet, circles: FloatArray) -> None:
-    """Draw the circles about directly reachable nodes; of very many an even sample, which the legend says."""
+    """Draw the circles, shape (K, 3), about directly reachable nodes; of very many an even sample."""
     if len(circles) == 0:
         return
     step = -(-len(circles) // NUM_REACH_CIRCLES_MAX)
@@ -287,7 +287,7 @@ def _draw_moving(sheet: MapSheet, record: FlightRecord) -> None:
 
 
 def _mark_times(sheet: MapSheet, line: FloatArray, start_s: float, step_s: float, colour: str) -> None:
-    """Mark a path (K, 3) of time, east, north at whole steps, where there is room with the time beside."""
+    """Mark time, east, north, shape (K, 3), at whole steps; with the time beside, where there is room."""
     if len(line) == 0:
         return
     first = np.ceil((line[0, 0] - start_s) / step_s) * step_s
@@ -305,7 +305,7 @@ def _mark_times(sheet: MapSheet, line: FloatArray, start_s: float, step_s: float
 
 
 def _draw_aircraft(sheet: MapSheet, flown: FloatArray) -> None:
-    """Draw the aircraft where the record ends, pointing along its course."""
+    """Draw the aircraft where ``flown``, shape (N, 7), ends, pointing along its course."""
     last = flown[-1]
     sheet.axes.plot(
         last[1],

@@ -66,15 +66,15 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        Where to.
+        Folder that the page and the picture are written into.
     mission : MissionConfig
-        What was to be flown.
+        The mission that was to be flown.
     snapshot : Snapshot
         The world, for obstacles, radars and bounds.
     record : FlightRecord
-        What happened.
+        The record of what was flown and decided.
     name : str
-        Of both files, before ``.html`` and ``.png``.
+        Name of both files, before ``.html`` and ``.png``.
 
     Returns
     -------
@@ -275,7 +275,7 @@ def _svg(figure: Figure, name: str, text: str) -> str:
     name : str
         Put before every name defined in the drawing: names are unique within a page, not a drawing.
     text : str
-        For readers that do not see it.
+        Description for readers that do not see the figure.
     """
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

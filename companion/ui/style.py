@@ -40,6 +40,9 @@ THREAT_MAP: Final = LinearSegmentedColormap.from_list(
 HALO: Final = (withStroke(linewidth=2.4, foreground="white"),)
 DPI: Final = 150
 LINE_SPACING_PT: Final = 4.0
+# Where a text is tried beside its point, east and north, and the share of its size that then lies before it.
+BESIDE: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+SHARE_LEFT: Final = {1: 0.0, 0: 0.5, -1: 1.0}
 
 SETTINGS: Final[Any] = {
     "font.family": "DejaVu Sans",
@@ -121,13 +124,13 @@ def clock_axis(axes: Axes, start_s: float, end_s: float) -> None:
 
 
 def tree_lines(nodes: FloatArray, parents: np.ndarray) -> FloatArray:
-    """Return the edges (E, 2, D) of a tree given by its nodes (N, D) and their parents, -1 at roots."""
+    """Edges, shape (E, 2, D), of a tree: nodes, shape (N, D), and parents, shape (N,), -1 at roots."""
     child = np.nonzero(parents >= 0)[0]
     return np.stack([nodes[child], nodes[parents[child]]], axis=1)
 
 
 def add_lines(axes: Axes, segments: FloatArray, **look: Any) -> LineCollection:  # noqa: ANN401
-    """Draw many segments as one artist: thousands of lines stay fast."""
+    """Draw many segments, shape (E, 2, 2), as one artist: thousands of lines stay fast."""
     collection = LineCollection(list(segments), **look)
     axes.add_collection(collection, autolim=False)
     return collection
@@ -140,7 +143,7 @@ class Labels:
     Parameters
     ----------
     axes : Axes
-        Where; its limits and size must be final.
+        Axes that are written in; their limits and size must be final.
     size : float
         Font size [pt].
     """
@@ -155,7 +158,7 @@ class Labels:
         self._taken.append((x - radius_pt, y - radius_pt, x + radius_pt, y + radius_pt))
 
     def reserve_line(self, line_m: FloatArray) -> None:
-        """Keep texts off a path (K, 2), as long as they find another place."""
+        """Keep texts off a path, shape (K, 2), as long as they find another place."""
         if len(line_m) == 0:
             return
         points = self.axes.transData.transform(line_m) * (72.0 / self._dpi())
@@ -169,10 +172,10 @@ class Labels:
         x, y = self._points(east_m, north_m)
         width, height = 0.62 * self.size * len(text), 1.25 * self.size
         left, bottom, right, top = self._frame()
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)):
+        for dx, dy in BESIDE:
             reach = offset_pt * (1.0 if dx == 0 or dy == 0 else 0.75)
-            low_x = x + dx * reach - (0.0 if dx > 0 else width if dx < 0 else 0.5 * width)
-            low_y = y + dy * reach - (0.0 if dy > 0 else height if dy < 0 else 0.5 * height)
+            low_x = x + dx * reach - SHARE_LEFT[dx] * width
+            low_y = y + dy * reach - SHARE_LEFT[dy] * height
             box = (low_x, low_y, low_x + width, low_y + height)
             inside = box[0] >= left and box[1] >= bottom and box[2] <= right and box[3] <= top
             if inside and not any(_overlap(box, other) for other in self._taken):
@@ -182,8 +185,8 @@ class Labels:
                     (east_m, north_m),
                     xytext=(dx * reach, dy * reach),
                     textcoords="offset points",
-                    ha="left" if dx > 0 else "right" if dx < 0 else "center",
-                    va="bottom" if dy > 0 else "top" if dy < 0 else "center",
+                    ha=("center", "left", "right")[dx],
+                    va=("center", "bottom", "top")[dy],
                     fontsize=self.size,
                     color=colour,
                     path_effects=list(HALO),

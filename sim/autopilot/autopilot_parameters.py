@@ -130,7 +130,7 @@ class Parameters:
         if kind == _INT32:
             # PX4 sends whole numbers as they lie in memory.
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-        if name not in _READ_ONLY and value == value and abs(value) < 1e9:
+        if name not in _READ_ONLY and abs(value) < 1e9:  # NaN is not, either
             self._values[name] = value if kind == _REAL else float(round(value))
         return True
 

@@ -75,9 +75,9 @@ class Autopilot(ABC):
     projection : FastProjection
         Between local metres and degrees.
     parameters : Parameters
-        Its parameters.
+        The autopilot's parameters.
     home : Home
-        Where home is.
+        Home position.
     """
 
     # Message ids a client gets at 1 Hz without asking.
@@ -301,7 +301,7 @@ class Autopilot(ABC):
         """Armed it is already; in flight it does not disarm."""
         return ACCEPTED if request.parameters[0] == 1.0 else FAILED
 
-    def _list_parameters(self, channel: Channel, message: Message) -> None:
+    def _list_parameters(self, channel: Channel, _message: Message) -> None:
         self._wanted_parameters[channel] = self.parameters.names
 
     def _read_parameter(self, channel: Channel, message: Message) -> None:
@@ -309,7 +309,7 @@ class Autopilot(ABC):
         if name is not None:
             channel.send(self.parameters.message(name))
 
-    def _set_parameter(self, channel: Channel, message: Message) -> None:
+    def _set_parameter(self, _channel: Channel, message: Message) -> None:
         name = self.parameters.name_of(message.param_id, -1)
         if name is not None and self.parameters.set_from_client(name, message.param_value):
             self.broadcast(self.parameters.message(name))

@@ -74,9 +74,9 @@ class Channel:
         key : bytes
             32 bytes.
         link_id : int
-            Of this end.
+            Link id of this end.
         time : int
-            To begin with, in 10 µs since 2015.
+            Time of the first signature, in 10 µs since 2015.
         """
         signing = self._mav.signing
         signing.secret_key, signing.link_id, signing.timestamp = key, link_id, time

@@ -6,14 +6,14 @@ import math
 from abc import abstractmethod
 
 from companion.frames import wrapped_angle
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import Autopilot
 from sim.autopilot.telemetry import Home, Target
 from sim.projection import FastProjection
 from sim.vehicle.control import Circle, Flight, Leg, progress_on
 
-RELATIVE_FRAMES = (Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT, 10, 11)
+RELATIVE_FRAMES = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT, 10, 11)
 _TAKEOFF_REACH_M = 5000.0
 _LOITERS = (17, 18, 19, 31)
 

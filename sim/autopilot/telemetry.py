@@ -41,7 +41,7 @@ class Telemetry:
     Parameters
     ----------
     flight : Flight
-        Whose estimate is reported.
+        Flight whose estimate is reported.
     projection : FastProjection
         Turns it into degrees.
     home : Home

@@ -28,11 +28,11 @@ class TrackSource:
     Parameters
     ----------
     autopilot : Autopilot
-        On whose links the reports appear.
+        Autopilot on whose links the reports appear.
     pursuers : list of tuple
         Name and vehicle.
     projection : FastProjection
-        To degrees.
+        Projection of local metres to degrees.
     generator : numpy.random.Generator
         Source of the noise.
     """

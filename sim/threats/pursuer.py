@@ -18,7 +18,7 @@ _PIVOT_RAD_S = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Prey:
+class TargetEstimate:
     """What the pursuer knows of the aircraft.
 
     Parameters
@@ -48,13 +48,13 @@ class Pursuer:
     Parameters
     ----------
     roads : Roads
-        Where it can drive.
+        Graph of the ways that it can drive.
     position : tuple of float
-        Where it starts: east, north [m].
+        East and north at which it starts: east, north [m].
     speed_m_s : float
-        Its speed; 0 stands still.
+        Speed at which it drives [m/s]; 0 stands still.
     turn_radius_m : float
-        Its smallest turn radius.
+        Smallest turn radius [m].
     """
 
     def __init__(
@@ -75,27 +75,27 @@ class Pursuer:
         """East and north velocity [m/s]."""
         return self.speed_m_s * math.sin(self.course_rad), self.speed_m_s * math.cos(self.course_rad)
 
-    def step(self, now_us: int, duration_s: float, prey: Prey) -> None:
+    def step(self, now_us: int, duration_s: float, target: TargetEstimate) -> None:
         """Plan if it is time, and drive on."""
         if self._speed_max_m_s <= 0.0:
             return
         if now_us >= self._next_plan_us:
             self._next_plan_us = now_us + _REPLAN_US
-            self._way = self._intercept(prey)
+            self._way = self._intercept(target)
         self._drive(duration_s)
 
-    def _intercept(self, prey: Prey) -> list[tuple[float, float]]:
+    def _intercept(self, target: TargetEstimate) -> list[tuple[float, float]]:
         """Way to the first mission point where it arrives before the aircraft; else the least late one."""
-        ahead = polyline_points([prey.position, *prey.route], _SPACING_M)
+        ahead = polyline_points([target.position, *target.route], _SPACING_M)
         flown = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ahead, axis=0).T))])
         is_clear = self._roads.is_clear(ahead)
         if not is_clear.any():
             return []
-        points, arrival_s = ahead[is_clear], flown[is_clear] / max(prey.speed_m_s, 1.0)
+        points, arrival_s = ahead[is_clear], flown[is_clear] / max(target.speed_m_s, 1.0)
         origin = np.array(self.position)
         to_corner, entry = self._roads.reach(origin)
         direct = self._roads.distances(origin, points)
-        lengths, exits = self._by_corners(points, to_corner, prey)
+        lengths, exits = self._by_corners(points, to_corner, target)
         driven = np.minimum(direct, lengths)
         if not np.isfinite(driven).any():
             return []
@@ -110,9 +110,11 @@ class Pursuer:
         return [*self._roads.way(int(entry[last]), last), goal]
 
     def _by_corners(
-        self, points: FloatArray, to_corner: FloatArray, prey: Prey
+        self, points: FloatArray, to_corner: FloatArray, target: TargetEstimate
     ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-        """Shortest ways [m] over the graph to the points, and the corner each is left from.
+        """Shortest ways [m] over the graph to the points, and the corner each is left from: shape (N,) each.
+
+        ``points`` has shape (N, 2), ``to_corner``, the ways to the graph's corners, shape (C,) [m].
 
         What a point sees does not change with time, and missions change seldom: it is remembered.
         """
@@ -125,7 +127,7 @@ class Pursuer:
             key = (round(float(point[0]), 1), round(float(point[1]), 1))
             known = self._visible.get(key)
             if known is None:
-                known = (prey.revision, self._roads.distances(point, self._roads.corners))
+                known = (target.revision, self._roads.distances(point, self._roads.corners))
                 self._visible[key] = known
             totals = to_corner + known[1]
             exits[index] = int(np.argmin(totals))

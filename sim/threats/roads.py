@@ -57,11 +57,14 @@ class Roads:
         return not bool(shapely.intersects_xy(self.walls, east_m, north_m))
 
     def is_clear(self, points: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which points, shape (N, 2), keep the clearance."""
+        """Which points, shape (N, 2), keep the clearance: shape (N,)."""
         return ~np.asarray(shapely.intersects_xy(self._blocked, points[:, 0], points[:, 1]))
 
     def distances(self, origin: FloatArray, points: FloatArray) -> FloatArray:
-        """Straight distances [m] from a point to others, shape (N,); infinite where a wall lies between."""
+        """Straight distances [m], shape (N,), from a point, shape (2,), to others, shape (N, 2).
+
+        Infinite where a wall lies between.
+        """
         if len(points) == 0:
             return np.zeros(0)
         segments = np.empty((len(points), 2, 2))
@@ -71,7 +74,7 @@ class Roads:
         return np.where(is_blocked, np.inf, lengths)
 
     def reach(self, origin: FloatArray) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-        """Distance [m] from a point to every corner, and the corner first driven to on the way."""
+        """Distances [m] of all corners from a point, shape (2,), and those first driven to: shape (C,)."""
         if len(self.corners) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64)
         first = self.distances(origin, self.corners)

@@ -77,7 +77,7 @@ class AttitudeController:
     Parameters
     ----------
     airframe : Airframe
-        For the feed-forward parts.
+        Flight dynamics, for the feed-forward parts.
     period_s : float
         Time between two updates.
     """

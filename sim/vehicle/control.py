@@ -69,14 +69,14 @@ class Flight:
     dynamics : FlightDynamics
         The aircraft.
     sensors : Sensors
-        Its estimator.
+        The autopilot's estimator.
     parameters : Parameters
         Limits and tuning, read at every guidance update.
 
     Attributes
     ----------
     steering : Steering
-        Where to fly.
+        Target to fly to.
     airspeed_m_s : float
         Demanded equivalent airspeed.
     goes_beyond : bool

@@ -97,13 +97,13 @@ class FlightDynamics:
     Parameters
     ----------
     frame : LocalFrame
-        In which its state is read; the ground is flat at up = 0.
+        Local frame in which its state is read; the ground is flat at up = 0.
     start : Start
-        Where it is and flies.
+        Position, course and speed that it begins with.
     weather : Weather
         Wind and turbulence.
     seed : int
-        Of the turbulence.
+        Seed of the turbulence.
     """
 
     def __init__(
@@ -147,7 +147,10 @@ class FlightDynamics:
             fdm.run_ic()
 
     def _residual(self, unknowns: FloatArray) -> FloatArray:
-        """Accelerations across the thrust that trim makes vanish, of angle of attack and elevator [rad]."""
+        """Accelerations across the thrust that trim makes vanish, shape (2,).
+
+        ``unknowns``, shape (2,), are angle of attack and elevator [rad].
+        """
         self._settle(float(unknowns[0]), float(unknowns[1]), 0.0)
         return np.array(
             [self._executive[name] for name in ("accelerations/wdot-ft_sec2", "accelerations/qdot-rad_sec2")]

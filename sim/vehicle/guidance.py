@@ -28,7 +28,7 @@ class LateralGuidance:
     Parameters
     ----------
     period_s, damping : float
-        Of the tracking loop (``NAVL1_PERIOD``, ``NAVL1_DAMPING``).
+        Period [s] and damping of the tracking loop (``NAVL1_PERIOD``, ``NAVL1_DAMPING``).
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class EnergyControl:
     Parameters
     ----------
     airframe : Airframe
-        For the feed-forward of drag and angle of attack.
+        Flight dynamics, for the feed-forward of drag and angle of attack.
     period_s : float
         Time between two updates.
     height_m : float

@@ -17,11 +17,11 @@ class Accuracy:
     Parameters
     ----------
     horizontal_drift_m, vertical_drift_m : float
-        Of each horizontal axis and of the height.
+        One-sigma error of each horizontal axis and of the height [m].
     drift_time_s : float
         Correlation time of the drift.
     position_m, velocity_m_s, airspeed_m_s, attitude_rad : float
-        Of the white noise on top.
+        Standard deviation of the white noise on top.
     """
 
     horizontal_drift_m: float = 1.0

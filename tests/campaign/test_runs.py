@@ -9,7 +9,7 @@ from rich.console import Console
 
 from companion.campaign.runs import offline_problem, offline_world, plan_runs, result_of, results_table
 from companion.config import mission_from_text
-from companion.config.mission_summary import described, summary_table
+from companion.config.mission_summary import mission_summary, summary_table
 from companion.errors import ConfigError
 from companion.types.plan import Measures, Plan, PlanStatus
 from tests.mission.made import path_along
@@ -108,7 +108,7 @@ def test_the_paper_stands_beside_what_it_measured():
 
 
 def test_what_was_understood_is_fit_for_json_and_a_table():
-    told = json.loads(json.dumps(described(MISSION), allow_nan=False))
+    told = json.loads(json.dumps(mission_summary(MISSION), allow_nan=False))
     assert told["radars"][0]["position_enu_m"] == [1100, 1350, 100]
     assert told["start_course_deg"] == 90
     assert summary_table(MISSION).row_count == 10

@@ -7,7 +7,7 @@ import pytest
 
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import ENABLE, TABLE, Parameters
-from companion.doctor.parameter_checks import WISHES, parameter_names
+from companion.doctor.parameter_checks import PARAMETER_CHECKS, parameter_names
 from companion.flight.decision import DecisionKind, Verdict
 from companion.types.events import Dialect
 from tests.support.sitl_harness import FIRST_FLIGHT
@@ -36,17 +36,17 @@ def test_doctor_reads_the_parameters_of_the_page_and_the_page_has_those_that_doc
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
-    [(wish, values(dialect)[wish.name]) for dialect in Dialect for wish in WISHES[dialect]],
+    ("check", "words"),
+    [(check, values(dialect)[check.name]) for dialect in Dialect for check in PARAMETER_CHECKS[dialect]],
     ids=lambda entry: getattr(entry, "name", ""),
 )
-def test_doctor_is_content_with_the_page_s_values_and_with_no_others(wish, words):
+def test_doctor_is_content_with_the_page_s_values_and_with_no_others(check, words):
     numbers = [float(number) for number in re.findall(r"\d+", words)]
     assert numbers
-    assert all(map(wish.is_good, numbers))
-    assert not wish.is_good(max(numbers) + 1.0)
+    assert all(map(check.is_good, numbers))
+    assert not check.is_good(max(numbers) + 1.0)
     if " to " in words:
-        assert not wish.is_good(min(numbers) - 1.0)
+        assert not check.is_good(min(numbers) - 1.0)
 
 
 def test_the_pilot_s_parameters_are_those_of_the_code_with_the_ranges_of_the_mission_file():

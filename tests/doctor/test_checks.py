@@ -158,9 +158,9 @@ def test_serial_ports_that_are_not_told_are_not_judged(dialect, baud_rate, verdi
 
 
 def test_a_parameter_that_is_not_told_is_a_warning():
-    for dialect, wishes in ((Dialect.ARDUPILOT, ARDUPLANE), (Dialect.PX4, PX4)):
+    for dialect, checks in ((Dialect.ARDUPILOT, ARDUPLANE), (Dialect.PX4, PX4)):
         found = verdicts(parameter_findings(dialect, {}, MISSION, None))
-        assert all(found[wish.name] is WARN for wish in wishes)
+        assert all(found[check.name] is WARN for check in checks)
 
 
 def test_another_version_than_those_measured_is_a_warning():

@@ -8,9 +8,9 @@ from shapely.geometry import LineString, Point
 
 from companion.config import mission_from_text
 from companion.types.events import Dialect
-from companion.types.mission import Frame, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind
+from companion.types.mission import MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored
+from sim.mission_types import MissionKind
 from tests.flight.test_app import at
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness
@@ -23,7 +23,7 @@ BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dia
 def vertex(harness, command, value, east, north):
     latitude, longitude = harness.simulator.autopilot.projection.degrees(east, north)
     place = round(latitude * 1e7), round(longitude * 1e7)
-    return MissionItem(0, command, Frame.GLOBAL_RELATIVE_ALT, (value, 0.0, 0.0, 0.0), *place, 0.0)
+    return MissionItem(0, command, MavFrame.GLOBAL_RELATIVE_ALT, (value, 0.0, 0.0, 0.0), *place, 0.0)
 
 
 def fence(harness, *vertices):

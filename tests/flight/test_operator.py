@@ -10,9 +10,9 @@ from companion.config import mission_from_text
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
 from companion.types.events import Dialect
-from companion.types.mission import Command, Frame, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored
+from sim.mission_types import MissionKind
 from tests.flight.test_app import at, both, switch, when
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
@@ -26,12 +26,12 @@ WAYPOINTS = [(500.0, 0.0), (1000.0, 300.0)]
 
 def placed(harness, command, east, north, up=100.0, parameters=(0.0, 0.0, 0.0, None)):
     latitude, longitude = harness.simulator.autopilot.projection.degrees(east, north)
-    frame = Frame.GLOBAL_RELATIVE_ALT_INT
+    frame = MavFrame.GLOBAL_RELATIVE_ALT_INT
     return MissionItem(0, command, frame, parameters, round(latitude * 1e7), round(longitude * 1e7), up)
 
 
 def bare(command, *parameters):
-    return MissionItem(0, command, Frame.MISSION, (*parameters, 0.0, 0.0, 0.0, 0.0)[:4], 0, 0, 0.0)
+    return MissionItem(0, command, MavFrame.MISSION, (*parameters, 0.0, 0.0, 0.0, 0.0)[:4], 0, 0, 0.0)
 
 
 def operator_items(harness, places=WAYPOINTS):

@@ -7,8 +7,8 @@ from companion.config import mission_from_text
 from companion.flight.modes import Mode
 from companion.mission.mission_id import mission_id
 from companion.types.events import Dialect
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
+from sim.mission_types import MissionKind
 from tests.flight.test_app import at, both, switch, when
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 

@@ -4,6 +4,8 @@ import pytest
 
 from tests.flights.flown import reaches, shipped, touches_anything, true_places, uploads_in_flight
 
+pytestmark = pytest.mark.xdist_group("shipped flights")  # they share flights that are made once a process
+
 SEEDS = range(1, 11)
 MAPS = ("paper-2d", "paper-3d")
 MIN_REACHED = 18

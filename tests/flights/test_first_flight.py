@@ -16,6 +16,8 @@ from tests.flights.flown import (
     uploads_in_flight,
 )
 
+pytestmark = pytest.mark.xdist_group("shipped flights")  # they share flights that are made once a process
+
 NAME, PARKED = "first-flight", (950.0, 750.0)
 
 

@@ -13,8 +13,7 @@ FIRST = mission_named("first-flight")  # wall from (1000, 1050) to (1300, 1100),
 def line(*points, spacing_m=2.5):
     """Places along a line, as often as a flight is recorded."""
     rows = [np.array(points[0], dtype=float)]
-    for start, end in itertools.pairwise(points):
-        start, end = np.array(start, dtype=float), np.array(end, dtype=float)
+    for start, end in itertools.pairwise(np.array(points, dtype=float)):
         num = int(np.ceil(np.linalg.norm(end - start) / spacing_m))
         rows += [start + (end - start) * k / num for k in range(1, num + 1)]
     return np.array(rows)

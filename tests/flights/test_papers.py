@@ -12,6 +12,8 @@ from tests.flights.flown import (
     uploads_in_flight,
 )
 
+pytestmark = pytest.mark.xdist_group("shipped flights")  # they share flights that are made once a process
+
 MAPS = ("paper-2d", "paper-3d")
 
 

@@ -26,7 +26,7 @@ from companion.recording.recorder import Recorder
 from companion.tasks.app import App, stop
 from companion.tasks.composition import composed
 from tests.hostile.messages import Hostile
-from tests.link.wire import heartbeat, packed, position
+from tests.link.pymavlink_frames import heartbeat, packed, position
 
 MISSION = Path(__file__).parents[2] / "mission_configs" / "first-flight.yaml"
 STEP_S = 0.05

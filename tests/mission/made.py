@@ -8,7 +8,7 @@ import numpy as np
 from companion.errors import TransferError
 from companion.frames import LocalFrame
 from companion.mission.waypoints import Waypoints
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from tests.support.paths import path_of
 
 FRAME = LocalFrame(-35.363261, 149.165230, 584.0)
@@ -49,7 +49,7 @@ def item(sequence=0, command=Command.NAV_WAYPOINT, **changes):
     values = {
         "sequence": sequence,
         "command": command,
-        "frame": Frame.GLOBAL_INT,
+        "frame": MavFrame.GLOBAL_INT,
         "parameters": (0.0, 0.0, 0.0, None),
         "latitude_e7": -353_632_610 + 1000 * sequence,
         "longitude_e7": 1_491_652_300,

@@ -10,7 +10,8 @@ from companion.mission import waypoints as builder
 from companion.mission.list_layout import bank_items, new_banks
 from companion.mission.waypoints import mission_part
 from companion.types.mission import Command
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionStore
+from sim.mission_types import MissionKind, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME = item(0)

@@ -28,8 +28,9 @@ from companion.mission.operator import (
     without_span,
 )
 from companion.mission.waypoints import mission_part
-from companion.types.mission import Command, Frame
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
+from companion.types.mission import Command, MavFrame
+from sim.autopilot.arduplane.arduplane_store import MissionStore
+from sim.mission_types import MissionKind, Verdict
 from tests.mission.made import FRAME, item, renumbered, waypoints
 
 HOME_M = 584.0
@@ -46,7 +47,7 @@ def at(east, north, command=Command.NAV_WAYPOINT, up=100.0, **changes):
 def bare(command, *parameters):
     filled = (*parameters, 0.0, 0.0, 0.0, 0.0)[:4]
     return item(
-        0, command, frame=Frame.MISSION, parameters=filled, latitude_e7=0, longitude_e7=0, altitude_m=0.0
+        0, command, frame=MavFrame.MISSION, parameters=filled, latitude_e7=0, longitude_e7=0, altitude_m=0.0
     )
 
 
@@ -92,7 +93,7 @@ def test_the_operators_waypoints_are_goals_with_what_is_done_there():
 
 
 def test_relative_heights_count_from_home_and_unknown_ones_are_no_goals():
-    relative = replace(ONE, frame=Frame.GLOBAL_RELATIVE_ALT, altitude_m=80.0)
+    relative = replace(ONE, frame=MavFrame.GLOBAL_RELATIVE_ALT, altitude_m=80.0)
     operator = operator_of((HOME, relative), FRAME, HOME_M)
     (goal,) = goals_of_operator(operator, FRAME, HOME_M + 10.0, has_home_slot=True)
     assert goal.position_enu_m[2] == pytest.approx(90.0, abs=0.05)

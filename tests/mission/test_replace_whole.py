@@ -52,7 +52,7 @@ class ScriptedPx4:
     async def set_current(self, sequence, is_ahead=None):
         self.calls.append(f"set_current {sequence}")
 
-    async def told(self, is_it, wait_s):
+    async def wait_for_mission_current(self, is_it, wait_s):
         while not self.is_over:  # noqa: ASYNC110 nothing else happens here
             await asyncio.sleep(0)
         self.current = self.tells

@@ -9,11 +9,11 @@ from companion.errors import NoAutopilotError
 from companion.mission.item_difference import difference
 from companion.mission.swap import SwapOutcome, enter
 from companion.swapping.swap_arduplane import store
-from companion.types.mission import Command, Frame, Mission
+from companion.types.mission import Command, MavFrame, Mission
 from tests.mission.made import ScriptedLink, item
 
 SPEED = item(
-    2, Command.DO_CHANGE_SPEED, frame=Frame.MISSION, parameters=(0.0, 24.2, -1.0, 0.0), altitude_m=0.0
+    2, Command.DO_CHANGE_SPEED, frame=MavFrame.MISSION, parameters=(0.0, 24.2, -1.0, 0.0), altitude_m=0.0
 )
 ITEMS = (item(0), item(1, is_current=True), SPEED, item(3), item(4, Command.NAV_LOITER_UNLIM))
 MISSION = Mission(ITEMS, 1, 7)
@@ -99,7 +99,7 @@ def test_a_link_without_an_autopilot_refuses(call):
         ((*ITEMS, item(5)), "6 items instead of 5"),
         (changed(3, command=Command.NAV_LOITER_TURNS), "item 3: command 18 instead of 16"),
         (changed(2, command=Command.DO_JUMP), "item 2: command 177 instead of 178"),
-        (changed(3, frame=Frame.GLOBAL_RELATIVE_ALT), "item 3: frame 3 instead of 5"),
+        (changed(3, frame=MavFrame.GLOBAL_RELATIVE_ALT), "item 3: frame 3 instead of 5"),
         (changed(3, latitude_e7=ITEMS[3].latitude_e7 + 1), "item 3: stands elsewhere"),
         (changed(4, longitude_e7=0), "item 4: stands elsewhere"),
         (changed(1, altitude_m=684.02), "item 1: altitude 684.02 m instead of 684.0 m"),
@@ -114,11 +114,11 @@ def test_what_counts_as_different(read, words):
     [
         ITEMS,
         changed(0, latitude_e7=1, longitude_e7=2, altitude_m=584.0),  # the home slot is the autopilot's
-        changed(1, frame=Frame.GLOBAL),  # the float form of the same frame
+        changed(1, frame=MavFrame.GLOBAL),  # the float form of the same frame
         changed(1, is_current=False),
         changed(1, altitude_m=683.99),  # cut to centimetres
         changed(3, parameters=(0.0, 0.0, 0.0, 0.0)),  # a yaw that was not set
-        changed(2, frame=Frame.GLOBAL, latitude_e7=9, altitude_m=7.0),  # it has no place
+        changed(2, frame=MavFrame.GLOBAL, latitude_e7=9, altitude_m=7.0),  # it has no place
     ],
 )
 def test_known_roundings_do_not_count(read):
@@ -126,10 +126,11 @@ def test_known_roundings_do_not_count(read):
 
 
 def test_a_relative_frame_comes_back_in_its_float_form():
-    sent = (ITEMS[0], replace(ITEMS[1], frame=Frame.GLOBAL_RELATIVE_ALT_INT))
-    assert difference(sent, (ITEMS[0], replace(sent[1], frame=Frame.GLOBAL_RELATIVE_ALT))) == ""
+    sent = (ITEMS[0], replace(ITEMS[1], frame=MavFrame.GLOBAL_RELATIVE_ALT_INT))
+    assert difference(sent, (ITEMS[0], replace(sent[1], frame=MavFrame.GLOBAL_RELATIVE_ALT))) == ""
     assert (
-        difference(sent, (ITEMS[0], replace(sent[1], frame=Frame.GLOBAL))) == "item 1: frame 0 instead of 6"
+        difference(sent, (ITEMS[0], replace(sent[1], frame=MavFrame.GLOBAL)))
+        == "item 1: frame 0 instead of 6"
     )
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
 from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
-from companion.types.mission import Command, Frame
+from companion.types.mission import Command, MavFrame
 from tests.mission.made import FRAME, path_along, waypoints
 
 RADIUS = 125.0
@@ -144,7 +144,7 @@ def test_a_bank_is_waypoints_the_airspeed_and_loiters():
     assert bank[0].latitude_e7 == -353_632_610
     assert bank[0].longitude_e7 == 1_491_652_300
     assert [entry.altitude_m for entry in bank] == [684.0, 0.0, 704.0, 704.0, 704.0, 704.0]
-    assert {entry.frame for entry in bank if entry.command != speed} == {Frame.GLOBAL_INT}
+    assert {entry.frame for entry in bank if entry.command != speed} == {MavFrame.GLOBAL_INT}
     # 25 m/s true at 684 m, where the density is 0.9358 of that at sea level: 24.2 m/s.
     assert bank[1].parameters == (0.0, 24.2, -1.0, 0.0)
     assert bank[3].parameters[2] == -125.0

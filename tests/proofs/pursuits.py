@@ -14,12 +14,13 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import shapely
+from matplotlib.figure import Figure
 
 from companion.campaign.runs import offline_world
 from companion.config import load_mission
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
-from companion.kernels.threat.fuzzy_threat import reachability as r
+from companion.kernels.threat import reachability as r
 from companion.planning.solver import solve
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import threat_trees
@@ -230,12 +231,8 @@ def write(tallies, folder=FIGURES):
 
 def draw(rows, folder):
     """The picture of the table's rows."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(figsize=(6.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+    axes = figure.subplots()
     efforts = sorted({int(row["iterations per node"]) for row in rows})
     for name in ESTIMATORS:
         missed = [float(row["missed %"]) for row in rows if row["estimator"] == name]
@@ -247,7 +244,6 @@ def draw(rows, folder):
     axes.grid(alpha=0.3)
     axes.legend(loc=(0.55, 0.15))
     figure.savefig(folder / "reachability.png", dpi=120, metadata={"Software": None})
-    pyplot.close(figure)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.geometry.line_of_sight import prisms_of
-from companion.kernels.threat.fuzzy_threat import reachability as r
+from companion.kernels.threat import reachability as r
 from companion.kernels.threat.threat_tree import drivers_of
 from companion.planning.explore import Exploration
 from companion.planning.settings import Estimator, Strategies

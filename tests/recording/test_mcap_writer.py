@@ -18,10 +18,13 @@ from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording.mcap_writer import CHUNK_S, FlightLog, plain
 from companion.recording.reader import load_recording, read_messages
+from companion.recording.recorder import About, Recorder
 from companion.types.events import Dialect
-from tests.link.wire import heartbeat
+from tests.link.pymavlink_frames import heartbeat
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
+
+pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process
 
 ROOT = Path(__file__).parents[2]
 WRITER = """
@@ -207,8 +210,6 @@ def test_no_file():
 
 
 def test_a_mission_without_a_file_is_written_anew(tmp_path):
-    from companion.recording.recorder import About, Recorder
-
     mission = load_mission(CONFIGS / "paper-2d.yaml")
     Recorder(tmp_path, 0.0, About(mission, 1)).close()
     assert load_mission(tmp_path / "mission.yaml") == mission

@@ -12,7 +12,7 @@ from companion.recording.recorder import TRACK_ROWS_MAX, Recorder
 from companion.types.record import UploadedMission
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
-from tests.link.wire import heartbeat
+from tests.link.pymavlink_frames import heartbeat
 
 EPOCH_S = 1_767_225_600.0
 

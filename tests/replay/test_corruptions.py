@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import load_mission
 from companion.link.wire.tlog import read_tlog
 from companion.recording.reader import GAP_MAX_S, load_recording
-from tests.link.wire import adsb, heartbeat, packed, position
+from tests.link.pymavlink_frames import adsb, heartbeat, packed, position
 from tests.replay.corruptions import DATA, KINDS, RECORDINGS, damaged, lost, mission_for, replayed
 from tests.replay.test_references import part_of
 from tests.sim.client import CONFIGS

@@ -20,6 +20,8 @@ from tests.cli.calls import in_a_process
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded, replayed
 
+pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process
+
 FIRST = CONFIGS / "first-flight.yaml"
 
 

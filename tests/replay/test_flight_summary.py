@@ -14,6 +14,8 @@ from companion.ui.plots import flight_start
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
 
+pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process
+
 
 @pytest.fixture(scope="module")
 def flown():

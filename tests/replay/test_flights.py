@@ -9,6 +9,8 @@ from companion.types.events import Dialect
 from tests.cli.calls import Caller
 from tests.support.recorded import recorded
 
+pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process
+
 TEN = [
     ("first-flight", 1, Dialect.ARDUPILOT),
     ("first-flight", 2, Dialect.ARDUPILOT),

@@ -17,10 +17,10 @@ from companion.link.wire.link_quality import LinkQuality
 from companion.mission.swap import SwapOutcome
 from companion.service import log_format as logs
 from companion.service import metrics
-from companion.service.host_status import look_at
+from companion.service.host_status import host_status
 from companion.service.metrics import Endpoint, Metrics
 from companion.service.sd_notify import Notifier
-from companion.service.telemetry_out import COMPUTER_PERIODS, Reporting
+from companion.service.telemetry_out import COMPUTER_PERIODS, TelemetryReporter
 from companion.service.watchdog import Report, Supervision
 from companion.types.plan import Measures, Plan, PlanStatus
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
@@ -57,7 +57,7 @@ def flight():
     def on_step(harness):
         if not told:
             told.append(
-                Reporting(harness.app, harness.app._clock, harness.flight.folder or "/", figures, 0.0)
+                TelemetryReporter(harness.app, harness.app._clock, harness.flight.folder or "/", figures, 0.0)
             )
             told[0].planned(plan(PlanStatus.EXACT), 1.0)
         if round(harness.now_s * 50) % 50 == 0:
@@ -103,13 +103,13 @@ def test_a_flight_is_seen_in_the_figures(flight, endpoint):
 def test_plans_and_exchanges_are_counted_by_how_they_ended(endpoint):
     served, figures, _, _ = endpoint
     figures.planned(plan(PlanStatus.EXACT), 300.0)
-    figures.planned(plan(PlanStatus.TIMEOUT), 1200.0)
+    figures.planned(plan(PlanStatus.APPROXIMATE), 1200.0)
     figures.exchanged(SwapOutcome.FLOWN)
     figures.exchanged(SwapOutcome.STALE)
     seen = samples(get(f"http://127.0.0.1:{served.port}/metrics"))
     assert seen["companion_plan_seconds_bucket", "0.35", "exact"] == 1.0
-    assert seen["companion_plan_seconds_bucket", "1.0", "timeout"] == 0.0
-    assert seen["companion_plan_seconds_sum", "timeout"] == pytest.approx(1.2)
+    assert seen["companion_plan_seconds_bucket", "1.0", "approximate"] == 0.0
+    assert seen["companion_plan_seconds_sum", "approximate"] == pytest.approx(1.2)
     assert seen["companion_swaps_total", "flown"] == seen["companion_swaps_total", "stale"] == 1.0
     assert seen["companion_swaps_total", "refused"] == 0.0
 
@@ -156,7 +156,7 @@ def test_the_quality_of_the_last_plan_with_a_path_is_told(flight):
     harness, _, reporting = flight
     path = harness.app.state.flown.path
     reporting.planned(plan(PlanStatus.EXACT, path, 0.75), 1.0)
-    reporting.planned(plan(PlanStatus.TIMEOUT, None, 0.1), 1.0)
+    reporting.planned(plan(PlanStatus.APPROXIMATE, None, 0.1), 1.0)
     sent = []
     harness.app.link.send = sent.append
     reporting.tell(20.0, with_computer=False)
@@ -165,7 +165,7 @@ def test_the_quality_of_the_last_plan_with_a_path_is_told(flight):
 
 
 def test_a_folder_that_is_gone_costs_the_disks_figures_only(tmp_path):
-    computer = look_at(tmp_path / "gone" / "away")
+    computer = host_status(tmp_path / "gone" / "away")
     assert computer.disk_total_mb == 0.0
     assert computer.memory_total_mb > 0.0
 

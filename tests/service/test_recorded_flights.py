@@ -220,7 +220,7 @@ def test_a_port_for_metrics_that_is_taken_leaves_nothing_behind(tmp_path):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        service = Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, port)
+        service = Service(MISSION, "udpin://127.0.0.1:0", tmp_path / "flights", {}, metrics_port=port)
         with pytest.raises(LinkError, match=f"metrics on 127.0.0.1:{port}: Address already in use"):
             asyncio.run(service.run())
     assert list((tmp_path / "flights").iterdir()) == []

@@ -22,7 +22,7 @@ from companion.config import load_mission
 from companion.flight.modes import Mode
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.types.events import Dialect
-from sim.faults import Happening, random_schedule
+from sim.faults import FaultKind, random_schedule
 from tests.hostile.hostile_hour import MEBIBYTE, resident_bytes
 from tests.torture.harness import KINDS, TortureHarness, flown
 
@@ -56,7 +56,7 @@ def reading(flight, began_s):
 def flight(number, first_seed, folder):
     """One flight under faults; how it ended, and how long it lasted [s]."""
     seed, dialect = first_seed + number, list(Dialect)[number % 2]
-    kinds = tuple(kind for kind in KINDS[dialect] if kind is not Happening.KILL)
+    kinds = tuple(kind for kind in KINDS[dialect] if kind is not FaultKind.KILL)
     mission = load_mission(Path("mission_configs") / f"{MISSIONS[number // 2 % 3]}.yaml")
     harness = TortureHarness(dialect, seed, random_schedule(seed, FAULTS_S, kinds), folder, mission)
     harness.link_kind = AutopilotLink

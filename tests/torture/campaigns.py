@@ -8,7 +8,7 @@ import numpy as np
 
 from companion.flight.modes import Mode
 from companion.types.events import Dialect
-from sim.faults import Happening, LinkFaults, Schedule, random_schedule
+from sim.faults import FaultKind, LinkFaults, Schedule, random_schedule
 from tests.torture.harness import KINDS, TortureHarness, flown
 
 TO_THE_GOAL_S = 130.0
@@ -22,7 +22,7 @@ PILOT_MODES = {
 
 def lossy_schedule(dialect, seed):
     """A fifth of all frames lost all along, with the spells and events of a random schedule on top."""
-    kinds = tuple(kind for kind in KINDS[dialect] if kind is not Happening.REBOOT)
+    kinds = tuple(kind for kind in KINDS[dialect] if kind is not FaultKind.REBOOT)
     made = random_schedule(seed, OVER_LOSSES_S, kinds)
     spells, now = [], 0.0
     for begin, end, faults in made.spells:

@@ -21,7 +21,7 @@ from companion.link.wire.transport import MemoryTransport
 from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.faults import FaultyLink, Happening, LinkFaults, OtherUploader, Schedule, random_schedule
+from sim.faults import FaultKind, FaultyLink, LinkFaults, OtherUploader, Schedule, random_schedule
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness
 from tests.support.timed_link import TimedLink
@@ -170,16 +170,16 @@ class TortureHarness(SitlHarness):
             self.judge.look(self.now_s, self.verdict)
 
     def _happen(self, event):
-        kind = event.happening
-        if kind is Happening.REBOOT:
+        kind = event.kind
+        if kind is FaultKind.REBOOT:
             self.simulator.reboot()
-        elif kind is Happening.UPLOADER:
+        elif kind is FaultKind.UPLOADER:
             self._uploaders.append(OtherUploader(self.simulator, self.simulator.autopilot.mission_items))
-        elif kind is Happening.KILL:
+        elif kind is FaultKind.KILL:
             self.is_killed = True
-        elif kind is Happening.CLOCK_JUMP:
+        elif kind is FaultKind.CLOCK_JUMP:
             self._jump_s += event.amount
-        elif kind is Happening.DISK_FULL:
+        elif kind is FaultKind.DISK_FULL:
             self.recorder._tlog = FullDisk()
 
     def jumped(self, clock):
@@ -241,8 +241,8 @@ def fly(dialect, seed, schedule, watch=None, duration_s=DURATION_S):
 # A PX4 that reboots holds, and an ArduPlane is bereft of its mission by whoever uploads another: both
 # have tests of their own, and no service can help either.
 KINDS = {
-    Dialect.ARDUPILOT: tuple(kind for kind in Happening if kind is not Happening.UPLOADER),
-    Dialect.PX4: tuple(kind for kind in Happening if kind is not Happening.REBOOT),
+    Dialect.ARDUPILOT: tuple(kind for kind in FaultKind if kind is not FaultKind.UPLOADER),
+    Dialect.PX4: tuple(kind for kind in FaultKind if kind is not FaultKind.REBOOT),
 }
 
 

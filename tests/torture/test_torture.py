@@ -1,11 +1,14 @@
 """A small share of ``make torture``: exchanges broken off, random schedules, and that the judge can see."""
 
+import asyncio
+from dataclasses import replace
+
 import pytest
 
 from companion.types.events import Dialect
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.px4.px4_store import stored
-from sim.faults import Event, Happening, LinkFaults, Schedule, random_schedule
+from sim.faults import Event, FaultKind, LinkFaults, Schedule, random_schedule
+from sim.mission_types import MissionKind
 from tests.torture.campaigns import lossy_flight
 from tests.torture.harness import TortureHarness, broken_after, flown, fly, num_messages, random_flight
 
@@ -97,9 +100,9 @@ def test_swaps_that_keep_failing_are_announced_as_an_emergency_step(dialect):
     assert verdict.violations == []
 
 
-@pytest.mark.parametrize("happening", [kind for kind in Happening if kind is not Happening.UPLOADER])
-def test_one_happening(happening):
-    event = Event(12.0, 18.0, happening, 3.0)
+@pytest.mark.parametrize("kind", [each for each in FaultKind if each is not FaultKind.UPLOADER])
+def test_one_fault(kind):
+    event = Event(12.0, 18.0, kind, 3.0)
     verdict, _ = fly(Dialect.ARDUPILOT, 1, Schedule((), (event,)), duration_s=35.0)
     assert verdict.violations == []
     assert verdict.num_swaps >= 2
@@ -108,8 +111,8 @@ def test_one_happening(happening):
 def test_schedules_repeat_and_differ():
     assert random_schedule(5, 60.0) == random_schedule(5, 60.0)
     assert len({random_schedule(seed, 60.0) for seed in range(20)}) == 20
-    kinds = {event.happening for seed in range(200) for event in random_schedule(seed, 60.0).events}
-    assert kinds == set(Happening)
+    kinds = {event.kind for seed in range(200) for event in random_schedule(seed, 60.0).events}
+    assert kinds == set(FaultKind)
 
 
 # --- the judge is no yes-man
@@ -117,8 +120,6 @@ def test_schedules_repeat_and_differ():
 
 def spoiled(dialect, spoil):
     """A flight in which somebody spoils the mission at 5 s."""
-    import asyncio
-
     harness = TortureHarness(dialect, 1, Schedule())
     act, done = harness.act, []
 
@@ -134,8 +135,6 @@ def spoiled(dialect, spoil):
 
 def through_the_wall(autopilot):
     """Move what lies ahead behind the wall."""
-    from dataclasses import replace
-
     latitude, longitude = autopilot.projection.degrees(630.0, -300.0)
     wrong = {"latitude_e7": round(latitude * 1e7), "longitude_e7": round(longitude * 1e7)}
     current = autopilot.current_sequence

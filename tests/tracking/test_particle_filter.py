@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from companion.tracking.particle_filter import (
-    Fate,
     FilterSettings,
     ParticleFilter,
+    UpdateResult,
     process_noise,
     transition,
 )
@@ -106,7 +106,7 @@ def test_it_agrees_with_the_kalman_filter_at_irregular_times():
         stamp += elapsed
         observed = np.array(position, dtype=float)
         mean, covariance = kalman_step(mean, covariance, elapsed, observed, 5.0)
-        assert cloud.observe(stamp, observed, 5.0) is Fate.APPLIED
+        assert cloud.observe(stamp, observed, 5.0) is UpdateResult.APPLIED
     assert cloud.mean == pytest.approx(mean, abs=0.8)
     assert np.diag(cloud.covariance) == pytest.approx(np.diag(covariance), rel=0.2)
 
@@ -143,19 +143,19 @@ def test_a_late_sighting_is_weighed_where_the_vehicle_was():
     cloud = started()
     cloud.observe(4.0, np.array([40.0, 0.0]), 5.0)
     before = cloud.covariance[0, 0]
-    assert cloud.observe(3.0, np.array([30.0, 0.0]), 5.0) is Fate.APPLIED_LATE
+    assert cloud.observe(3.0, np.array([30.0, 0.0]), 5.0) is UpdateResult.APPLIED_LATE
     assert cloud.stamp_s == 4.0
     assert cloud.mean[0] == pytest.approx(40.0, abs=3.0)
     assert cloud.covariance[0, 0] < before
 
 
 def test_late_sightings_lead_to_nearly_the_same_as_timely_ones():
-    sightings = [(t, np.array([10.0 * t + e, -e])) for t, e in ((1, 2), (2, -3), (3, 1), (4, 4), (5, -2))]
+    detections = [(t, np.array([10.0 * t + e, -e])) for t, e in ((1, 2), (2, -3), (3, 1), (4, 4), (5, -2))]
     timely, late = started(), started()
-    for stamp, place in sightings:
+    for stamp, place in detections:
         timely.observe(float(stamp), place, 5.0)
     for index in (0, 2, 1, 4, 3):
-        late.observe(float(sightings[index][0]), sightings[index][1], 5.0)
+        late.observe(float(detections[index][0]), detections[index][1], 5.0)
     assert late.stamp_s == timely.stamp_s
     assert late.mean == pytest.approx(timely.mean, abs=2.0)
 
@@ -163,7 +163,7 @@ def test_late_sightings_lead_to_nearly_the_same_as_timely_ones():
 def test_a_sighting_too_late_changes_nothing():
     cloud = started(stamp_s=100.0)
     before = cloud.mean
-    assert cloud.observe(94.9, np.array([0.0, 0.0]), 5.0) is Fate.TOO_LATE
+    assert cloud.observe(94.9, np.array([0.0, 0.0]), 5.0) is UpdateResult.TOO_LATE
     assert np.array_equal(cloud.mean, before)
 
 
@@ -222,9 +222,9 @@ def test_settings_that_make_no_sense_are_refused():
         max_size=8,
     )
 )
-def test_whatever_is_sighted_the_moments_stay_a_distribution(sightings):
+def test_whatever_is_sighted_the_moments_stay_a_distribution(detections):
     cloud = started(settings=FilterSettings(num_particles=64))
-    for after, east, north, std, velocity in sightings:
+    for after, east, north, std, velocity in detections:
         cloud.observe(
             cloud.stamp_s + after,
             np.array([east, north]),

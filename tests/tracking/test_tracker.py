@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.tracking.threat_assigner import REMEMBERED_MAX, Kind, KindRegister, KindSettings
+from companion.tracking.threat_assigner import (
+    REMEMBERED_MAX,
+    ThreatAssigner,
+    VehicleClass,
+    VehicleClassSettings,
+)
 from companion.tracking.track import TrackSettings, chi_square_quantile
 from companion.tracking.tracker import Tracker, TrackerSettings
 from companion.types.events import Emitter
@@ -201,7 +206,7 @@ def test_vehicles_become_the_nearest_free_kind_of_the_mission_file():
     a, b, c = target.tracks(0.0)
     assert (a.max_threat_radius_m, a.speed_max_m_s) == (600.0, 0.0)
     assert b.max_threat_radius_m == 400.0
-    assert c.max_threat_radius_m == KindSettings().ground.max_threat_radius_m
+    assert c.max_threat_radius_m == VehicleClassSettings().ground.max_threat_radius_m
 
 
 def test_a_vehicle_that_comes_back_is_what_it_was():
@@ -220,7 +225,7 @@ def test_airborne_vehicles_are_of_a_kind_only_near_its_start():
     )
     far, near = target.tracks(0.0)
     assert far.is_airborne
-    assert far.speed_max_m_s == KindSettings().air.speed_m_s
+    assert far.speed_max_m_s == VehicleClassSettings().air.speed_m_s
     assert far.position_enu_m[2] == pytest.approx(300.0, abs=0.01)
     assert near.max_threat_radius_m == 400.0
     assert near.velocity_enu_m_s[2] == 3.0
@@ -274,11 +279,11 @@ def test_settings_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="between 0 and 1"):
         TrackSettings(gate_probability=1.0)
     with pytest.raises(ValueError, match="least"):
-        TrackSettings(moving_sightings=0)
+        TrackSettings(moving_detections=0)
     with pytest.raises(ValueError, match="below the largest"):
         TrackSettings(acceleration_std_min_m_s2=20.0)
     with pytest.raises(ValueError, match="no number"):
-        KindSettings(ground=Kind(1, 1.0, 1.0, 1.0))
+        VehicleClassSettings(ground=VehicleClass(1, 1.0, 1.0, 1.0))
 
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -313,7 +318,7 @@ def test_whatever_is_reported_tracks_stay_finite(rows):
 
 
 def test_former_kinds_are_remembered_up_to_a_number():
-    register = KindRegister((PURSUER, PARKED), KindSettings())
+    register = ThreatAssigner((PURSUER, PARKED), VehicleClassSettings())
     for number in range(REMEMBERED_MAX + 1):
         register.release(register.assigned(str(number), 0.0, 0.0, is_airborne=False))
     # Near the launcher, but what held the pursuer before gets it again; the first is forgotten.

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from companion.ui import style
 
@@ -46,8 +47,6 @@ def extents(axes):
 
 
 def test_texts_never_cover_each_other_nor_leave_the_map(axes):
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     FigureCanvasAgg(axes.figure)
     labels = style.Labels(axes)
     rng = np.random.default_rng(4)

@@ -15,10 +15,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.track_messages import Tracks
 from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
-from companion.link.missions.mission_items import item_of
+from companion.link.missions.mission_items import item_from_payload
 from companion.link.wire.decoded_frame import (
     CommandAck,
-    Frame,
+    DecodedFrame,
     MissionAck,
     MissionCount,
     MissionQuestion,
@@ -40,9 +40,10 @@ from companion.link.wire.framing import (
 from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
 from companion.link.wire.source_limits import SourceLimits
 from companion.types.events import Event
+from companion.types.mavlink_enums import ComponentId
 from companion.types.mission import MissionItem
 
-COMPONENT_ID = 195  # MAV_COMP_ID_PATHPLANNER
+COMPONENT_ID = ComponentId.PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
@@ -116,7 +117,7 @@ class Codec:
         """System and component id under which messages go out."""
         return self._telemetry.vehicle_system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
 
-    def feed(self, data: bytes, stamp_s: float) -> list[Frame]:
+    def feed(self, data: bytes, stamp_s: float) -> list[DecodedFrame]:
         """Take received bytes, in any portions.
 
         Parameters
@@ -128,7 +129,7 @@ class Codec:
 
         Returns
         -------
-        list of Frame
+        list of DecodedFrame
             Those that became complete, in order, without the own ones that came back.
         """
         frames = []
@@ -139,7 +140,7 @@ class Codec:
                 continue
             elif not raw.is_verified:
                 self.counters["unknown_message"] += 1
-                frames.append(Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
+                frames.append(DecodedFrame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
             else:
                 frames.append(self._decoded(raw, stamp_s))
         return frames
@@ -167,12 +168,12 @@ class Codec:
         """A received frame without its signature, for a reader that has no key."""
         return without_signature(raw, _EXTRAS)
 
-    def _decoded(self, raw: RawFrame, stamp_s: float) -> Frame:
+    def _decoded(self, raw: RawFrame, stamp_s: float) -> DecodedFrame:
         try:
             message = self._reader.decode(bytearray(raw.raw))
         except mavlink.MAVError:
             self.counters["undecodable"] += 1
-            return Frame(raw.raw, raw.system_id, raw.component_id, raw.message_id)
+            return DecodedFrame(raw.raw, raw.system_id, raw.component_id, raw.message_id)
         self.counters["accepted"] += 1
         kind = message.get_type()
         if kind == "HEARTBEAT":
@@ -185,7 +186,7 @@ class Codec:
                 events.append(report)
         except RefusedError as refused:
             self.counters[f"refused_{refused.reason}"] += 1
-        return Frame(
+        return DecodedFrame(
             raw.raw,
             raw.system_id,
             raw.component_id,
@@ -395,16 +396,16 @@ def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | No
     if kind == "AUTOPILOT_VERSION":
         major, minor, patch, release = message.flight_sw_version.to_bytes(4, "big")
         return VersionTold((major, minor, patch), release)
-    if kind in _TRANSFERS and message.target_component in (0, COMPONENT_ID):
-        return _TRANSFERS[kind](message)
-    return None
+    if kind not in _TRANSFERS or message.target_component not in (0, COMPONENT_ID):
+        return None
+    return _TRANSFERS[kind](message, raw)
 
 
-_TRANSFERS: dict[str, Callable[[Any], Reply]] = {
-    "MISSION_REQUEST": lambda m: MissionQuestion(m.seq, m.mission_type),
-    "MISSION_REQUEST_INT": lambda m: MissionQuestion(m.seq, m.mission_type),
-    "MISSION_COUNT": lambda m: MissionCount(m.count, m.mission_type),
-    "MISSION_ITEM_INT": lambda m: MissionTold(item_of(m), m.mission_type),
+_TRANSFERS: dict[str, Callable[[Any, RawFrame], Reply]] = {
+    "MISSION_REQUEST": lambda m, _: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_REQUEST_INT": lambda m, _: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_COUNT": lambda m, _: MissionCount(m.count, m.mission_type),
+    "MISSION_ITEM_INT": lambda _, raw: MissionTold(*item_from_payload(raw.message_id, raw.payload)),
 }
 
 

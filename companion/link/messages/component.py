@@ -14,15 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from companion import __version__
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import Frame, Request
-
-_ACCEPTED, _UNSUPPORTED = 0, 3
-_WARNING = 4
-_REAL32 = 9  # MAV_PARAM_TYPE
-_REQUEST_MESSAGE = 512
-_AUTOPILOT_VERSION, _HEARTBEAT = 148, 0
-_VERSION = 0x00010000  # 0.1.0, as AUTOPILOT_VERSION packs it
+from companion.link.wire.decoded_frame import DecodedFrame, Request
+from companion.types.mavlink_enums import (
+    Command,
+    CommandResult,
+    MessageId,
+    ParameterType,
+    Severity,
+)
 
 
 class ParameterStore(Protocol):
@@ -42,33 +43,26 @@ class ParameterStore(Protocol):
         ...
 
 
-def answer(frame: Frame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
+def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
     """Return the bytes that a frame calls for, empty for none.
 
     Parameters
     ----------
-    frame : Frame
-        Any received one.
+    frame : DecodedFrame
+        The received frame, of whatever kind.
     codec : Codec
-        Whose ids and encoding the answer has.
+        The link's codec, under whose ids the answer is encoded.
     parameters : ParameterStore, optional
-        Left out, there are none.
+        Parameters of this component; left out, it has none.
     """
     request = frame.request
     if request is None:
         return b""
     system, component = codec.own_ids
     if request.kind == "ping":
-        # A ping to nobody asks everybody; one with a target is itself an answer.
-        if (request.target_system, request.target_component) != (0, 0):
-            return b""
-        return codec.ping_answer(
-            int(request.parameters[0]), request.number, frame.system_id, frame.component_id
-        )
+        return _ping_answer(request, frame, codec)
     if request.kind == "parameter_list" and parameters is not None:
-        # Everybody is asked by component 0, and each answers for itself.
-        is_asked = request.target_system in (0, system) and request.target_component in (0, component)
-        return b"".join(_told(name, codec, parameters) for name in parameters.names) if is_asked else b""
+        return _parameter_list(request, codec, parameters)
     if (request.target_system, request.target_component) != (system, component):
         return b""  # an answer to a broadcast would be one of many, and the autopilot gives it
     if request.kind == "command":
@@ -78,6 +72,20 @@ def answer(frame: Frame, codec: Codec, parameters: ParameterStore | None = None)
         is_autopilot = frame.system_id == system and frame.component_id == 1
         return b"" if is_autopilot else codec.mission_refusal(frame.system_id, frame.component_id)
     return b"" if parameters is None else _parameter_answer(request, codec, parameters)
+
+
+def _ping_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
+    """Answer to a ping that asks everybody; one with a target is itself an answer."""
+    if (request.target_system, request.target_component) != (0, 0):
+        return b""
+    return codec.ping_answer(int(request.parameters[0]), request.number, frame.system_id, frame.component_id)
+
+
+def _parameter_list(request: Request, codec: Codec, parameters: ParameterStore) -> bytes:
+    """All parameters, where we are asked or everybody is, by component 0: each answers for itself."""
+    system, component = codec.own_ids
+    is_asked = request.target_system in (0, system) and request.target_component in (0, component)
+    return b"".join(_told(name, codec, parameters) for name in parameters.names) if is_asked else b""
 
 
 def _told(name: str, codec: Codec, parameters: ParameterStore) -> bytes:
@@ -96,20 +104,29 @@ def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore
     said = b""
     if request.kind == "parameter_set":
         # In another type the same bytes are another number, and autopilots differ in how they take it.
-        is_real = request.number == _REAL32
+        is_real = request.number == ParameterType.REAL32
         reason = parameters.set(name, request.parameters[0]) if is_real else "not sent as REAL32"
         if reason:
             codec.counters["refused_parameter"] += 1
-            said = codec.status_text(_WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50])
+            said = codec.status_text(
+                Severity.WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50]
+            )
     return _told(name, codec, parameters) + said
 
 
-def _command_answer(request: Request, frame: Frame, codec: Codec) -> bytes:
+def _command_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
     sender = (frame.system_id, frame.component_id)
-    if request.number == _REQUEST_MESSAGE:
+    if request.number == Command.REQUEST_MESSAGE:
         wanted = int(request.parameters[0])
-        if wanted == _AUTOPILOT_VERSION:
-            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.autopilot_version(_VERSION)
-        if wanted == _HEARTBEAT:
-            return codec.command_ack(request.number, _ACCEPTED, *sender) + codec.heartbeat()
-    return codec.command_ack(request.number, _UNSUPPORTED, *sender)
+        accepted = codec.command_ack(request.number, CommandResult.ACCEPTED, *sender)
+        if wanted == MessageId.AUTOPILOT_VERSION:
+            return accepted + codec.autopilot_version(_packed_version())
+        if wanted == MessageId.HEARTBEAT:
+            return accepted + codec.heartbeat()
+    return codec.command_ack(request.number, CommandResult.UNSUPPORTED, *sender)
+
+
+def _packed_version() -> int:
+    """The program's version as AUTOPILOT_VERSION packs it: a byte each for major, minor and patch."""
+    major, minor, patch = (int(number) for number in __version__.split(".")[:3])
+    return major << 24 | minor << 16 | patch << 8

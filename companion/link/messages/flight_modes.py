@@ -9,8 +9,7 @@ ArduPlane ``mode.h`` (custom_mode is the number); PX4 ``px4_custom_mode.h`` (mai
 from __future__ import annotations
 
 from companion.types.events import Dialect
-
-_CUSTOM_MODE_ENABLED = 1
+from companion.types.mavlink_enums import ModeFlag, VehicleType
 
 ARDUPLANE_MODES = {
     0: "MANUAL",
@@ -62,7 +61,10 @@ PX4_AUTO_MODES = {
     10: "VTOL_TAKEOFF",
 }
 # Fixed wing, and the kinds of VTOL that ArduPlane flies; a copter numbers its modes differently.
-_PLANE_TYPES = frozenset({1, 19, 20, 21, 22, 23, 24, 25, 28})
+_PLANE_TYPES = frozenset(
+    {VehicleType.FIXED_WING, VehicleType.PARAFOIL}
+    | {kind for kind in VehicleType if kind.name.startswith("VTOL_")}
+)
 _MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
 
 
@@ -72,7 +74,7 @@ def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode
     A mode that is not known has its number for a name and is never the mission mode.
     """
     name = None
-    if base_mode & _CUSTOM_MODE_ENABLED:
+    if base_mode & ModeFlag.CUSTOM_MODE_ENABLED:
         if dialect is Dialect.PX4:
             name = _px4_mode(custom_mode)
         elif vehicle_type in _PLANE_TYPES:

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.decoded_frame import DecodedFrame
 from companion.types.events import Dialect, Heartbeat, Rebooted
-
-POSITION, ATTITUDE, AIR, MISSION_CURRENT = 33, 30, 74, 42
-WIND, WIND_COVARIANCE, ESTIMATOR_STATUS, HOME, TRACK = 168, 231, 230, 242, 246
+from companion.types.mavlink_enums import MessageId
 
 _ASK_AGAIN_S = 5.0
 _FIRST_WAIT_S = 2.0
@@ -41,7 +39,7 @@ class Streams:
     Parameters
     ----------
     rate_hz : float
-        Of position; what changes slower is asked for more rarely.
+        Rate at which positions are asked for [Hz]; what changes slower is asked for more rarely.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -63,7 +61,7 @@ class Streams:
         """Rates that the vital messages are asked for at [Hz]."""
         return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
 
-    def note(self, frame: Frame, stamp_s: float) -> None:
+    def note(self, frame: DecodedFrame, stamp_s: float) -> None:
         """Take note of a received frame."""
         for event in frame.events:
             if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:
@@ -82,22 +80,24 @@ class Streams:
             if stream.is_due(now_s):
                 stream.asked_s = now_s
                 requests.append(codec.set_message_interval(number, stream.rate_hz))
-                if number == HOME:  # sent on change only: the interval alone may never bring it
-                    requests.append(codec.request_message(HOME))
+                if (
+                    number == MessageId.HOME_POSITION
+                ):  # sent on change only: the interval alone may never bring it
+                    requests.append(codec.request_message(MessageId.HOME_POSITION))
         return b"".join(requests)
 
     def _wanted(self, dialect: Dialect, now_s: float) -> dict[int, _Stream]:
         fast, slow = self._rate_hz, 1.0
-        wind = WIND if dialect is Dialect.ARDUPILOT else WIND_COVARIANCE
+        wind = MessageId.WIND if dialect is Dialect.ARDUPILOT else MessageId.WIND_COV
         rates = {
-            POSITION: (fast, True),
-            ATTITUDE: (fast, False),
-            AIR: (min(fast, 5.0), True),
-            MISSION_CURRENT: (min(fast, 5.0), True),
+            MessageId.GLOBAL_POSITION_INT: (fast, True),
+            MessageId.ATTITUDE: (fast, False),
+            MessageId.VFR_HUD: (min(fast, 5.0), True),
+            MessageId.MISSION_CURRENT: (min(fast, 5.0), True),
             wind: (slow, False),
-            HOME: (0.5, False),
-            TRACK: (min(fast, 5.0), False),
+            MessageId.HOME_POSITION: (0.5, False),
+            MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }
         if dialect is Dialect.PX4:
-            rates[ESTIMATOR_STATUS] = (slow, False)
+            rates[MessageId.ESTIMATOR_STATUS] = (slow, False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable, Collection
 
 from companion.link.messages.vehicle_telemetry import (
-    AUTOPILOT_COMPONENT,
     SPEED_MAX_M_S,
     Message,
     RefusedError,
@@ -28,13 +27,22 @@ from companion.link.messages.vehicle_telemetry import (
 )
 from companion.link.wire.framing import RawFrame
 from companion.types.events import Emitter, TrackReport
+from companion.types.mavlink_enums import ComponentId, EmitterType, VehicleType
 
 _ECHO_MEMORY_S = 10.0
 ECHO_IDENTITIES_MAX = 10_000  # more are forgotten, the longest unheard first
 _AGE_MAX_S = 60.0
 _STD_MAX_M = 10_000.0
-_SURFACE_EMITTERS = frozenset({17, 18, 19})  # emergency and service vehicle, point obstacle
-_SURFACE_TYPES = frozenset({5, 6, 10, 11, 12})  # antenna tracker, ground station, rover, boat, submarine
+_SURFACE_EMITTERS = frozenset(EmitterType)
+_SURFACE_TYPES = frozenset(
+    {
+        VehicleType.ANTENNA_TRACKER,
+        VehicleType.GCS,
+        VehicleType.GROUND_ROVER,
+        VehicleType.SURFACE_BOAT,
+        VehicleType.SUBMARINE,
+    }
+)
 _UNKNOWN_SPEED = 0xFFFF
 _RID_UNKNOWN_SPEED_CM_S = 25_500
 _RID_UNKNOWN_COURSE_CDEG = 36_100
@@ -130,7 +138,7 @@ class Tracks:
         A receiver wired to the autopilot speaks under the same ids, so it is an echo only when
         the same vehicle was lately heard from somebody else as well.
         """
-        autopilot = (self._telemetry.vehicle_system_id, AUTOPILOT_COMPONENT)
+        autopilot = (self._telemetry.vehicle_system_id, ComponentId.AUTOPILOT1)
         if (frame.system_id, frame.component_id) != autopilot:
             self._seen_elsewhere_s.pop(identity, None)  # to the end: the dict is in the order of hearing
             self._seen_elsewhere_s[identity] = stamp_s

@@ -23,13 +23,13 @@ from companion.types.events import (
     StatusText,
     WindEstimate,
 )
+from companion.types.mavlink_enums import Autopilot, ComponentId, ModeFlag
 
-AUTOPILOT_COMPONENT = 1
+AUTOPILOT_COMPONENT = ComponentId.AUTOPILOT1
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 
-_DIALECTS = {3: Dialect.ARDUPILOT, 12: Dialect.PX4}
-_ARMED = 128
+_DIALECTS = {Autopilot.ARDUPILOTMEGA: Dialect.ARDUPILOT, Autopilot.PX4: Dialect.PX4}
 _NO_MISSION = 0xFFFF
 _REORDERED_MS = 2_000  # a frame this late on one link is the clock having gone back, not a detour
 _STD_MAX_M = 10_000.0
@@ -111,7 +111,7 @@ class Telemetry:
         """
         if kind == "HEARTBEAT":
             return self._heartbeat(message, frame, stamp_s)
-        if (frame.system_id, frame.component_id) != (self.vehicle_system_id, AUTOPILOT_COMPONENT):
+        if (frame.system_id, frame.component_id) != (self.vehicle_system_id, ComponentId.AUTOPILOT1):
             return []
         if kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
             return self._timed(kind, message, stamp_s)
@@ -120,7 +120,7 @@ class Telemetry:
 
     def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
         dialect = _DIALECTS.get(message.autopilot)
-        if dialect is None or frame.component_id != AUTOPILOT_COMPONENT:
+        if dialect is None or frame.component_id != ComponentId.AUTOPILOT1:
             return []
         if self.vehicle_system_id is None:
             self.vehicle_system_id = frame.system_id
@@ -135,7 +135,7 @@ class Telemetry:
                 dialect=dialect,
                 mode=mode,
                 is_mission_mode=is_mission,
-                is_armed=bool(message.base_mode & _ARMED),
+                is_armed=bool(message.base_mode & ModeFlag.SAFETY_ARMED),
             )
         ]
 

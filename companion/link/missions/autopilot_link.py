@@ -21,21 +21,19 @@ from companion.link.messages.codec import Codec
 from companion.link.messages.flight_modes import custom_mode_of
 from companion.link.missions.mavsdk_reader import MavsdkReader
 from companion.link.missions.mission_items import check_upload
-from companion.link.missions.mission_transfer import OPENING, Reading, RoundTrip, Upload
+from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
 from companion.link.wire.decoded_frame import (
-    RESULTS,
     CommandAck,
-    Frame,
+    DecodedFrame,
     MissionAck,
     MissionCount,
     MissionQuestion,
     MissionTold,
 )
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
+from companion.types.mavlink_enums import Command, CommandResult, ComponentId, name_of
 from companion.types.mission import MissionItem
 
-_COMMAND_SET_CURRENT, _COMMAND_SET_MODE = 224, 176
-_IN_PROGRESS = 5
 _INSIST_S = 4.5  # for so long a command is sent again until it is answered
 _REPEAT_MIN_S, _REPEAT_MAX_S = 0.5, 1.5  # PX4 tells a new item with its next MISSION_CURRENT, within 1 s
 _TICK_S = 0.04  # between looks at whether an item must be sent again
@@ -48,13 +46,13 @@ class AutopilotLink:
     Parameters
     ----------
     codec : Codec
-        The link's; it knows the vehicle's ids.
+        Codec of the link that the calls go over; it knows the vehicle's ids.
     clock : Clock
-        For the waits of ``set_current`` and ``set_mode``.
+        Clock by which ``set_current`` and ``set_mode`` wait, and transfers repeat.
     send : callable
         Takes bytes for the transport.
     on_pending_change : callable, optional
-        Told ``pending_calls`` whenever it changes.
+        Called with ``pending_calls`` whenever that changes.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """
@@ -78,7 +76,7 @@ class AutopilotLink:
         self._turn = asyncio.Lock()
         self._current: MissionCurrent | None = None
         self._round_trip = RoundTrip()
-        self._moving: tuple[Upload | Reading, Callable[[int], bytes]] | None = None
+        self._moving: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._moved = asyncio.Event()
 
     @property
@@ -115,9 +113,9 @@ class AutopilotLink:
         """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
         self._mavsdk.give_up_turn()
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: DecodedFrame) -> None:
         """Take a received frame; those of other systems and of no concern are ignored."""
-        if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, 1):
+        if (frame.system_id, frame.component_id) != (self._codec.vehicle_system_id, ComponentId.AUTOPILOT1):
             return
         for event in frame.events:
             if isinstance(event, Heartbeat):
@@ -198,7 +196,7 @@ class AutopilotLink:
         """
         async with self._turn:
             self._require_autopilot()
-            reading = Reading(self._round_trip, self._clock.now_s(), _WINDOW)
+            reading = MissionDownload(self._round_trip, self._clock.now_s(), _WINDOW)
 
             def frame_of(number: int) -> bytes:
                 return self._codec.mission_question(None if number == OPENING else number)
@@ -208,7 +206,7 @@ class AutopilotLink:
             return reading.items
 
     async def _moved_whole(
-        self, transfer: Upload | Reading, frame_of: Callable[[int], bytes], operation: str
+        self, transfer: Upload | MissionDownload, frame_of: Callable[[int], bytes], operation: str
     ) -> None:
         """Carry out a transfer of our own."""
         self._moving = transfer, frame_of
@@ -243,9 +241,9 @@ class AutopilotLink:
                 transfer.note_ack(told, now)
             case Upload(), MissionQuestion():
                 transfer.note_question(told, now)
-            case Reading(), MissionCount():
+            case MissionDownload(), MissionCount():
                 transfer.note_count(told, now)
-            case Reading(), MissionTold():
+            case MissionDownload(), MissionTold():
                 transfer.note_item(told, now)
         for number in transfer.due(now):
             self._send(frame_of(number))
@@ -304,14 +302,14 @@ class AutopilotLink:
         answer = await self._insisted(
             make,
             lambda told: (
-                _is_result_of(told, _COMMAND_SET_CURRENT)
+                _is_result_of(told, Command.DO_SET_MISSION_CURRENT)
                 or (isinstance(told, MissionCurrent) and told.sequence == sequence)
             ),
             is_ahead,
         )
         _require_success("set_current", answer)
 
-    async def told(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
+    async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for a MISSION_CURRENT, by our clock; whether one came in time."""
         answer = await self._asked(
             b"", lambda what: isinstance(what, MissionCurrent) and is_it(what), wait_s=wait_s
@@ -330,7 +328,7 @@ class AutopilotLink:
         if number is None:
             raise TransferError("set_mode", f"no mode {mode}")
         answer = await self._insisted(
-            lambda _: self._codec.set_mode(number), lambda told: _is_result_of(told, _COMMAND_SET_MODE)
+            lambda _: self._codec.set_mode(number), lambda told: _is_result_of(told, Command.DO_SET_MODE)
         )
         _require_success("set_mode", answer)
 
@@ -403,12 +401,14 @@ class AutopilotLink:
 
 def _is_result_of(told: object, command: int) -> bool:
     """Whether something that was told ends a command."""
-    return isinstance(told, CommandAck) and told.command == command and told.result != _IN_PROGRESS
+    if not isinstance(told, CommandAck) or told.command != command:
+        return False
+    return told.result != CommandResult.IN_PROGRESS
 
 
 def _require_success(operation: str, answer: object | None) -> None:
     """TransferError without an answer, and where it refuses."""
     if answer is None:
         raise TransferError(operation, "no answer")
-    if isinstance(answer, CommandAck) and answer.result != 0:
-        raise TransferError(operation, RESULTS.get(answer.result, f"result {answer.result}"))
+    if isinstance(answer, CommandAck) and answer.result != CommandResult.ACCEPTED:
+        raise TransferError(operation, name_of(CommandResult, answer.result))

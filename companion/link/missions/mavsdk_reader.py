@@ -1,4 +1,4 @@
-"""Reading lists from the autopilot by MAVSDK. The only place that knows it.
+"""MissionDownload lists from the autopilot by MAVSDK. The only place that knows it.
 
 MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it wants
 to say is handed to the transport. It speaks the mission protocol and nothing else: its heartbeats and
@@ -28,13 +28,25 @@ from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError, MissionRawRe
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_items import item_of, log_of_mavsdk
-from companion.link.wire.decoded_frame import Frame
+from companion.link.wire.decoded_frame import DecodedFrame
 from companion.link.wire.framing import raw_frame
 from companion.types.events import Heartbeat
+from companion.types.mavlink_enums import MessageId
 from companion.types.mission import MissionItem
 
-_HEARTBEAT, _MISSION_ACK = 0, 47
-MISSION_MESSAGES = frozenset({38, 39, 40, 43, 44, 45, 47, 51, 73})
+MISSION_MESSAGES = frozenset(
+    {
+        MessageId.MISSION_WRITE_PARTIAL_LIST,
+        MessageId.MISSION_ITEM,
+        MessageId.MISSION_REQUEST,
+        MessageId.MISSION_REQUEST_LIST,
+        MessageId.MISSION_COUNT,
+        MessageId.MISSION_CLEAR_ALL,
+        MessageId.MISSION_ACK,
+        MessageId.MISSION_REQUEST_INT,
+        MessageId.MISSION_ITEM_INT,
+    }
+)
 _DISCOVERY_S = 5.0
 _ACKNOWLEDGE_S = 0.5
 _END_S = 6.0  # discovery cannot be broken off, nor the reading of a fence, which is asked for during 3 s
@@ -47,13 +59,13 @@ class MavsdkReader:
     Parameters
     ----------
     codec : Codec
-        The link's; it knows the vehicle's ids.
+        Codec of the link that MAVSDK is bridged to; it knows the vehicle's ids.
     send : callable
         Takes bytes for the transport.
     counters : Counter of str
-        For frames of MAVSDK's that were dropped.
+        Where frames of MAVSDK's that were dropped are counted.
     on_pending_change : callable, optional
-        Told ``pending_calls`` whenever it changes.
+        Called with ``pending_calls`` whenever that changes.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """
@@ -100,12 +112,12 @@ class MavsdkReader:
         """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
         self._is_our_turn = False
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: DecodedFrame) -> None:
         """Take a frame of the autopilot's."""
         if any(isinstance(event, Heartbeat) for event in frame.events):
             self._heartbeat = self._codec.unsigned(frame.raw)
         is_awaited = self._pending_calls > 0 and frame.message_id in MISSION_MESSAGES
-        if self._mavsdk is not None and (is_awaited or frame.message_id == _HEARTBEAT):
+        if self._mavsdk is not None and (is_awaited or frame.message_id == MessageId.HEARTBEAT):
             self._is_our_turn = self._is_our_turn or is_awaited
             self._mavsdk.pass_received_raw_bytes(self._codec.unsigned(frame.raw))
 
@@ -179,9 +191,9 @@ class MavsdkReader:
         message_id = frame.message_id
         if message_id in MISSION_MESSAGES:
             # An acknowledgement ends a download: nothing answers it, and the call is about to return.
-            self._is_our_turn = message_id == _MISSION_ACK
+            self._is_our_turn = message_id == MessageId.MISSION_ACK
             self._send(self._codec.renumbered(data))
-            if message_id == _MISSION_ACK:
+            if message_id == MessageId.MISSION_ACK:
                 self._has_acknowledged.set()
         else:
             self._counters["mavsdk_dropped"] += 1

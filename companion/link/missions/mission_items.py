@@ -1,14 +1,23 @@
-"""Mission items and words of MAVSDK's in our terms, and what must hold of a list that is sent."""
+"""Mission items off the wire and of MAVSDK's in our terms, and what must hold of a list that is sent."""
 
 from __future__ import annotations
 
 import logging
 import math
+import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from companion.errors import TransferError
+from companion.types.mavlink_enums import MessageId
 from companion.types.mission import MissionItem
+
+# MISSION_ITEM_INT and MISSION_ITEM: parameters, place, altitude, then sequence and command, then six bytes.
+ITEM_LAYOUTS: dict[int, struct.Struct] = {
+    MessageId.MISSION_ITEM_INT: struct.Struct("<4f2if2H6B"),
+    MessageId.MISSION_ITEM: struct.Struct("<7f2H6B"),
+}
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +43,7 @@ def check_upload(items: Sequence[MissionItem]) -> None:
 
 
 def item_of(told: Any) -> MissionItem:  # noqa: ANN401
-    """Mission item of MAVSDK's, or of a MISSION_ITEM_INT; NaN parameters become None."""
+    """Mission item of MAVSDK's, which has a MISSION_ITEM_INT's fields; NaN parameters become None."""
     one, two, three, four = (
         None if math.isnan(value) else float(value)
         for value in (told.param1, told.param2, told.param3, told.param4)
@@ -50,3 +59,27 @@ def item_of(told: Any) -> MissionItem:  # noqa: ANN401
         is_current=bool(told.current),
         autocontinue=bool(told.autocontinue),
     )
+
+
+def item_from_payload(message_id: int, payload: bytes) -> tuple[MissionItem, int]:
+    """Item of a MISSION_ITEM or MISSION_ITEM_INT, and its mission type."""
+    layout = ITEM_LAYOUTS[message_id]
+    values = layout.unpack(payload[: layout.size].ljust(layout.size, b"\0"))
+    one, two, three, four, x, y, altitude, sequence, command, _, _, frame, current, goes_on, kind = values
+    scale = 1 if message_id == MessageId.MISSION_ITEM_INT else 1e7
+    places = [round(scale * value) if math.isfinite(value) else 0 for value in (x, y)]
+    one, two, three, four = (None if math.isnan(value) else value for value in (one, two, three, four))
+    return MissionItem(
+        sequence, command, frame, (one, two, three, four), places[0], places[1], altitude, bool(current),
+        bool(goes_on),
+    ), kind  # fmt: skip
+
+
+def as_sent(item: MissionItem) -> MissionItem:
+    """An item with its numbers as a message carries them, in single precision."""
+    one, two, three, four = (None if value is None else _single(value) for value in item.parameters)
+    return replace(item, parameters=(one, two, three, four), altitude_m=_single(item.altitude_m))
+
+
+def _single(value: float) -> float:
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])

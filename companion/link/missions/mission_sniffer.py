@@ -6,46 +6,18 @@ broken off, it holds a mix. PX4 takes a list over when it acknowledges the last 
 
 from __future__ import annotations
 
-import math
 import struct
 from dataclasses import dataclass, field, replace
 
+from companion.link.missions.mission_items import ITEM_LAYOUTS, item_from_payload
 from companion.link.wire.framing import RawFrame
 from companion.types.events import Dialect
+from companion.types.mavlink_enums import ComponentId, MessageId, MissionResult, MissionType
 from companion.types.mission import MissionItem
 
-WRITE_PARTIAL, ITEM, COUNT, CLEAR_ALL, ACK, ITEM_INT = 38, 39, 44, 45, 47, 73
-_LAYOUTS = {ITEM_INT: struct.Struct("<4f2if2H6B"), ITEM: struct.Struct("<7f2H6B")}
 _TARGET = 32  # of both items: target system, then component
-_INVALID_SEQUENCE = 13
-_AUTOPILOT = 1
-_MISSION = 0  # MAV_MISSION_TYPE_MISSION
 
 Items = tuple[MissionItem | None, ...]
-
-
-def item_from_payload(message_id: int, payload: bytes) -> tuple[MissionItem, int]:
-    """Item of a MISSION_ITEM or MISSION_ITEM_INT, and its mission type."""
-    layout = _LAYOUTS[message_id]
-    values = layout.unpack(payload[: layout.size].ljust(layout.size, b"\0"))
-    one, two, three, four, x, y, altitude, sequence, command, _, _, frame, current, goes_on, kind = values
-    scale = 1 if message_id == ITEM_INT else 1e7
-    places = [round(scale * value) if math.isfinite(value) else 0 for value in (x, y)]
-    one, two, three, four = (None if math.isnan(value) else value for value in (one, two, three, four))
-    return MissionItem(
-        sequence, command, frame, (one, two, three, four), places[0], places[1], altitude, bool(current),
-        bool(goes_on),
-    ), kind  # fmt: skip
-
-
-def as_sent(item: MissionItem) -> MissionItem:
-    """An item with its numbers as a message carries them, in single precision."""
-    one, two, three, four = (None if value is None else _single(value) for value in item.parameters)
-    return replace(item, parameters=(one, two, three, four), altitude_m=_single(item.altitude_m))
-
-
-def _single(value: float) -> float:
-    return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 @dataclass(slots=True)
@@ -75,7 +47,7 @@ class Upload:
     is_accepted: bool = False
 
 
-class Overheard:
+class MissionSniffer:
     """Follows the mission transfers of one vehicle.
 
     Attributes
@@ -85,7 +57,7 @@ class Overheard:
     settled : tuple of MissionItem or None
         The last list that it held as a whole.
     uploads : list of Upload
-        In order, by whomever; broken ones are not among them.
+        Uploads that were sent whole, in order, by whomever; broken ones are not among them.
     num_broken : int
         Uploads that ended otherwise.
     """
@@ -101,31 +73,41 @@ class Overheard:
 
     def feed(self, frame: RawFrame, vehicle: int, stamp_s: float) -> None:
         """Take a frame of either direction; what is no part of a mission's transfer is left alone."""
+        source = (frame.system_id, frame.component_id)
+        if source == (vehicle, ComponentId.AUTOPILOT1):
+            self._feed_told(frame)
+        else:
+            self._feed_sent(frame, source, vehicle, stamp_s)
+
+    def _feed_told(self, frame: RawFrame) -> None:
+        """Take a frame of the autopilot's: its list for somebody, or its word on an upload."""
         payload = frame.payload.ljust(40, b"\0")
-        is_told = (frame.system_id, frame.component_id) == (vehicle, _AUTOPILOT)
-        client = (frame.system_id, frame.component_id)
-        kind = frame.message_id
-        if kind == COUNT and payload[4] == _MISSION:
-            count = int.from_bytes(payload[:2], "little")
-            if is_told:
-                self._down[payload[2], payload[3]] = _Transfer(count)
-                self._note_whole(self._down[payload[2], payload[3]])
-            elif payload[2] in (0, vehicle):
-                self._begin(client, count)
-        elif kind in _LAYOUTS:
-            item, mission_type = item_from_payload(kind, frame.payload)
-            target = payload[_TARGET], payload[_TARGET + 1]
-            if mission_type == _MISSION and is_told:
-                self._read(target, item)
-            elif mission_type == _MISSION and target[0] in (0, vehicle):
-                self._written(client, item, stamp_s)
-        elif kind == WRITE_PARTIAL and not is_told and payload[6] == _MISSION:
-            first, last = (int.from_bytes(payload[at : at + 2], "little") for at in (0, 2))
-            if payload[4] in (0, vehicle) and first <= last:
-                self._up[client] = _Transfer(last - first + 1, first)
-        elif kind == ACK and is_told and payload[3] == _MISSION:
+        if frame.message_id == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:
+            transfer = _Transfer(int.from_bytes(payload[:2], "little"))
+            self._down[payload[2], payload[3]] = transfer
+            self._note_whole(transfer)
+        elif frame.message_id in ITEM_LAYOUTS:
+            item, mission_type = item_from_payload(frame.message_id, frame.payload)
+            if mission_type == MissionType.MISSION:
+                self._read((payload[_TARGET], payload[_TARGET + 1]), item)
+        elif frame.message_id == MessageId.MISSION_ACK and payload[3] == MissionType.MISSION:
             self._acknowledged((payload[0], payload[1]), payload[2])
-        elif kind == CLEAR_ALL and not is_told and payload[2] == _MISSION:
+
+    def _feed_sent(self, frame: RawFrame, client: tuple[int, int], vehicle: int, stamp_s: float) -> None:
+        """Take a frame of a client's, which may be for this vehicle and part of an upload."""
+        payload = frame.payload.ljust(40, b"\0")
+        kind, asked = frame.message_id, (0, vehicle)
+        if kind == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:
+            if payload[2] in asked:
+                self._begin(client, int.from_bytes(payload[:2], "little"))
+        elif kind in ITEM_LAYOUTS and payload[_TARGET] in asked:
+            item, mission_type = item_from_payload(kind, frame.payload)
+            if mission_type == MissionType.MISSION:
+                self._written(client, item, stamp_s)
+        elif kind == MessageId.MISSION_WRITE_PARTIAL_LIST and payload[6] == MissionType.MISSION:
+            if payload[4] in asked:
+                self._begin_part(client, *struct.unpack_from("<HH", payload))
+        elif kind == MessageId.MISSION_CLEAR_ALL and payload[2] == MissionType.MISSION:
             self._up.pop(client, None)
 
     def _begin(self, client: tuple[int, int], count: int) -> None:
@@ -136,6 +118,10 @@ class Overheard:
         if self.dialect is not Dialect.PX4:
             held = self.items or ()
             self.items = (*held[:count], *(None,) * (count - len(held)))
+
+    def _begin_part(self, client: tuple[int, int], first: int, last: int) -> None:
+        if first <= last:
+            self._up[client] = _Transfer(last - first + 1, first)
 
     def _written(self, client: tuple[int, int], item: MissionItem, stamp_s: float) -> None:
         transfer = self._up.get(client)
@@ -153,10 +139,10 @@ class Overheard:
 
     def _acknowledged(self, client: tuple[int, int], result: int) -> None:
         transfer = self._up.get(client)
-        if transfer is None or result == _INVALID_SEQUENCE:  # the upload goes on
+        if transfer is None or result == MissionResult.INVALID_SEQUENCE:  # the upload goes on
             return
         del self._up[client]
-        if result != 0 or not transfer.is_whole:
+        if result != MissionResult.ACCEPTED or not transfer.is_whole:
             self.num_broken += 1
             return
         if self.dialect is Dialect.PX4:

@@ -24,19 +24,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from companion.link.wire.decoded_frame import (
-    RESULTS_OF_MISSION,
     MissionAck,
     MissionCount,
     MissionQuestion,
     MissionTold,
 )
+from companion.types.mavlink_enums import MissionResult, MissionType, name_of
 from companion.types.mission import MissionItem
 
 OPENING = -1  # in place of an item's number: the message with which a transfer begins
 PATIENCE_S = 7.0  # without a word of the autopilot; an ArduPlane gives up after 8 s, a PX4 after 5 s
 REPEAT_MIN_S, REPEAT_MAX_S = 0.12, 1.5
 _FIRST_REPEAT_S = 0.4
-_ACCEPTED, _INVALID_SEQUENCE = 0, 13
 
 
 class RoundTrip:
@@ -72,7 +71,7 @@ class Upload:
     round_trip : RoundTrip
         Learns from this transfer, and times it.
     now_s : float
-        When it begins.
+        Clock reading at which the transfer begins [s].
     may_finish : callable, optional
         Asked each time before the last item leaves; if it may not, the upload ends as withdrawn.
 
@@ -130,7 +129,7 @@ class Upload:
 
     def note_question(self, question: MissionQuestion, now_s: float) -> None:
         """The autopilot asks for an item."""
-        if self.failure is not None or question.mission_type != 0:
+        if self.failure is not None or question.mission_type != MissionType.MISSION:
             return
         if not self._first <= question.sequence <= self._last:
             return
@@ -143,17 +142,17 @@ class Upload:
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
         """The autopilot ends it, or complains of an item that came twice."""
-        if self.failure is not None or ack.mission_type != 0:
+        if self.failure is not None or ack.mission_type != MissionType.MISSION:
             return
-        if ack.result == _INVALID_SEQUENCE and self._asked is not None:
+        if ack.result == MissionResult.INVALID_SEQUENCE and self._asked is not None:
             self._heard_s = now_s
-        elif ack.result != _ACCEPTED:
-            self.failure = RESULTS_OF_MISSION.get(ack.result, f"result {ack.result}")
+        elif ack.result != MissionResult.ACCEPTED:
+            self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # else it ends some transfer before this one
             self.failure, self.opaque_id = "", ack.opaque_id
 
 
-class Reading:
+class MissionDownload:
     """The autopilot's list on its way here.
 
     Parameters
@@ -161,7 +160,7 @@ class Reading:
     round_trip : RoundTrip
         Learns from this transfer, and times it.
     now_s : float
-        When it begins.
+        Clock reading at which the transfer begins [s].
     window : int
         Items asked for at once.
 
@@ -198,7 +197,11 @@ class Reading:
                 return []
             self._due_s = now_s + self._round_trip.repeat_s
             return [OPENING]
-        missing = [number for number in range(self._count) if number not in self._items][: self._window]
+        return self._missing(self._count, now_s)
+
+    def _missing(self, count: int, now_s: float) -> list[int]:
+        """Numbers of the items in the window that were not asked for, or long enough ago."""
+        missing = [number for number in range(count) if number not in self._items][: self._window]
         repeat_s = self._round_trip.repeat_s
         asking = [
             number for number in missing
@@ -210,7 +213,7 @@ class Reading:
 
     def note_count(self, count: MissionCount, now_s: float) -> None:
         """The autopilot tells how long its list is."""
-        if self.failure is not None or count.mission_type != 0 or self._count is not None:
+        if self.failure is not None or count.mission_type != MissionType.MISSION or self._count is not None:
             return
         self._count, self._heard_s = count.count, now_s
         if count.count == 0:
@@ -219,7 +222,11 @@ class Reading:
     def note_item(self, told: MissionTold, now_s: float) -> None:
         """The autopilot tells an item."""
         number = told.item.sequence
-        if self.failure is not None or told.mission_type != 0 or number not in self._asked_s:
+        if (
+            self.failure is not None
+            or told.mission_type != MissionType.MISSION
+            or number not in self._asked_s
+        ):
             return
         if number not in self._items and number not in self._repeated:
             self._round_trip.note(now_s - self._asked_s[number])
@@ -229,5 +236,9 @@ class Reading:
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
         """The autopilot refuses."""
-        if self.failure is None and ack.mission_type == 0 and ack.result != _ACCEPTED:
-            self.failure, self._heard_s = RESULTS_OF_MISSION.get(ack.result, f"result {ack.result}"), now_s
+        if (
+            self.failure is None
+            and ack.mission_type == MissionType.MISSION
+            and ack.result != MissionResult.ACCEPTED
+        ):
+            self.failure, self._heard_s = name_of(MissionResult, ack.result), now_s

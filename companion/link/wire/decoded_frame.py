@@ -7,39 +7,10 @@ from dataclasses import dataclass
 from companion.types.events import Event
 from companion.types.mission import MissionItem
 
-# MAV_RESULT, as far as it ends a command.
-RESULTS = {
-    0: "ACCEPTED",
-    1: "TEMPORARILY_REJECTED",
-    2: "DENIED",
-    3: "UNSUPPORTED",
-    4: "FAILED",
-    6: "CANCELLED",
-}
-
-# MAV_MISSION_RESULT, by its names without the prefix.
-RESULTS_OF_MISSION = {
-    1: "ERROR",
-    2: "UNSUPPORTED_FRAME",
-    3: "UNSUPPORTED",
-    4: "NO_SPACE",
-    5: "INVALID",
-    6: "INVALID_PARAM1",
-    7: "INVALID_PARAM2",
-    8: "INVALID_PARAM3",
-    9: "INVALID_PARAM4",
-    10: "INVALID_PARAM5_X",
-    11: "INVALID_PARAM6_Y",
-    12: "INVALID_PARAM7",
-    13: "INVALID_SEQUENCE",
-    14: "DENIED",
-    15: "OPERATION_CANCELLED",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """COMMAND_ACK: the command, and the MAV_RESULT it got (0 accepted, 5 in progress)."""
+    """COMMAND_ACK: the command, and the MAV_RESULT it got; both as they came."""
 
     stamp_s: float
     command: int
@@ -118,10 +89,10 @@ class Request:
         The command, the sequence number of a ping, or of a parameter the index, -1 for one by its name, and
         where it is to be set its MAV_PARAM_TYPE.
     parameters : tuple of float
-        Of a command, the first four, -1 for one not finite; of a ping, its time in microseconds; the
+        A command's first four parameters, -1 for one not finite; a ping's time in microseconds; the
         value that a parameter is to have.
     name : str
-        Of a parameter.
+        Name of the parameter that is asked for or set; '' for other requests.
     """
 
     kind: str
@@ -133,7 +104,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class DecodedFrame:
     """A frame that was accepted: intact, and from somebody else.
 
     Parameters

@@ -14,6 +14,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from fastcrc.crc16 import mcrf4xx
+
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
 _CHECKSUM = 2
@@ -21,25 +23,9 @@ SIGNATURE = 13
 _SIGNED = 0x01
 
 
-def _table() -> tuple[int, ...]:
-    entries = []
-    for byte in range(256):
-        value = byte
-        for _ in range(8):
-            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
-        entries.append(value)
-    return tuple(entries)
-
-
-_TABLE = _table()
-
-
 def checksum(data: bytes | bytearray, extra: int) -> int:
     """CRC-16/MCRF4XX of the data followed by the message's extra byte."""
-    crc = 0xFFFF
-    for byte in data:
-        crc = (crc >> 8) ^ _TABLE[(crc ^ byte) & 0xFF]
-    return (crc >> 8) ^ _TABLE[(crc ^ extra) & 0xFF]
+    return mcrf4xx(bytes((extra,)), mcrf4xx(bytes(data)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +65,24 @@ def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
     return bytes(changed)
 
 
+def _length_at(data: bytes | bytearray, start: int) -> int:
+    """Length of the frame whose header begins at an index, signature and all."""
+    length = _HEADERS[data[start]] + data[start + 1] + _CHECKSUM
+    if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
+        length += SIGNATURE
+    return length
+
+
+def _fits(raw: bytes, body: int, extra: int) -> bool:
+    """Whether the checksum behind a frame's body, which ends at an index, is that of the body."""
+    return checksum(raw[1:body], extra) == int.from_bytes(raw[body : body + _CHECKSUM], "little")
+
+
 def frames_in(data: bytes) -> Iterator[bytes]:
     """Cut whole frames that stand one behind the other, as we packed them."""
     start = 0
     while start < len(data):
-        length = _HEADERS[data[start]] + data[start + 1] + _CHECKSUM
-        if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
-            length += SIGNATURE
+        length = _length_at(data, start)
         yield data[start : start + length]
         start += length
 
@@ -98,7 +95,7 @@ class Framer:
     extras : mapping of int to int
         CRC extra byte of each message id the dialect knows.
     counters : Counter
-        Where ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` are counted.
+        Counts ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` frames.
     """
 
     def __init__(self, extras: Mapping[int, int], counters: Counter[str]) -> None:
@@ -144,13 +141,10 @@ class Framer:
             return None, False
         if len(buffer) - start < 3:
             return None, True
-        length = header + buffer[start + 1] + _CHECKSUM
-        if buffer[start] == MAGIC_V2:
-            if buffer[start + 2] & ~_SIGNED:
-                self._count("incompatible", is_counted)
-                return None, False
-            length += SIGNATURE if buffer[start + 2] & _SIGNED else 0
-        end = start + length
+        if buffer[start] == MAGIC_V2 and buffer[start + 2] & ~_SIGNED:
+            self._count("incompatible", is_counted)
+            return None, False
+        end = start + _length_at(buffer, start)
         if end > len(buffer):
             return None, True
         frame = raw_frame(bytes(buffer[start:end]))
@@ -161,8 +155,7 @@ class Framer:
             if is_torn or (end < len(buffer) and buffer[end] not in _HEADERS):
                 return None, False
             return raw_frame(frame.raw, is_verified=False), False
-        body = header + frame.raw[1]
-        if checksum(frame.raw[1:body], extra) != int.from_bytes(frame.raw[body : body + 2], "little"):
+        if not _fits(frame.raw, header + frame.raw[1], extra):
             self._count("bad_checksum", is_counted)
             return None, False
         return frame, False

@@ -24,12 +24,12 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from companion.errors import ConfigError
-from companion.link.wire.framing import MAGIC_V2, RawFrame, checksum, frames_in
+from companion.link.wire.framing import MAGIC_V2, SIGNATURE, RawFrame, checksum, frames_in
+from companion.types.mavlink_enums import MessageId
 
 KEY_BYTES = 32
-SETUP_SIGNING = 256
+SETUP_SIGNING = MessageId.SETUP_SIGNING
 _SIGNED = 0x01
-_SIGNATURE = 13
 _HEADER = 10
 _EPOCH_S = 1_420_070_400.0  # 2015-01-01T00:00:00Z
 _UNITS_A_SECOND = 100_000
@@ -157,11 +157,11 @@ class Signer:
     Parameters
     ----------
     key : bytes
-        32 bytes.
+        Secret key, 32 bytes.
     link_id : int
-        Ours.
+        Link id that our frames carry.
     timestamps : Timestamps
-        Of both directions.
+        Times of what was signed and verified, in both directions.
     extras : mapping of int to int
         CRC extra byte of each message id, for the checksum of what is signed.
     allow_unsigned : collection of int
@@ -213,7 +213,7 @@ class Signer:
         if not hmac.compare_digest(self._digest(raw[:-6]), raw[-6:]):
             self.counters["bad_signature"] += 1
             return False
-        stream = (frame.system_id, frame.component_id, raw[-_SIGNATURE])
+        stream = (frame.system_id, frame.component_id, raw[-SIGNATURE])
         time = int.from_bytes(raw[-12:-6], "little")
         last = self._timestamps.streams.get(stream)
         if last is not None and time <= last:

@@ -5,7 +5,6 @@ Each entry is the time in microseconds since 1970 UTC, eight bytes big-endian, a
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -75,17 +74,6 @@ class TlogWriter:
             if not 0.0 <= time_s - self._flushed_s < _FLUSH_S:
                 self._file.flush()
                 self._flushed_s = time_s
-        except OSError as error:
-            self._abandon()
-            raise self._failure(error) from error
-
-    def sync(self) -> None:
-        """Put everything on the disk; slow."""
-        if self._file is None:
-            return
-        try:
-            self._file.flush()
-            os.fsync(self._file.fileno())
         except OSError as error:
             self._abandon()
             raise self._failure(error) from error

@@ -16,8 +16,7 @@ from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import SplitResult, urlsplit
 
-import serial
-import serial_asyncio
+import serialx
 
 from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
@@ -300,7 +299,7 @@ class _StreamProtocol(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         self._on_data(data)
 
-    def connection_lost(self, exc: Exception | None) -> None:
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - as asyncio calls it
         if not self.lost.done():
             self.lost.set_result(None)
 
@@ -396,12 +395,14 @@ class SerialTransport(_StreamTransport):
         self._baud_rate = baud_rate
 
     async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
-        line, _ = await serial_asyncio.create_serial_connection(
-            asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,
-            exclusive=True,  # two readers would get half of each frame
-        )  # fmt: skip
-        opened: asyncio.WriteTransport = line
-        return opened
+        try:
+            line, _ = await serialx.create_serial_connection(
+                asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,
+                exclusive=True,  # two readers would get half of each frame
+            )  # fmt: skip
+        except serialx.SerialException as error:
+            raise OSError(str(error)) from error  # a baud rate that the device does not have, say
+        return line
 
 
 def transport_from_url(url: str, clock: Clock) -> Transport:
@@ -413,7 +414,7 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
         ``serial:///dev/ttyAMA0:921600``, ``udpin://0.0.0.0:14540``, ``udpout://host:port`` or
         ``tcp://host:port``.
     clock : Clock
-        For the pauses between connecting again.
+        Clock by which the pauses between attempts to connect are timed.
 
     Raises
     ------
@@ -442,11 +443,12 @@ async def _ended(task: asyncio.Task[None]) -> None:
 
 def _words(error: OSError) -> str:
     """What is wrong with an address; the event loop's own words name it once more."""
-    if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK):
+    if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
         return "another program has the port: the service?"
-    if isinstance(error, socket.gaierror | serial.SerialException) or not error.errno:
+    if isinstance(error, socket.gaierror) or not error.errno:
         return error.strerror or str(error)
-    return os.strerror(error.errno)
+    words = os.strerror(error.errno)
+    return f"{words}: {error.filename}" if error.filename else words
 
 
 def _address(url: str) -> tuple[str, int]:

@@ -1,6 +1,6 @@
 """ArduPlane: its modes, and how it flies, replaces and ends missions.
 
-Behaviour as measured on ArduPlane 4.7-dev in its own SITL; ``tests/sim/test_ardupilot.py`` names
+Behaviour as measured on ArduPlane 4.7-dev in its own SITL; ``tests/sim/autopilot/test_ardupilot.py`` names
 each peculiarity.
 """
 
@@ -10,15 +10,16 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.arduplane.arduplane_runner import MissionRunner, MissionState
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MissionStore
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer, item_from_message
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
 from sim.autopilot.channel import Channel, Message
 from sim.autopilot.mission_pilot import MissionPilot
 from sim.autopilot.telemetry import Home, Target
+from sim.mission_types import MissionKind, Verdict
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight, Leg, Level
 
@@ -56,7 +57,7 @@ def home_item(home: Home) -> MissionItem:
     return MissionItem(
         0,
         Command.NAV_WAYPOINT,
-        Frame.GLOBAL,
+        MavFrame.GLOBAL,
         (0.0, 0.0, 0.0, 0.0),
         home.latitude_e7,
         home.longitude_e7,
@@ -323,7 +324,7 @@ class ArduPlane(MissionPilot):
         is_reset = request.parameters[1] == 1.0
         return ACCEPTED if self._set_current(int(request.parameters[0]), reset_jumps=is_reset) else DENIED
 
-    def _mode_message(self, channel: Channel, message: Message) -> None:
+    def _mode_message(self, _channel: Channel, message: Message) -> None:
         if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self.set_mode(_NAMES.get(message.custom_mode, ""))
 

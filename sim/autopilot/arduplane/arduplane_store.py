@@ -9,46 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from enum import IntEnum
 
 import numpy as np
 
-from companion.types.mission import Command, Frame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
+from sim.mission_types import MissionKind, Verdict, is_navigation
 
 MAX_ITEMS = 655
 _ALTITUDE_MAX_M = 83_000.0
 
 
-class MissionKind(IntEnum):
-    """MAV_MISSION_TYPE."""
-
-    MISSION = 0
-    FENCE = 1
-    RALLY = 2
-
-
-class Verdict(IntEnum):
-    """MAV_MISSION_RESULT, as far as it is used."""
-
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM3 = 8
-    INVALID_PARAM4 = 9
-    INVALID_PARAM5_X = 10
-    INVALID_PARAM6_Y = 11
-    INVALID_PARAM7 = 12
-    INVALID_SEQUENCE = 13
-    DENIED = 14
-    OPERATION_CANCELLED = 15
-
-
 _LOITERS = frozenset({Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME})
-_LAST_NAV_COMMAND = 95
 NAV_COMMANDS = frozenset({*range(16, 23), 31, 82, 92, 93, 94})
 # Do and condition commands of the library: stored, and those this aircraft cannot do are skipped.
 _OTHER_COMMANDS = frozenset({30, 112, 114, 115, 177, 178, 179, 181, 182, 183, 184, 187, 188, 189, 195, 197})
@@ -56,12 +27,12 @@ _CAMERA_COMMANDS = frozenset({201, 202, 203, 205, 206, 207, 208, 211, 212, 213, 
 _MISSION_COMMANDS = NAV_COMMANDS | _OTHER_COMMANDS | _CAMERA_COMMANDS
 _FENCE_COMMANDS = frozenset(range(5000, 5005))
 _RALLY_COMMANDS = frozenset({5100})
+_COMMANDS = {
+    MissionKind.MISSION: _MISSION_COMMANDS,
+    MissionKind.FENCE: _FENCE_COMMANDS,
+    MissionKind.RALLY: _RALLY_COMMANDS,
+}
 _STORED_FRAMES = {0: 0, 2: 0, 3: 3, 5: 0, 6: 3, 10: 10, 11: 10}
-
-
-def is_navigation(command: int) -> bool:
-    """Whether the item is flown to, rather than done in passing."""
-    return command <= _LAST_NAV_COMMAND
 
 
 def _integer(value: float | None) -> float:
@@ -143,7 +114,7 @@ class MissionStore:
         parameters = _stored_parameters(item) if kind is MissionKind.MISSION else item.parameters
         return replace(
             item,
-            frame=_STORED_FRAMES[item.frame] if item.frame in _STORED_FRAMES else int(Frame.GLOBAL),
+            frame=_STORED_FRAMES[item.frame] if item.frame in _STORED_FRAMES else int(MavFrame.GLOBAL),
             parameters=parameters,
             altitude_m=_stored_altitude_m(item.altitude_m),
             is_current=False,
@@ -153,26 +124,25 @@ class MissionStore:
     @staticmethod
     def _checked(kind: MissionKind, item: MissionItem) -> Verdict:
         """Whether the item can be stored at all."""
-        known = {
-            MissionKind.MISSION: _MISSION_COMMANDS,
-            MissionKind.FENCE: _FENCE_COMMANDS,
-            MissionKind.RALLY: _RALLY_COMMANDS,
-        }[kind]
         if kind is MissionKind.MISSION and item.sequence == 0:
             return Verdict.ACCEPTED
-        if item.command not in known:
+        if item.command not in _COMMANDS[kind]:
             return Verdict.UNSUPPORTED
         if item.frame not in _STORED_FRAMES:
             return Verdict.UNSUPPORTED_FRAME
         for index, value in enumerate(item.parameters[:3]):
             if value is None:
                 return Verdict(Verdict.INVALID_PARAM1 + index)
-        if not is_navigation(item.command) and kind is MissionKind.MISSION:
-            return Verdict.ACCEPTED
-        if abs(item.latitude_e7) > 900_000_000:
-            return Verdict.INVALID_PARAM5_X
-        if abs(item.longitude_e7) > 1_800_000_000:
-            return Verdict.INVALID_PARAM6_Y
-        if not abs(item.altitude_m) <= _ALTITUDE_MAX_M:
-            return Verdict.INVALID_PARAM7
-        return Verdict.ACCEPTED
+        has_place = kind is not MissionKind.MISSION or is_navigation(item.command)
+        return _verdict_on_place(item) if has_place else Verdict.ACCEPTED
+
+
+def _verdict_on_place(item: MissionItem) -> Verdict:
+    """Whether an item's place is one on earth."""
+    if abs(item.latitude_e7) > 900_000_000:
+        return Verdict.INVALID_PARAM5_X
+    if abs(item.longitude_e7) > 1_800_000_000:
+        return Verdict.INVALID_PARAM6_Y
+    if not abs(item.altitude_m) <= _ALTITUDE_MAX_M:
+        return Verdict.INVALID_PARAM7
+    return Verdict.ACCEPTED

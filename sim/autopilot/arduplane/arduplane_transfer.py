@@ -21,8 +21,9 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
-from sim.autopilot.arduplane.arduplane_store import MAX_ITEMS, MissionKind, MissionStore, Verdict
+from sim.autopilot.arduplane.arduplane_store import MAX_ITEMS, MissionStore
 from sim.autopilot.channel import Channel, Message
+from sim.mission_types import MissionKind, Verdict
 
 _ITEM_PERIOD_US = 20_000
 _REPEAT_US = 1_000_000
@@ -76,7 +77,7 @@ class MissionTransfer:
     Parameters
     ----------
     store : MissionStore
-        Where items go.
+        Store that items are written to.
     announce : callable
         Sends a text of a severity to everybody.
     may_clear : callable

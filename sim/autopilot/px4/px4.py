@@ -1,6 +1,6 @@
 """PX4 for fixed wings: its modes, and how it flies, replaces and ends missions.
 
-Behaviour as measured on PX4 1.17-dev in its own SITL; ``tests/sim/test_px4_missions.py`` and its
+Behaviour as measured on PX4 1.17-dev in its own SITL; ``tests/sim/autopilot/test_px4_missions.py`` and its
 neighbours name each peculiarity. Not measured, and so only plausible here: landing, of which the
 approach alone is flown, and a reboot in flight, after which it holds.
 """
@@ -13,7 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import Command, MissionItem
 from sim.autopilot.arduplane.arduplane_runner import MissionState
-from sim.autopilot.arduplane.arduplane_store import MissionKind
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import ACCEPTED, DENIED, FAILED, CommandRequest
 from sim.autopilot.channel import Channel, Extended, Message
@@ -22,6 +21,7 @@ from sim.autopilot.px4.px4_runner import Px4Runner
 from sim.autopilot.px4.px4_store import StoredList, stored, why_infeasible
 from sim.autopilot.px4.px4_transfer import Px4Transfer
 from sim.autopilot.telemetry import Home, Target
+from sim.mission_types import MissionKind
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight, Leg, Level
 
@@ -363,7 +363,7 @@ class Px4(MissionPilot):
         if message.type == mavlink.MAV_TYPE_GCS:
             self._stations.add(channel)
 
-    def _traffic_message(self, channel: Channel, message: Message) -> None:
+    def _traffic_message(self, _channel: Channel, message: Message) -> None:
         """What a client reports comes back to it; forwarding to the others is the router's."""
         self._echo(message)
 
@@ -375,7 +375,7 @@ class Px4(MissionPilot):
             values[index] = values[index].encode("ascii", "replace")
         self.broadcast(mavlink.MAVLink_adsb_vehicle_message(*values))
 
-    def _mode_message(self, channel: Channel, message: Message) -> None:
+    def _mode_message(self, _channel: Channel, message: Message) -> None:
         if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self.set_mode(_NAMES.get(message.custom_mode, ""))
 

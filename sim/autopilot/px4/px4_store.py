@@ -16,8 +16,8 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from companion.types.mission import Command, Frame, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind, Verdict
+from companion.types.mission import Command, MavFrame, MissionItem
+from sim.mission_types import MissionKind, Verdict
 from sim.projection import FastProjection
 
 MAX_ITEMS = 10_000
@@ -64,7 +64,7 @@ def verdict_on(kind: MissionKind, item: MissionItem) -> Verdict:
         if item.command not in known:
             return Verdict.UNSUPPORTED
         return Verdict.ACCEPTED if item.frame in _GLOBAL_FRAMES else Verdict.UNSUPPORTED_FRAME
-    if item.frame == Frame.MISSION:
+    if item.frame == MavFrame.MISSION:
         return Verdict.ACCEPTED if item.command in _FRAMELESS else Verdict.UNSUPPORTED
     if item.frame not in _GLOBAL_FRAMES:
         return Verdict.UNSUPPORTED_FRAME
@@ -98,30 +98,41 @@ def why_infeasible(
     Parameters
     ----------
     items : sequence of MissionItem
-        The list.
+        The mission, in its order.
     requirement : int
         ``MIS_TKO_LAND_REQ``: 0 none, 1 takeoff, 2 landing, 3 both, 4 both or none.
     glide_deg : float
-        ``FW_LND_ANG``, the steepest approach.
+        ``FW_LND_ANG``, the steepest approach [deg].
     projection : FastProjection
-        For distances.
+        Degrees to local metres, for distances and heights.
     """
     if not items:
         return "no mission"
-    has_takeoff = any(item.command == Command.NAV_TAKEOFF for item in items)
-    starts = [n for n, item in enumerate(items) if item.command == Command.DO_LAND_START]
-    lands = [n for n, item in enumerate(items) if item.command == Command.NAV_LAND]
+    starts, lands = _places_of(items, Command.DO_LAND_START), _places_of(items, Command.NAV_LAND)
+    order = _order_fault(starts, lands)
+    approaches = (_approach_fault(items[n - 1], items[n], glide_deg, projection) for n in lands)
+    wrong = order or next(filter(None, approaches), "")
+    has_takeoff = bool(_places_of(items, Command.NAV_TAKEOFF))
+    return wrong or _requirement_fault(requirement, has_takeoff=has_takeoff, has_landing=bool(lands))
+
+
+def _places_of(items: Sequence[MissionItem], command: Command) -> list[int]:
+    return [number for number, item in enumerate(items) if item.command == command]
+
+
+def _order_fault(starts: Sequence[int], lands: Sequence[int]) -> str:
+    """What is wrong with where the land starts and the landings stand in the list."""
     if len(starts) > 1:
         return "more than one land start"
     if lands and lands[0] == 0:
         return "starts with land waypoint"
     if starts and (not lands or starts[0] > lands[-1] - 1):
         return "invalid land start"
-    for land in lands:
-        wrong = _approach_fault(items[land - 1], items[land], glide_deg, projection)
-        if wrong:
-            return wrong
-    has_landing = bool(lands)
+    return ""
+
+
+def _requirement_fault(requirement: int, *, has_takeoff: bool, has_landing: bool) -> str:
+    """What ``MIS_TKO_LAND_REQ`` misses."""
     refusals = {
         1: "" if has_takeoff else "takeoff waypoint required",
         2: "" if has_landing else "landing waypoint/pattern required",

@@ -24,10 +24,10 @@ from typing import Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionKind, Verdict
 from sim.autopilot.arduplane.arduplane_transfer import item_from_message
 from sim.autopilot.channel import Channel, Extended, Message
 from sim.autopilot.px4.px4_store import MAX_ITEMS, StoredList, read_back, stored, verdict_on
+from sim.mission_types import MissionKind, Verdict
 
 _REPEAT_US = 250_000
 _TIMEOUT_US = 5_000_000
@@ -210,7 +210,7 @@ class Px4Transfer:
             self._owner.switch(link.kind, new, link.current)
         self._reply(channel, message, link.kind, Verdict.ACCEPTED, new.identity)
 
-    def _ack(self, channel: Channel, link: _Link, message: Message) -> None:
+    def _ack(self, _channel: Channel, link: _Link, message: Message) -> None:
         if link.partner != _sender(message):
             return
         if link.state is _State.SENDING or (
@@ -274,7 +274,7 @@ class Px4Transfer:
             self._owner.clear(kind)
         self._reply(channel, message, number, Verdict.ACCEPTED)
 
-    def _set_current(self, channel: Channel, link: _Link, message: Message) -> None:
+    def _set_current(self, _channel: Channel, link: _Link, message: Message) -> None:
         """MISSION_SET_CURRENT, which is never acknowledged."""
         if link.state is not _State.IDLE:
             self._announce(mavlink.MAV_SEVERITY_CRITICAL, "WPM: IGN WP CURR CMD: Busy")

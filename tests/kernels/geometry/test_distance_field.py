@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.kernels.arrays import Guide, empty_tree
-from companion.kernels.geometry.prism_distance import distance_field as k
+from companion.kernels.geometry import distance_field as k
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, MAX_STRAIGHT, lay_straight_in
 from companion.planning.explore import Exploration
 from companion.types.threat import Radar

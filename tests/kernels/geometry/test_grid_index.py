@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.arrays import NUM_CELLS
-from companion.kernels.geometry.prism_distance import grid_index as b
+from companion.kernels.geometry import grid_index as b
 
 BOUNDS = np.array([0.0, 1000.0, -200.0, 500.0])
 ALL = np.empty(0, dtype=np.int64)

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.geometry.prism_distance import prism_distance as g
+from companion.kernels.geometry import prism_distance as g
 from companion.types.threat import Obstacle
 from tests.support.paths import box, prism_distance
 from tests.support.worlds import is_blocked, packed

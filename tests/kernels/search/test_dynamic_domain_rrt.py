@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from companion.kernels.aircraft.motion import steer
 from companion.kernels.arrays import empty_tree
-from companion.kernels.search.dynamic_domain_rrt import dynamic_domain_rrt as k
+from companion.kernels.search import dynamic_domain_rrt as k
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats

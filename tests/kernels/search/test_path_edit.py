@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from companion.assurance.checker import Checker
 from companion.frames import course_from_direction
 from companion.kernels.aircraft import dubins
-from companion.kernels.search.dynamic_domain_rrt import path_edit as s
+from companion.kernels.search import path_edit as s
 from companion.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box, check_limits, path_of
 from tests.support.worlds import packed

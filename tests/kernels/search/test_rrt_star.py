@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.kernels.arrays import Branches
-from companion.kernels.search.dynamic_domain_rrt import rrt_star as k
+from companion.kernels.search import rrt_star as k
 from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import _branches, _with_last_edge, free_node, rrt_star_route

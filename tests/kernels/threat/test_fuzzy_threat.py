@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.threat.fuzzy_threat import fuzzy_threat as t
+from companion.kernels.threat import fuzzy_threat as t
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box
@@ -53,8 +53,8 @@ def oracle_point(pairs, delta, form=SHIFTED):
         PROBABILISTIC: 1.0,
     }[form]
     weighted = []
-    for mu, nu in pairs:
-        mu, nu = cf * mu, cf * nu
+    for certain, ruled_out in pairs:
+        mu, nu = cf * certain, cf * ruled_out
         if mu in (0.0, 1.0):
             nu = 0.0
         if mu + nu > 1.0:

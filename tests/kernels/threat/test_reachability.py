@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_pursuers, empty_tree
 from companion.kernels.geometry.line_of_sight import prisms_of
-from companion.kernels.threat.fuzzy_threat import reachability as r
+from companion.kernels.threat import reachability as r
 from companion.kernels.threat.intercept import AIR_CLIMB
 from companion.kernels.threat.threat_tree import drivers_of, re_root
 from companion.world.pursuer_trees import STEP_S, observe, threat_trees

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from companion.kernels.arrays import empty_pursuers
 from companion.kernels.geometry.line_of_sight import prisms_of
-from companion.kernels.threat.fuzzy_threat import threat_tree as d
+from companion.kernels.threat import threat_tree as d
 from companion.types.threat import Obstacle
 from tests.support.paths import box
 from tests.support.worlds import is_blocked, packed

@@ -50,6 +50,11 @@ async def up(transport):
         await asyncio.sleep(0.001)
 
 
+async def refused(transport):
+    while not transport.trouble:  # noqa: ASYNC110 a port is opened in a thread, which tells no event
+        await asyncio.sleep(0.001)
+
+
 def test_memory():
     async def body():
         one, other = MemoryTransport.pair()
@@ -288,7 +293,7 @@ def test_a_serial_line_has_one_reader():
         await first.open()
         await up(first)
         await second.open()
-        await rounds()
+        await refused(second)
         assert not second.is_open
         assert second.trouble == "another program has the port: the service?"
         await first.close()
@@ -320,7 +325,7 @@ def test_serial_line_that_is_not_there():
     async def body():
         transport = SerialTransport("/dev/no-such-line", 57_600, ManualClock())
         await transport.open()
-        await rounds()
+        await refused(transport)
         assert not transport.is_open
         assert "/dev/no-such-line" in transport.trouble
         await transport.close()

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.threat import Obstacle
 from sim.simulator import Simulator
-from sim.threats.pursuer import CLEARANCE_M, Prey, Pursuer
+from sim.threats.pursuer import CLEARANCE_M, Pursuer, TargetEstimate
 from sim.threats.roads import Roads
 from tests.sim.client import Client, mission_file, plain_mission, route
 
@@ -24,10 +24,10 @@ def roads_of(name: str) -> Roads:
     return Roads(mission_file(name).obstacle_list, BOUNDS, CLEARANCE_M)
 
 
-def drive(pursuer: Pursuer, prey: Prey, duration_s: float) -> np.ndarray:
+def drive(pursuer: Pursuer, target: TargetEstimate, duration_s: float) -> np.ndarray:
     rows = []
     for turn in range(round(duration_s * 10)):
-        pursuer.step(turn * 100_000, 0.1, prey)
+        pursuer.step(turn * 100_000, 0.1, target)
         rows.append(pursuer.position)
     return np.array(rows)
 
@@ -48,9 +48,9 @@ def test_never_enters_an_obstacle_nor_breaks_its_limits(seed):
     rows = [np.array([start])]
     for revision in range(4):
         # The aircraft circles far off in time: the pursuer goes and waits at its route's end.
-        prey = Prey(free(), 10.0, (free(), free()), revision)
+        target = TargetEstimate(free(), 10.0, (free(), free()), revision)
         pursuer._next_plan_us = 0
-        rows.append(drive(pursuer, prey, 60.0))
+        rows.append(drive(pursuer, target, 60.0))
     path = np.vstack(rows)
     assert not shapely.intersects(roads.walls, shapely.linestrings(path))
     steps = np.hypot(*np.diff(path, axis=0).T)
@@ -63,7 +63,7 @@ def test_goes_round_a_wall_by_the_shorter_end():
     )
     roads = Roads((wall,), BOUNDS, CLEARANCE_M)
     pursuer = Pursuer(roads, (300.0, 600.0), 20.0, 15.0)
-    path = drive(pursuer, Prey((700.0, 600.0), 10.0, (), 0), 60.0)
+    path = drive(pursuer, TargetEstimate((700.0, 600.0), 10.0, (), 0), 60.0)
     assert math.dist(path[-1], (700.0, 600.0)) < 15.0
     assert path[:, 1].min() < 400.0
     length = np.hypot(*np.diff(path, axis=0).T).sum()
@@ -80,7 +80,7 @@ def test_stays_inside_the_bounds_and_drives_under_what_does_not_stand_on_the_gro
 
 def test_turns_no_tighter_than_its_radius():
     pursuer = Pursuer(Roads((), BOUNDS, CLEARANCE_M), (1000.0, 1000.0), 20.0, 30.0)
-    path = drive(pursuer, Prey((1400.0, 700.0), 10.0, (), 0), 30.0)
+    path = drive(pursuer, TargetEstimate((1400.0, 700.0), 10.0, (), 0), 30.0)
     courses = np.unwrap(np.arctan2(*np.diff(path[:-80], axis=0).T))
     assert np.abs(np.diff(courses)).max() <= 2.0 / 30.0 + 1e-6
 

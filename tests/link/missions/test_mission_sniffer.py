@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.codec import Codec
-from companion.link.missions.mission_sniffer import Overheard, item_from_payload
+from companion.link.missions.mission_items import item_from_payload
+from companion.link.missions.mission_sniffer import MissionSniffer
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.tlog import read_tlog
 from companion.types.events import Dialect, Heartbeat, MissionCurrent, TrackReport
-from tests.link.wire import packed
+from tests.link.pymavlink_frames import packed
 from tests.replay.corruptions import DATA
 
 TAKEOFF, WAYPOINT, LOITER, LAND_START, LOITER_TO_ALT, LAND = 22, 16, 17, 189, 31, 21
@@ -24,15 +25,15 @@ class Heard:
     """A recording, listened to from its beginning to its end."""
 
     def __init__(self, name, dialect):
-        self.overheard = Overheard()
-        self.overheard.dialect = dialect
+        self.sniffer = MissionSniffer()
+        self.sniffer.dialect = dialect
         self.held, self.modes, self.current, self.tracks, self.acks = [], [], [], [], []
         codec, start_s = Codec(), None
         for entry in read_tlog(DATA / name):
             start_s = entry.time_s if start_s is None else start_s
             frame, now = raw_frame(entry.raw), entry.time_s - start_s
-            self.overheard.feed(frame, 1, now)
-            self._note(self.held, now, self.overheard.items)
+            self.sniffer.feed(frame, 1, now)
+            self._note(self.held, now, self.sniffer.items)
             if frame.message_id == 47 and (frame.system_id, frame.component_id) == (1, 1):
                 payload = frame.payload.ljust(8, b"\0")
                 self.acks.append((now, payload[2], int.from_bytes(payload[4:8], "little")))
@@ -89,7 +90,7 @@ def test_arduplane_flies_in_auto_from_arming_to_the_end(arduplane):
 
 
 def test_arduplane_holds_the_first_mission_once_it_is_acknowledged(arduplane):
-    first = arduplane.overheard.uploads[0]
+    first = arduplane.sniffer.uploads[0]
     assert (len(first.items), first.client, first.is_accepted) == (7, COMPANION, True)
     assert commands(arduplane.held_at(60.0)) == [WAYPOINT, TAKEOFF, *[WAYPOINT] * 5]
     assert arduplane.held_at(60.0) == arduplane.held_at(23.0)
@@ -101,7 +102,7 @@ def test_arduplane_holds_a_mix_after_an_upload_broken_off_at_item_4(arduplane):
     assert same_places(before, mix[:7]) == [True, True, True, False, True, True, True]
     [(ended, _, _)] = [ack for ack in arduplane.acks if ack[1] == 15]
     assert ended == pytest.approx(76.4, abs=0.1)  # 8 s after the last word
-    assert arduplane.overheard.num_broken == 1
+    assert arduplane.sniffer.num_broken == 1
     assert arduplane.sequence_at(76.3) == 3  # flown on all the while
 
 
@@ -141,7 +142,7 @@ def test_px4_holds_the_old_mission_whole_while_an_upload_is_broken_off(px4):
     first = px4.held_at(72.0)
     assert commands(first) == [TAKEOFF, *[WAYPOINT] * 4, LAND_START, LOITER_TO_ALT, LAND]
     assert px4.held_at(93.0) == first
-    assert px4.overheard.num_broken == 1
+    assert px4.sniffer.num_broken == 1
     assert [ack for ack in px4.acks if 72.0 < ack[0] < 93.0] == []  # it says nothing of it
 
 
@@ -152,13 +153,13 @@ def test_px4_switches_over_with_the_acknowledgement_and_names_what_it_flies(px4)
     assert told == {0, *names}
     after = px4.held_at(100.0)
     assert same_places(px4.held_at(72.0), after) == [True, True, False, False, False, True, True, True]
-    marked = [item.sequence for item in px4.overheard.uploads[1].items if item.is_current]
+    marked = [item.sequence for item in px4.sniffer.uploads[1].items if item.is_current]
     assert marked == [2]
     assert px4.sequence_at(95.0) == 2
 
 
 def test_px4_accepts_the_same_again_and_ignores_its_flag(px4):
-    again = px4.overheard.uploads[2]
+    again = px4.sniffer.uploads[2]
     marked = [item.sequence for item in again.items if item.is_current]
     assert again.is_accepted
     assert marked != [2]
@@ -182,10 +183,10 @@ def test_px4s_echo_of_the_companions_own_tracks_is_one_vehicle(px4):
 # --- what else is overheard
 
 
-def fed(overheard, *messages):
+def fed(sniffer, *messages):
     for number, (message, system, component) in enumerate(messages):
-        overheard.feed(raw_frame(packed(message, system, component)), 1, float(number))
-    return overheard
+        sniffer.feed(raw_frame(packed(message, system, component)), 1, float(number))
+    return sniffer
 
 
 def item(sequence, x=1, current=0):
@@ -195,38 +196,38 @@ def item(sequence, x=1, current=0):
 
 
 def test_a_part_of_the_list_is_overwritten():
-    overheard = Overheard()
+    sniffer = MissionSniffer()
     count, ack = (
         mavlink.MAVLink_mission_count_message(1, 1, 4),
         mavlink.MAVLink_mission_ack_message(255, 190, 0),
     )
     station = (255, 190)
-    fed(overheard, (count, *station), *((item(n, 10 + n), *station) for n in range(4)), (ack, 1, 1))
+    fed(sniffer, (count, *station), *((item(n, 10 + n), *station) for n in range(4)), (ack, 1, 1))
     part = mavlink.MAVLink_mission_write_partial_list_message(1, 1, 2, 3)
-    fed(overheard, (part, *station), (item(2, 77), *station), (item(3, 78), *station), (ack, 1, 1))
-    assert [entry.latitude_e7 for entry in overheard.settled] == [10, 11, 77, 78]
-    assert [len(upload.items) for upload in overheard.uploads] == [4, 2]
-    assert all(upload.is_accepted for upload in overheard.uploads)
+    fed(sniffer, (part, *station), (item(2, 77), *station), (item(3, 78), *station), (ack, 1, 1))
+    assert [entry.latitude_e7 for entry in sniffer.settled] == [10, 11, 77, 78]
+    assert [len(upload.items) for upload in sniffer.uploads] == [4, 2]
+    assert all(upload.is_accepted for upload in sniffer.uploads)
 
 
 def test_a_list_that_is_read_is_held():
-    overheard = Overheard()
+    sniffer = MissionSniffer()
     count = mavlink.MAVLink_mission_count_message(1, 195, 2)
     told = [mavlink.MAVLink_mission_item_int_message(
         1, 195, n, 3, 16, 0, 1, 0, 0, 0, 0, 5 + n, 2, 100.0, 0) for n in range(2)]  # fmt: skip
-    fed(overheard, (count, 1, 1), *((message, 1, 1) for message in told))
-    assert [entry.latitude_e7 for entry in overheard.settled] == [5, 6]
-    assert overheard.uploads == []
+    fed(sniffer, (count, 1, 1), *((message, 1, 1) for message in told))
+    assert [entry.latitude_e7 for entry in sniffer.settled] == [5, 6]
+    assert sniffer.uploads == []
 
 
 def test_other_vehicles_and_fences_are_left_alone():
-    overheard = Overheard()
+    sniffer = MissionSniffer()
     fed(
-        overheard,
+        sniffer,
         (mavlink.MAVLink_mission_count_message(2, 1, 3), 255, 190),
         (mavlink.MAVLink_mission_count_message(1, 1, 3, 1), 255, 190),
     )
-    assert overheard.items is None
+    assert sniffer.items is None
 
 
 def test_an_item_in_degrees_is_the_same_item():
@@ -244,10 +245,10 @@ def test_an_item_in_degrees_is_the_same_item():
 @given(st.lists(st.tuples(st.sampled_from([38, 39, 44, 45, 47, 73]), st.binary(max_size=40),
                           st.sampled_from([(1, 1), (1, 195), (255, 190)])), max_size=30))  # fmt: skip
 def test_nothing_that_is_heard_raises(frames):
-    overheard = Overheard()
+    sniffer = MissionSniffer()
     for (number, payload, (system, component)), dialect in zip(
         frames, itertools.cycle([None, Dialect.ARDUPILOT, Dialect.PX4]), strict=False
     ):
-        overheard.dialect = dialect
+        sniffer.dialect = dialect
         header = struct.pack("<BBBBBBB", 0xFD, len(payload), 0, 0, 0, system, component)
-        overheard.feed(raw_frame(header + number.to_bytes(3, "little") + payload + b"\0\0"), 1, 0.0)
+        sniffer.feed(raw_frame(header + number.to_bytes(3, "little") + payload + b"\0\0"), 1, 0.0)

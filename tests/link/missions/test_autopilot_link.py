@@ -12,9 +12,9 @@ from companion.clock import ManualClock, WallClock
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.types.mission import Command, Frame, MissionItem
-from tests.link.fake_autopilot import FakeAutopilot
-from tests.link.wire import packed
+from companion.types.mission import Command, MavFrame, MissionItem
+from tests.link.missions.fake_autopilot import FakeAutopilot
+from tests.link.pymavlink_frames import packed
 
 
 def mission(count=14, current=1):
@@ -22,7 +22,7 @@ def mission(count=14, current=1):
         MissionItem(
             sequence=index,
             command=Command.NAV_WAYPOINT,
-            frame=Frame.GLOBAL_RELATIVE_ALT,
+            frame=MavFrame.GLOBAL_RELATIVE_ALT,
             parameters=(0.0, 30.0, None, None),
             latitude_e7=-353_632_610 + 1_000 * index,
             longitude_e7=1_491_652_300,

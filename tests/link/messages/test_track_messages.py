@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.messages.codec import Codec
 from companion.link.messages.track_messages import ECHO_IDENTITIES_MAX
 from companion.types.events import Emitter, TrackReport
-from tests.link.wire import adsb, heartbeat, packed, position
+from tests.link.pymavlink_frames import adsb, heartbeat, packed, position
 
 LAT, LON = -353_600_000, 1_491_600_000
 

@@ -1,4 +1,6 @@
-"""Readers that are cancelled and closed at any moment: ``python -m tests.link.endings KIND NUMBER``.
+"""Readers that are cancelled and closed at any moment.
+
+``python -m tests.link.missions.mavsdk_endings KIND NUMBER`` does it NUMBER times.
 
 In a process of its own: what goes wrong in MAVSDK's threads ends the whole process.
 """

@@ -29,9 +29,9 @@ from companion.types.events import (
     TrackReport,
     WindEstimate,
 )
-from tests.link.wire import adsb, heartbeat, packed, position
+from tests.link.pymavlink_frames import adsb, heartbeat, packed, position
 
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[2] / "data"
 FRAMES = [heartbeat(), position(), adsb(), heartbeat(component=191, kind=18, autopilot=8)]
 
 

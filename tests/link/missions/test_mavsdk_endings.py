@@ -11,7 +11,7 @@ import pytest
 )
 def test_a_call_that_is_cancelled_at_any_moment_ends_alone(kind, number):
     done = subprocess.run(
-        [sys.executable, "-m", "tests.link.endings", kind, str(number)],
+        [sys.executable, "-m", "tests.link.missions.mavsdk_endings", kind, str(number)],
         capture_output=True, text=True, check=False, timeout=300.0,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]

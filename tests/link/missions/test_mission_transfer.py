@@ -23,11 +23,12 @@ from companion.link.missions.mission_transfer import PATIENCE_S, REPEAT_MAX_S, R
 from companion.link.wire.decoded_frame import MissionAck, MissionQuestion
 from companion.link.wire.framing import frames_in
 from companion.mission.item_difference import difference
-from sim.autopilot.arduplane.arduplane_store import MissionKind, MissionStore
+from sim.autopilot.arduplane.arduplane_store import MissionStore
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer
 from sim.autopilot.channel import Channel
 from sim.autopilot.px4.px4_store import stored
 from sim.autopilot.px4.px4_transfer import Px4Transfer
+from sim.mission_types import MissionKind
 from tests.mission.made import item
 
 STEP_S = 0.02

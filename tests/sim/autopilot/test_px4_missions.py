@@ -10,8 +10,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.messages.flight_modes import flight_mode
 from companion.types.events import Dialect
 from sim.autopilot.px4.px4 import MODES
+from tests.sim.autopilot.px4_client import (
+    ACCEPTED,
+    AHEAD,
+    LAND_START,
+    NAN,
+    SECOND,
+    THIRD,
+    Px4Client,
+    px4_route,
+)
 from tests.sim.client import SPEED, Client, item
-from tests.sim.px4_client import ACCEPTED, AHEAD, LAND_START, NAN, SECOND, THIRD, Px4Client, px4_route
 
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 LEFT, FAR_LEFT = (600.0, 400.0), (900.0, 500.0)

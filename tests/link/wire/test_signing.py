@@ -12,7 +12,7 @@ from companion.link.messages.codec import Codec, signer_of
 from companion.link.wire.framing import frames_in, raw_frame
 from companion.link.wire.signing import Timestamps, read_key
 from companion.link.wire.source_limits import SourceLimits
-from tests.link.wire import packed
+from tests.link.pymavlink_frames import packed
 
 KEY = bytes(range(32))
 NOW_S = 1_790_000_000.0

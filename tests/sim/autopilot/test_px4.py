@@ -11,8 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.wire.tlog import read_tlog
 from sim.autopilot.arduplane.arduplane_transfer import item_from_message
 from sim.autopilot.px4.px4_store import mission_id
-from tests.sim.client import SPEED, WAYPOINT, item
-from tests.sim.px4_client import (
+from tests.sim.autopilot.px4_client import (
     ACCEPTED,
     AHEAD,
     CANCELLED,
@@ -28,8 +27,9 @@ from tests.sim.px4_client import (
     extension_of,
     px4_route,
 )
+from tests.sim.client import SPEED, WAYPOINT, item
 
-RECORDED = Path(__file__).parents[1] / "data" / "px4-1.17dev-replace.tlog"
+RECORDED = Path(__file__).parents[2] / "data" / "px4-1.17dev-replace.tlog"
 
 
 CLIENT = Px4Client

@@ -5,16 +5,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import answer
-from companion.link.messages.streams import (
-    AIR,
-    ESTIMATOR_STATUS,
-    HOME,
-    POSITION,
-    WIND,
-    WIND_COVARIANCE,
-    Streams,
-)
-from tests.link.wire import heartbeat, packed, position
+from companion.link.messages.streams import Streams
+from companion.types.mavlink_enums import MessageId
+from tests.link.pymavlink_frames import heartbeat, packed, position
 
 
 def started(**changes):
@@ -109,7 +102,8 @@ def test_nothing_is_asked_before_an_autopilot_is_heard():
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "there", "absent"), [(3, WIND, ESTIMATOR_STATUS), (12, WIND_COVARIANCE, WIND)]
+    ("autopilot", "there", "absent"),
+    [(3, MessageId.WIND, MessageId.ESTIMATOR_STATUS), (12, MessageId.WIND_COV, MessageId.WIND)],
 )
 def test_each_stream_is_asked_for_once(autopilot, there, absent):
     codec, streams = Codec(), Streams(10.0)
@@ -117,7 +111,7 @@ def test_each_stream_is_asked_for_once(autopilot, there, absent):
     first = asked(streams, codec, 0.0)
     assert there in first
     assert absent not in first
-    assert first[POSITION].param2 == pytest.approx(100_000.0)
+    assert first[MessageId.GLOBAL_POSITION_INT].param2 == pytest.approx(100_000.0)
     assert asked(streams, codec, 1.0) == {}
 
 
@@ -125,7 +119,9 @@ def test_home_is_asked_for_by_name_as_well():
     codec, streams = Codec(), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)
     messages = mavlink.MAVLink(None).parse_buffer(streams.due(codec, 0.0))
-    assert [int(message.param1) for message in messages if message.command == 512] == [HOME]
+    assert [int(message.param1) for message in messages if message.command == 512] == [
+        MessageId.HOME_POSITION
+    ]
 
 
 def test_what_does_not_arrive_is_asked_for_again():
@@ -135,10 +131,10 @@ def test_what_does_not_arrive_is_asked_for_again():
     for tick in range(1, 70):
         note(streams, codec, position(tick * 100), tick * 0.1)
     again = asked(streams, codec, 7.0)
-    assert AIR in again
-    assert POSITION not in again
-    assert AIR in streams.missing
-    assert POSITION not in streams.missing
+    assert MessageId.VFR_HUD in again
+    assert MessageId.GLOBAL_POSITION_INT not in again
+    assert MessageId.VFR_HUD in streams.missing
+    assert MessageId.GLOBAL_POSITION_INT not in streams.missing
 
 
 def test_everything_is_asked_for_again_after_a_reboot():
@@ -154,4 +150,4 @@ def test_another_autopilot_is_asked_for_its_own():
     note(streams, codec, heartbeat(), 0.0)
     asked(streams, codec, 0.0)
     note(streams, codec, heartbeat(autopilot=12), 1.0)
-    assert WIND_COVARIANCE in asked(streams, codec, 1.0)
+    assert MessageId.WIND_COV in asked(streams, codec, 1.0)
