@@ -6,7 +6,6 @@ from companion.config import MissionConfig
 from sim.threats.pursuer import CLEARANCE_M, Pursuer
 from sim.threats.roads import Roads
 
-
 Pursuers = list[tuple[str, Pursuer]]  # each with its name
 
 
