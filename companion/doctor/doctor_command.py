@@ -14,7 +14,7 @@ from companion.doctor.host_checks import SERIAL_PORT, local_findings
 from companion.doctor.link_checks import LinkDoctor
 from companion.errors import LinkError
 from companion.link.wire.transport import transport_from_url
-from companion.service.service import signing_of
+from companion.service.signing_setup import signing_of
 
 EXIT_FAILED = 1
 COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "red"}

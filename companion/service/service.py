@@ -9,70 +9,32 @@ import logging
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
-from companion.comms.observer import Observer
-from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig, load_mission
 from companion.config.reload import changed_mission
-from companion.errors import CompanionError, ConfigError, RecordError
-from companion.flight.checkpoint import Checkpoint
+from companion.errors import CompanionError, ConfigError
 from companion.flight.decision import DecisionKind
-from companion.link.messages.codec import signer_of
-from companion.link.wire.signing import Signer, Timestamps, read_key
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
-from companion.mission.swap import SwapOutcome
-from companion.planning.plan_runner import ThreadRunner
-from companion.recording.recorder import About, Recorder
-from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, folder_for, keep_pruned
+from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
+from companion.service.observers import Observers
+from companion.service.recorded_flight import RecordedFlight
 from companion.service.sd_notify import Notifier, watchdog_of
-from companion.service.telemetry_out import TelemetryReporter
+from companion.service.signing_setup import signing_of
 from companion.service.warm_up import warm_up
 from companion.service.watchdog import Report, Supervision
 from companion.tasks.app import App
-from companion.tasks.composition import composed
 from companion.threads import in_thread
-from companion.types.plan import Plan
 
-REPORT_SILENCE_S = 5.0
-LOOK_S = 1.0  # for the end of a flight
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class _Flight:
-    """One flight, or a time on the ground: its app, and what goes with it.
-
-    Parameters
-    ----------
-    app : App
-        Begun anew for it, so that its recording can be replayed by itself.
-    reporting : TelemetryReporter
-        Tells the app's figures, once a second.
-    folder : Path
-        Folder of the recording, whether it could be written to or not.
-    """
-
-    app: App
-    reporting: TelemetryReporter
-    folder: Path
-
-    def close(self) -> None:
-        """End the recording; one of which not a byte was heard is none."""
-        self.app.recorder.close()
-        if not self.app.link.codec.counters and self.folder.exists():
-            discard(self.folder)
-
-
-class Service(Observer):
+class Service:
     """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
 
     Parameters
@@ -126,6 +88,7 @@ class Service(Observer):
         self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
         self._metrics_port = metrics_port
         self._endpoint: Endpoint | None = None
+        self._observers = Observers(self._supervision, self._metrics)
         self._flight = self._begun()
 
     @property
@@ -133,42 +96,20 @@ class Service(Observer):
         """Of the present flight."""
         return self._flight.app
 
-    def _begun(self) -> _Flight:
+    def _begun(self) -> RecordedFlight:
         """What the next flight goes by."""
-        mission, flights, clock = self._mission, self._flights, self._clock
-        seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
-        folder = folder_for(flights, mission.name, datetime.now(UTC))
-        recorder = _recorder(folder, epoch_s, About(mission, seed, self._text))
-        link = VehicleLink(mission, self._line, clock, recorder, signer=self._signer, observer=self)
-        parts = composed(
-            mission,
-            link,
-            clock,
-            recorder,
-            seed=seed,
-            runner=ThreadRunner(),
-            checkpoint=Checkpoint(flights / mission.name),
-            observer=self,
-            parameters_file=flights / f"{mission.name}.parameters.json",
+        flight = RecordedFlight.begun(
+            self._mission,
+            self._text,
+            self._line,
+            self._clock,
+            self._flights,
+            observers=self._observers,
+            signer=self._signer,
+            begun_s=self._begun_s,
+            is_warm=self._is_warm,
         )
-        app = App(parts, is_warm=self._is_warm)
-        reporting = TelemetryReporter(app, clock, flights, self._metrics, self._begun_s)
-        return _Flight(app, reporting, folder)
-
-    def progress(self) -> None:
-        """Pass it on to whoever supervises."""
-        self._supervision.progress()
-
-    def planned(self, plan: Plan, plan_ms: float) -> None:
-        """Pass it on to whoever reports."""
-        self._flight.reporting.planned(plan, plan_ms)
-        if self._metrics is not None:
-            self._metrics.planned(plan, plan_ms)
-
-    def exchanged(self, outcome: SwapOutcome) -> None:
-        """Pass it on to whoever reports."""
-        if self._metrics is not None:
-            self._metrics.exchanged(outcome)
+        return flight
 
     def report(self) -> Report:
         """What the service does now."""
@@ -226,12 +167,12 @@ class Service(Observer):
             running = [
                 tasks.create_task(flight.app.run()),
                 tasks.create_task(flight.reporting.run()),
-                tasks.create_task(_report_silence(flight.app, clock, self._url)),
+                tasks.create_task(flight.report_silence(self._url)),
                 tasks.create_task(
                     keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, epoch_s)
                 ),
             ]
-            ends = [tasks.create_task(stopping.wait()), tasks.create_task(_over(flight.app, clock))]
+            ends = [tasks.create_task(stopping.wait()), tasks.create_task(flight.over())]
             await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             if stopping.is_set():
                 self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
@@ -241,7 +182,7 @@ class Service(Observer):
         flight.close()
         self._tidy(flight)
 
-    def _tidy(self, ended: _Flight) -> None:
+    def _tidy(self, ended: RecordedFlight) -> None:
         """Of recordings in which nothing was flown keep only the last before a flight."""
         if ended.app.state.phase.has_flown or not ended.folder.exists():
             self._on_ground = None
@@ -325,46 +266,3 @@ def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) 
     if watchdog_s is not None and budget > 0.5 * watchdog_s:
         expected = f"at most {0.5 * watchdog_s:g}, half of the unit's WatchdogSec"
         raise ConfigError(str(file), None, "planning.planning_budget_s", f"{budget:g}", expected)
-
-
-def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
-    """What signs and verifies, as the mission file says; nothing without a key.
-
-    The times go beside the key, or to the state folder: configuration is read only under systemd.
-    """
-    signing = mission.link.signing
-    if signing is None:
-        return None, None
-    key_file = Path(signing.key_file)
-    beside = key_file if state is None else state / key_file.name
-    times = signing.timestamp_file or f"{beside}.times"
-    timestamps = Timestamps(Path(times), time.time)
-    signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
-    return timestamps, signer
-
-
-def _recorder(folder: Path, epoch_s: float, about: About) -> Recorder:
-    """A recorder into a folder; where it cannot write, the flight goes without and that is said."""
-    try:
-        return Recorder(folder, epoch_s, about)
-    except RecordError as error:
-        _log.error("not recorded: %s", error)
-        return Recorder(None, epoch_s, about, failure=str(error))
-
-
-async def _over(app: App, clock: Clock) -> None:
-    """Wait for the end of a flight, or of an hour on the ground."""
-    while True:
-        now = clock.now_s()
-        if app.state.phase.is_over(now) or app.state.phase.is_idle(now):
-            return
-        await clock.sleep_until(now + LOOK_S)
-
-
-async def _report_silence(app: App, clock: Clock, url: str) -> None:
-    """Say every few seconds that no autopilot is heard, while that is so."""
-    while True:
-        await clock.sleep_until(clock.now_s() + REPORT_SILENCE_S)
-        if not app.hears_autopilot:
-            why = f" ({app.link.transport.trouble})" if app.link.transport.trouble else ""
-            _log.warning("no autopilot heard on %s for %.0f s; still trying%s", url, REPORT_SILENCE_S, why)

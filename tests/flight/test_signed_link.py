@@ -9,7 +9,7 @@ from companion.flight.modes import Mode
 from companion.link.messages.codec import signer_of
 from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import read_tlog
-from companion.service.service import signing_of
+from companion.service.signing_setup import signing_of
 from companion.types.events import Dialect
 from sim.threats.adsb_source import SOURCE_SYSTEM
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness

@@ -2,13 +2,14 @@
 
 import asyncio
 import logging
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from companion.clock import ManualClock
 from companion.link.wire.transport import MemoryTransport
-from companion.service import service
+from companion.service.recorded_flight import REPORT_SILENCE_S, RecordedFlight
 
 URL = "udpin://127.0.0.1:14540"
 
@@ -26,7 +27,7 @@ def reported(caplog, moves):
     app, clock, counts = Listener(), ManualClock(100.0), []
 
     async def run():
-        task = asyncio.create_task(service._report_silence(app, clock, URL))
+        task = asyncio.create_task(RecordedFlight(app, None, Path(), clock).report_silence(URL))
         for seconds, hears in moves:
             await asyncio.sleep(0)
             app.hears_autopilot = hears
@@ -45,8 +46,8 @@ def reported(caplog, moves):
 
 
 def test_silence_is_told_within_ten_seconds_with_the_link(caplog):
-    assert service.REPORT_SILENCE_S <= 10.0
-    assert reported(caplog, [(service.REPORT_SILENCE_S, False)]) == [1]
+    assert REPORT_SILENCE_S <= 10.0
+    assert reported(caplog, [(REPORT_SILENCE_S, False)]) == [1]
     assert "no autopilot heard" in caplog.text
     assert URL in caplog.text
     assert "still trying" in caplog.text
@@ -56,14 +57,14 @@ def test_silence_is_told_within_ten_seconds_with_the_link(caplog):
 def test_why_the_line_is_not_up_is_told_with_it(caplog, monkeypatch):
     monkeypatch.setattr(MemoryTransport, "trouble", "Connection refused", raising=False)
     monkeypatch.setattr(MemoryTransport, "__init__", lambda self: None)
-    reported(caplog, [(service.REPORT_SILENCE_S, False)])
+    reported(caplog, [(REPORT_SILENCE_S, False)])
     assert "still trying (Connection refused)" in caplog.text
 
 
 def test_it_is_told_again_and_again(caplog):
-    assert reported(caplog, [(service.REPORT_SILENCE_S, False)] * 4) == [1, 2, 3, 4]
+    assert reported(caplog, [(REPORT_SILENCE_S, False)] * 4) == [1, 2, 3, 4]
 
 
 def test_nothing_is_told_while_the_autopilot_is_heard(caplog):
-    moves = [(service.REPORT_SILENCE_S, hears) for hears in (True, True, False, True)]
+    moves = [(REPORT_SILENCE_S, hears) for hears in (True, True, False, True)]
     assert reported(caplog, moves) == [0, 0, 1, 1]

@@ -1,0 +1,47 @@
+"""Who is told of what the planning loop does: the supervision, the metrics, the ground station's figures."""
+
+from __future__ import annotations
+
+from companion.comms.observer import Observer
+from companion.mission.swap import SwapOutcome
+from companion.service.metrics import Metrics
+from companion.service.telemetry_out import TelemetryReporter
+from companion.service.watchdog import Supervision
+from companion.types.plan import Plan
+
+
+class Observers(Observer):
+    """Passes on what the app tells its observer.
+
+    Parameters
+    ----------
+    supervision : Supervision
+        Learns that the planning loop came round.
+    metrics : Metrics or None
+        Prometheus figures of plans and exchanges; None where nobody asks for them.
+    """
+
+    def __init__(self, supervision: Supervision, metrics: Metrics | None) -> None:
+        self.metrics = metrics
+        self._reporter: TelemetryReporter | None = None
+        self._supervision = supervision
+
+    def report_to(self, reporter: TelemetryReporter) -> None:
+        """Tell the figures of a flight that begins to its reporter."""
+        self._reporter = reporter
+
+    def progress(self) -> None:
+        """Pass it on to whoever supervises."""
+        self._supervision.progress()
+
+    def planned(self, plan: Plan, plan_ms: float) -> None:
+        """Pass it on to whoever reports."""
+        if self._reporter is not None:
+            self._reporter.planned(plan, plan_ms)
+        if self.metrics is not None:
+            self.metrics.planned(plan, plan_ms)
+
+    def exchanged(self, outcome: SwapOutcome) -> None:
+        """Pass it on to whoever reports."""
+        if self.metrics is not None:
+            self.metrics.exchanged(outcome)

@@ -1,0 +1,88 @@
+"""What the operator's mission is at a flight's start: a circle near the start, and a way back to land."""
+
+from __future__ import annotations
+
+import math
+
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+
+from companion.types.mission import Command, MavFrame, MissionItem
+from companion.types.threat import Obstacle
+from sim.autopilot.arduplane.arduplane import home_item
+from sim.autopilot.telemetry import Home
+from sim.projection import FastProjection
+
+_AHEAD_M = (400.0, 300.0, 200.0, 500.0)
+_BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
+_MARGIN_M = 40.0
+_OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
+_HEIGHT_MARGIN_M = 20.0
+_LANDING_M, _PATTERN_HEIGHT_M = 1000.0, 60.0  # from the landing pattern's circle to the runway, and above it
+
+
+def safe_loiter(
+    obstacles: tuple[Obstacle, ...], start: tuple[float, float, float], course_rad: float, radius_m: float
+) -> tuple[float, float]:
+    """East and north [m] of a circle near the start that can be flown to and round without hitting anything.
+
+    Straight ahead if that is free; else to either side; else, with obstacles everywhere, where they
+    are farthest.
+    """
+    east, north, up = start
+    level = [
+        Polygon(entry.polygon_enu_m)
+        for entry in obstacles
+        if entry.base_m - _HEIGHT_MARGIN_M <= up <= entry.top_m + _HEIGHT_MARGIN_M
+    ]
+    walls = shapely.unary_union(level)
+    best, best_gap = (east, north), -math.inf
+    tries = [(bearing, ahead) for bearing in _BEARINGS_DEG for ahead in _AHEAD_M]
+    for bearing_deg, ahead_m in [*tries, (0.0, 100.0), (0.0, 0.0)]:
+        bearing = course_rad + math.radians(bearing_deg)
+        centre = (east + ahead_m * math.sin(bearing), north + ahead_m * math.cos(bearing))
+        gap = walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M if level else math.inf
+        way = walls.distance(LineString([(east, north), centre])) if level else math.inf
+        gap = min(gap, way)
+        if gap >= _MARGIN_M:
+            return centre
+        if gap > best_gap:
+            best, best_gap = centre, gap
+    return best
+
+
+def operator_mission(
+    home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
+) -> list[MissionItem]:
+    """Make what the operator left in the autopilot: home, a waypoint, a loiter there."""
+    latitude, longitude = projection.degrees(*centre)
+    place = (round(latitude * 1e7), round(longitude * 1e7), height_m)
+    frame = MavFrame.GLOBAL_RELATIVE_ALT
+    return [
+        home_item(home),
+        MissionItem(1, Command.NAV_WAYPOINT, frame, (0.0, 0.0, 0.0, 0.0), *place),
+        MissionItem(2, Command.NAV_LOITER_UNLIM, frame, (0.0, 0.0, round(radius_m), 0.0), *place),
+    ]
+
+
+def px4_operator_mission(
+    home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
+) -> list[MissionItem]:
+    """Make what the operator left in a PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
+    relative, nothing = MavFrame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
+
+    def place(east: float, north: float, height: float) -> tuple[int, int, float]:
+        latitude, longitude = projection.degrees(east, north)
+        return round(latitude * 1e7), round(longitude * 1e7), height
+
+    circle = place(*centre, height_m)
+    pattern = place(home.east_m, home.north_m + _LANDING_M, _PATTERN_HEIGHT_M)
+    touchdown = place(home.east_m, home.north_m, 0.0)
+    return [
+        MissionItem(0, Command.NAV_TAKEOFF, relative, nothing, *touchdown[:2], height_m),
+        MissionItem(1, Command.NAV_WAYPOINT, relative, nothing, *circle),
+        MissionItem(2, Command.NAV_LOITER_UNLIM, relative, (0.0, 0.0, round(radius_m), None), *circle),
+        MissionItem(3, Command.DO_LAND_START, MavFrame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0),
+        MissionItem(4, Command.NAV_LOITER_TO_ALT, relative, (1.0, round(radius_m), 0.0, 1.0), *pattern),
+        MissionItem(5, Command.NAV_LAND, relative, nothing, *touchdown),
+    ]
