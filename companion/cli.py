@@ -242,12 +242,11 @@ def replay(
 ) -> None:
     """Feed a recorded flight through the same code: the same missions, or what would be decided instead."""
     from companion.config import load_mission
-    from companion.recording.recorder import TLOG
     from companion.replay.comparison import document_of, first_difference
-    from companion.replay.replay_command import beside, remarks, replayable, replayed, show
+    from companion.replay.replay_command import beside, flown_in, remarks, replayable, replayed, show
 
     recording, config = replayable(log), load_mission(mission)
-    expected = None if expect is None else replayable(expect / TLOG)
+    expected = None if expect is None else flown_in(expect)
     logging.getLogger("companion").setLevel(logging.WARNING)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
     for remark in remarks(recording, config):
@@ -290,15 +289,12 @@ def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
     """Make the report of a flight from its recording alone."""
-    from companion.recording.reader import SIMULATED
-    from companion.replay.flight_summary import flight_of
+    from companion.replay.flight_summary import flight_of, report_name
     from companion.ui.report import write_report
 
     mission, world, record = flight_of(flight)
-    # The simulator's own report beside it has the true paths, which no recording has.
-    name = "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
     with _writing(flight, "report"):
-        page, picture = write_report(flight, mission, world, record, name)
+        page, picture = write_report(flight, mission, world, record, report_name(record))
     console.print(f"report: {page}\npicture: {picture}", soft_wrap=True)
 
 

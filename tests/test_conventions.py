@@ -35,8 +35,6 @@ BRANCHES = (
 )
 # What is still above; nothing may be added, and none may grow.
 WAYS_KNOWN = {
-    "companion/flight/cycle.py: judge": 20,
-    "companion/flight/handover.py: note": 15,
     "companion/kernels/geometry/grid_index.py: nearest_by_cells": 19,
     "companion/kernels/search/dynamic_domain_rrt.py: explore": 19,
     "companion/kernels/search/sub_goals.py: score": 17,
@@ -50,14 +48,6 @@ WAYS_KNOWN = {
     "companion/replay/engine.py: _steps": 23,
 }
 FAN_OUT_MAX = 15
-FAN_OUT_KNOWN = {
-    "companion/cli.py": 16,  # each command imports its own few
-    "companion/flight/app.py": 31,
-    "companion/flight/cycle.py": 20,
-    "companion/flight/handover.py": 16,
-    "companion/flight/replanning.py": 22,
-    "companion/replay/engine.py": 16,
-}
 
 
 def tree_of(path):
@@ -175,7 +165,7 @@ def test_modules_import_few_others(source):
         for node in ast.walk(tree_of(source))
         if isinstance(node, ast.ImportFrom) and node.module.startswith(("companion.", "sim."))
     }
-    assert len(modules) <= max(FAN_OUT_MAX, FAN_OUT_KNOWN.get(name_of(source), 0)), sorted(modules)
+    assert len(modules) <= FAN_OUT_MAX, sorted(modules)
 
 
 def test_libraries_are_known_to_their_keepers_only(source):
@@ -226,23 +216,44 @@ def test_every_file_name_occurs_once():
     assert [name for name, times in names.items() if times > 1] == []
 
 
+# What a library owns is set up where it is kept, and a result is filled by who makes it.
+ASSIGNED_ELSEWHERE = {
+    "companion/kernels/__init__.py": {"numba.config"},
+    "companion/link/messages/codec.py": {"self._writer"},
+    "companion/replay/engine.py": {"self.result", "result"},
+}
+
+
+def made_here(function):
+    """Names that a function binds to what it has made itself, by a call."""
+    for node in ast.walk(function):
+        values = getattr(node, "value", None)
+        values = values.elts if isinstance(values, ast.Tuple) else [values]
+        if isinstance(node, ast.Assign) and all(isinstance(value, ast.Call) for value in values):
+            for target in node.targets:
+                yield from names_in(target)
+
+
 def assigned_elsewhere(tree):
-    """Lines that assign an attribute of something that is not their own object."""
-    for node in ast.walk(tree):
-        targets = node.targets if isinstance(node, ast.Assign) else []
-        if isinstance(node, ast.AugAssign | ast.AnnAssign):
-            targets = [node.target]
-        for target in targets:
-            for part in target.elts if isinstance(target, ast.Tuple) else [target]:
-                if isinstance(part, ast.Attribute) and ast.unparse(part.value) not in OWN:
-                    yield f"line {part.lineno}: {ast.unparse(part)}"
-
-
-OWN = {"self", "cls", "member"}  # the last in __new__ of an enum
+    """Lines that assign an attribute of something that is neither their own object nor made there."""
+    for function in ast.walk(tree):
+        if not isinstance(function, FUNCTIONS | ast.Module):
+            continue
+        own = {"self", "cls"} | set(made_here(function))
+        for node in ast.walk(function) if isinstance(function, FUNCTIONS) else ast.iter_child_nodes(function):
+            targets = node.targets if isinstance(node, ast.Assign) else []
+            if isinstance(node, ast.AugAssign | ast.AnnAssign):
+                targets = [node.target]
+            for target in targets:
+                for part in target.elts if isinstance(target, ast.Tuple) else [target]:
+                    if isinstance(part, ast.Attribute) and ast.unparse(part.value) not in own:
+                        yield ast.unparse(part.value), f"line {part.lineno}: {ast.unparse(part)}"
 
 
 def test_no_object_is_assigned_from_outside(source):
     """So a value has one writer, and who changes it is found in one place."""
     if name_of(source).startswith("sim/"):
         return
-    assert list(assigned_elsewhere(tree_of(source))) == []
+    known = ASSIGNED_ELSEWHERE.get(name_of(source), set())
+    found = [what for owner, what in assigned_elsewhere(tree_of(source)) if owner not in known]
+    assert found == []

@@ -229,13 +229,7 @@ class Checker:
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
         yield from outside(
-            "speed",
-            rows,
-            ready,
-            speed,
-            airspeeds,
-            tolerance=SPEED_TOLERANCE_M_S,
-            detail="airspeed [m/s]",
+            "speed", rows, ready, speed, airspeeds, tolerance=SPEED_TOLERANCE_M_S, detail="airspeed [m/s]"
         )
         yield from outside(
             "climb",
@@ -285,13 +279,7 @@ class Checker:
         yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
         yield from outside(
-            "climb",
-            rows,
-            ahead,
-            angles,
-            self._climbs,
-            tolerance=CLIMB_TOLERANCE_RAD,
-            detail=BETWEEN_ROWS,
+            "climb", rows, ahead, angles, self._climbs, tolerance=CLIMB_TOLERANCE_RAD, detail=BETWEEN_ROWS
         )
 
     def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
@@ -384,13 +372,7 @@ class Checker:
         angles = np.arctan2(away[:, 2], lengths)
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
         yield from outside(
-            "climb",
-            rows,
-            flown,
-            angles,
-            self._climbs,
-            tolerance=CLIMB_TOLERANCE_RAD,
-            detail=BETWEEN_ROWS,
+            "climb", rows, flown, angles, self._climbs, tolerance=CLIMB_TOLERANCE_RAD, detail=BETWEEN_ROWS
         )
         kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
         if len(kept) >= 3:

@@ -12,7 +12,6 @@ from companion.link.messages.component import ParameterStore, answer
 from companion.link.messages.streams import Streams
 from companion.link.messages.vehicle_telemetry import AUTOPILOT_COMPONENT
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.link.missions.mavsdk_reader import MISSION_MESSAGES
 from companion.link.wire.framing import frames_in
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
@@ -109,7 +108,7 @@ class VehicleLink:
             if (frame.system_id, frame.component_id) == (self.codec.vehicle_system_id, AUTOPILOT_COMPONENT):
                 self.quality.note(frame.raw)
             self.autopilot.receive(frame)
-            if self.autopilot.is_exchanging and frame.message_id in MISSION_MESSAGES:
+            if self.autopilot.is_part_of_exchange(frame):
                 self._observer.progress()
             self.send(answer(frame, self.codec, self._parameters))
             for event in frame.events:

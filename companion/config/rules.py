@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from companion.assurance.checker import Checker
-from companion.config.compose import check_limits_of, planner_settings_of, vehicle_of
+from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
 from companion.config.models import MissionConfig
+from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
 from companion.types.threat import Obstacle
 from companion.vehicle.vehicle_model import VehicleModel
@@ -25,6 +26,8 @@ class Rules:
         The mission file in force, with what the pilot has set.
     fences : tuple of Obstacle
         The autopilot's fences as obstacles.
+    goals : tuple of GoalRegion
+        The mission file's goals, in order.
     obstacles : tuple of Obstacle
         The mission file's obstacles and the fences.
     vehicle : VehicleModel
@@ -41,6 +44,7 @@ class Rules:
 
     mission: MissionConfig
     fences: tuple[Obstacle, ...]
+    goals: tuple[GoalRegion, ...]
     obstacles: tuple[Obstacle, ...]
     vehicle: VehicleModel
     settings: PlannerSettings
@@ -74,6 +78,7 @@ def rules_of(mission: MissionConfig, fences: tuple[Obstacle, ...] = ()) -> Rules
     return Rules(
         mission=mission,
         fences=fences,
+        goals=goals_of(mission),
         obstacles=obstacles,
         vehicle=vehicle_of(mission),
         settings=settings,

@@ -29,7 +29,6 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.config import MissionConfig
-from companion.config.compose import goals_of
 from companion.config.rules import Rules, rules_of
 from companion.flight.flight_phase import FlightPhase, after_armed_state
 from companion.flight.list_state import FlownPath, ListState, after_other_goals, after_pause, after_taken
@@ -190,7 +189,8 @@ def first_state(mission: MissionConfig, now_s: float) -> FlightState:
     now_s : float
         The clock's reading [s].
     """
-    return FlightState(rules=rules_of(mission), phase=FlightPhase(now_s), goals=goals_of(mission))
+    rules = rules_of(mission)
+    return FlightState(rules=rules, phase=FlightPhase(now_s), goals=rules.goals)
 
 
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
@@ -217,13 +217,14 @@ def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
+    rules = rules_of(mission, state.rules.fences)
     goals, next_goal = state.goals, state.next_goal
-    if not mission.goals_from_autopilot and goals_of(mission) != goals:
-        goals, next_goal = goals_of(mission), 0
+    if not mission.goals_from_autopilot and rules.goals != goals:
+        goals, next_goal = rules.goals, 0
     is_other = mission.goals != state.mission.goals
     return replace(
         state,
-        rules=rules_of(mission, state.rules.fences),
+        rules=rules,
         goals=goals,
         next_goal=next_goal,
         mission_list=after_other_goals(state.mission_list) if is_other else state.mission_list,

@@ -220,22 +220,23 @@ def after_current_told(
     if listed.is_exchanging or listed.layout is None:
         return replace(listed, outside_s=None)
     first, end = listed.layout.flown_span
-    outside_s = listed.outside_s
-    if not is_flying_ours or listed.pending is not None or first <= event.sequence < end:
-        outside_s = None
-    elif outside_s is None:
-        outside_s = event.stamp_s
-    suspected = listed.suspected
+    is_inside = not is_flying_ours or listed.pending is not None or first <= event.sequence < end
+    since_s = event.stamp_s if listed.outside_s is None else listed.outside_s
+    return replace(
+        listed,
+        outside_s=None if is_inside else since_s,
+        suspected=_foreign(listed, event, num_home_items) or listed.suspected,
+    )
+
+
+def _foreign(listed: ListState, event: MissionCurrent, num_home_items: int) -> str:
+    """What in a told mission is not ours: its name, or the number of its items; '' if nothing."""
     if event.mission_id:
-        if listed.identities and event.mission_id not in listed.identities:
-            suspected = f"mission {event.mission_id:08x}"
-    elif (
-        listed.pending is None
-        and not listed.is_mixed
-        and event.total not in (None, len(listed.stored) - num_home_items)
-    ):
-        suspected = f"{event.total} items"
-    return replace(listed, outside_s=outside_s, suspected=suspected)
+        is_known = not listed.identities or event.mission_id in listed.identities
+        return "" if is_known else f"mission {event.mission_id:08x}"
+    if listed.pending is not None or listed.is_mixed or event.total is None:
+        return ""
+    return "" if event.total == len(listed.stored) - num_home_items else f"{event.total} items"
 
 
 def after_text_told(listed: ListState, text: str) -> ListState:

@@ -11,9 +11,6 @@ there on is what would have been decided had it been where it was.
 from __future__ import annotations
 
 import asyncio
-import base64
-import contextlib
-import json
 import math
 import shutil
 import tempfile
@@ -24,21 +21,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.clock import Clock, ManualClock
-from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig, mission_from_text
 from companion.errors import ConfigError
-from companion.flight.checkpoint import Checkpoint
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_sniffer import MissionSniffer, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.transport import MemoryTransport
-from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
 from companion.recording.reader import RecordedFrame, Recording
-from companion.recording.recorder import Recorder
 from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.replay.recorded_link import ReplayLink
-from companion.tasks.app import App, stop
-from companion.tasks.composition import composed
+from companion.replay.replayed_app import replayed_app
+from companion.tasks.app import stop
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
@@ -106,10 +99,6 @@ class Replay:
     """
 
     def __init__(self, recording: Recording, mission: MissionConfig, seed: int | None = None) -> None:
-        about = recording.about
-        flown_seed = about.get("seed")
-        if seed is None:
-            seed = flown_seed if isinstance(flown_seed, int) else int(mission.planning.seed)
         self.result = Replayed(flown_decisions=recording.decisions)
         self._recording, self._mission = recording, mission
         self._clock = ManualClock(recording.start_us / 1e6)
@@ -120,34 +109,20 @@ class Replay:
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
         self._reloads = deque(recording.reloads)
-        recorder = Recorder()
-        link = VehicleLink(mission, self._ours, self._clock, recorder, link_kind=self._linked)
-        self._app = App(
-            composed(
-                mission,
-                link,
-                self._clock,
-                recorder,
-                seed=seed,
-                runner=self._runner(),
-                checkpoint=_checkpoint(about),
-                parameters_file=self._kept_parameters(),
-            )
+        self._folder = tempfile.mkdtemp(prefix="replay-")
+        self._app = replayed_app(
+            recording,
+            mission,
+            self._ours,
+            self._clock,
+            self._linked,
+            seed=seed,
+            folder=Path(self._folder),
         )
 
     def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
         self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)
         return self._link
-
-    def _kept_parameters(self) -> Path:
-        """What the pilot had set before the recording, in a file that ends with the replay."""
-        self._folder = tempfile.mkdtemp(prefix="replay-")
-        file = Path(self._folder) / "parameters.json"
-        file.write_text(json.dumps(_remembered(self._recording.about).get("parameters", {})))
-        return file
-
-    def _runner(self) -> PlanRunner:
-        return InlineRunner() if self._recording.is_simulated else RecordedRunner(self._recording.taken)
 
     async def run(self, on_progress: Callable[[float], None] = _unheard) -> Replayed:
         """Replay to the end of the recording.
@@ -315,22 +290,6 @@ def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
     for heard in recording.frames:
         sniffer.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
     return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
-
-
-def _remembered(about: dict[str, object]) -> dict[str, object]:
-    remembered = about.get("remembered")
-    return remembered if isinstance(remembered, dict) else {}
-
-
-def _checkpoint(about: dict[str, object]) -> Checkpoint:
-    """What the service remembered of the flight when the recording began; damage counts for nothing."""
-    kept = _remembered(about).get("memory")
-    entries = kept.items() if isinstance(kept, dict) else ()
-    kept_bytes = {}
-    for end, text in entries:
-        with contextlib.suppress(ValueError, TypeError):
-            kept_bytes[str(end)] = base64.b64decode(text)
-    return Checkpoint(kept=kept_bytes)
 
 
 def _is_told(frame: RawFrame) -> bool:

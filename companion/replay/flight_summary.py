@@ -17,7 +17,15 @@ from companion.flight.situation import Situation
 from companion.frames import FloatArray
 from companion.link.messages.codec import Codec
 from companion.recording import mcap_schema as channels
-from companion.recording.reader import Document, Recording, decision_of, load_recording, number, read_messages
+from companion.recording.reader import (
+    SIMULATED,
+    Document,
+    Recording,
+    decision_of,
+    load_recording,
+    number,
+    read_messages,
+)
 from companion.recording.recorder import MCAP, MISSION_FILE, TLOG, Recorder
 from companion.types.record import FlightRecord, UploadedMission
 from companion.types.threat import Obstacle
@@ -91,6 +99,11 @@ def _from_messages(
         begin_s=number(about.get("stamp_s")),
     )
     return mission, _with_fences(world_of(mission, none_known=False), documents), record
+
+
+def report_name(record: FlightRecord) -> str:
+    """Name of the report made of a recording: the simulator's own, with the true paths, may lie beside it."""
+    return "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
 
 
 def _with_fences(world: Snapshot, documents: Documents) -> Snapshot:

@@ -17,7 +17,7 @@ from rich.table import Table
 from companion.config import MissionConfig, mission_from_text
 from companion.errors import ConfigError, RecordError
 from companion.recording.reader import Recording, load_recording
-from companion.recording.recorder import versions_now
+from companion.recording.recorder import TLOG, versions_now
 from companion.replay.comparison import Difference
 from companion.replay.engine import Replay, Replayed, flown_uploads
 from companion.types.record import Decision
@@ -49,6 +49,11 @@ def replayable(log: Path) -> Recording:
     if not recording.frames:
         raise RecordError(f"{log}: no frame of MAVLink in it")
     return recording
+
+
+def flown_in(folder: Path) -> Recording:
+    """Read the recording in a flight's folder, to hold a replay against."""
+    return replayable(folder / TLOG)
 
 
 def remarks(recording: Recording, mission: MissionConfig) -> list[str]:

@@ -16,7 +16,6 @@ from companion.clock import Clock, WallClock
 from companion.config import MissionConfig, load_mission
 from companion.config.reload import changed_mission
 from companion.errors import CompanionError, ConfigError
-from companion.flight.decision import DecisionKind
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
@@ -175,7 +174,7 @@ class Service:
             ends = [tasks.create_task(stopping.wait()), tasks.create_task(flight.over())]
             await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
             if stopping.is_set():
-                self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
+                self._supervision.leave()
                 await flight.app.withdraw()
             for task in running + ends:
                 task.cancel()
@@ -208,7 +207,7 @@ class Service:
             _check_budget(mission, self._file, self._watchdog_s)
         except ConfigError as error:
             _log.error("not reloaded: %s", error)
-            self.app.announcer.decide(DecisionKind.RELOAD, f"refused: {error.key}")
+            self.app.refuse_reload(error.key)
         else:
             self._mission, self._text = mission, self._file.read_text(encoding="utf-8-sig")
             self.app.reload(mission, self._text)

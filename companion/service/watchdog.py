@@ -90,11 +90,19 @@ class Supervision:
         self._tell_s = min(TELL_S, self._stall_s / 4.0)
         self._told_s = -math.inf
         self._status = ""
+        self._is_leaving = False
+
+    def leave(self) -> None:
+        """Tell the manager that the service stops; from now on nothing else is told."""
+        self._is_leaving = True
+        self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
 
     def progress(self) -> None:
         """Take note that the planning loop has come round."""
         now = self._clock.now_s()
         self.progress_s = now
+        if self._is_leaving:
+            return
         report = self._report()
         has_become_ready = not self.is_ready and report.is_ready  # told before the plan that follows
         if now - self._told_s < self._tell_s and not has_become_ready:

@@ -12,19 +12,17 @@ from collections.abc import Coroutine
 
 from companion.comms.announcer import Announcer
 from companion.comms.observer import Observer
+from companion.errors import CompanionError
 from companion.flight.checkpoint import Checkpoint, key_of
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_swap
-from companion.flight.list_state import FlownPath, after_settled, after_swap_begun, after_swap_ended
+from companion.flight.list_state import PendingSwap, after_settled, after_swap_begun, after_swap_ended
 from companion.flight.shaping import ShapedPath
-from companion.mission.list_layout import Layout
-from companion.mission.mission_id import mission_id
 from companion.mission.swap import SwapOutcome
-from companion.mission.waypoints import mission_part
 from companion.recording.recorder import Recorder
 from companion.swapping.list_reader import ListReader
 from companion.swapping.protocols import SwapProtocols
-from companion.swapping.swap_protocol import SwapOrder
+from companion.swapping.swap_protocol import SwapOrder, order_for
 from companion.types.mission import Mission
 from companion.types.record import SwapRecord
 
@@ -87,17 +85,18 @@ class Handover:
             return pending is None
         self._flight.apply_to_list(after_settled)
         if listed.is_pending_flown(current):
-            self._take(pending.layout, pending.flown)
+            self._take(pending)
             self._announcer.decide(
                 DecisionKind.SWAP, f"entered at item {current.sequence}, though unanswered"
             )
             self._announcer.flown(pending.flown.path.positions_enu_m, "unanswered")
         return True
 
-    def _take(self, layout: Layout, flown: FlownPath) -> None:
+    def _take(self, swap: PendingSwap | SwapOrder) -> None:
         """Count a mission as flown."""
-        self._flight.apply(after_swap, layout, flown, self._link.current)
-        ours = flown.mission.items[slice(*layout.flown_span)]
+        flown = swap.flown
+        self._flight.apply(after_swap, swap.layout, flown, self._link.current)
+        ours = flown.mission.items[slice(*swap.layout.flown_span)]
         self._checkpoint.note_flown(key_of(ours), flown.path, flown.carried_until_s)
 
     async def hand_over(
@@ -155,11 +154,9 @@ class Handover:
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        part = mission_part(shaped.waypoints, self._flight.state.mission.frame)
-        mission, after = layout.with_new(layout.items_for(part), plan_number)
-        self._offered = mission
-        flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
-        order = SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s)
+        frame = self._flight.state.mission.frame
+        order = order_for(shaped, layout, frame, plan_number=plan_number, enter_s=enter_s)
+        self._offered = order.flown.mission
         self._flight.apply_to_list(after_swap_begun)
         try:
             outcome, reason = await self._protocols.now.carry_out(order)
@@ -168,7 +165,7 @@ class Handover:
         if outcome in (SwapOutcome.FLOWN, SwapOutcome.STALE, SwapOutcome.FOREIGN):
             self._flight.apply_to_list(after_settled)
         if outcome is SwapOutcome.FLOWN:
-            self._take(after, flown)
+            self._take(order)
         return outcome, reason
 
     async def _unless_withdrawn(
@@ -195,11 +192,8 @@ class Handover:
             self._exchanging.cancel()
 
     async def return_to_launch(self) -> None:
-        """Have the autopilot return to launch.
-
-        Raises
-        ------
-        CompanionError
-            If it does not.
-        """
-        await self._link.set_mode("RTL")
+        """Have the autopilot return to launch; the pilot is told if it does not."""
+        try:
+            await self._link.set_mode("RTL")
+        except CompanionError as error:
+            self._announcer.decide(DecisionKind.EMERGENCY, f"return to launch: {error}")

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from companion.clock import Clock
+from companion.flight.flight_state import StateOwner
+from companion.link.missions.autopilot_link import AutopilotLink
 from companion.swapping.swap_arduplane import ArduPlaneSwap
 from companion.swapping.swap_protocol import SwapParts, SwapProtocol
 from companion.swapping.swap_px4 import Px4Swap
+from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import Dialect
 
 
@@ -31,6 +35,9 @@ class SwapProtocols:
         return self.by_dialect[self.parts.link.dialect or Dialect.ARDUPILOT]
 
 
-def protocols_for(parts: SwapParts) -> SwapProtocols:
+def protocols_for(
+    flight: StateOwner, link: AutopilotLink, ownship: OwnshipEstimator, clock: Clock
+) -> SwapProtocols:
     """The protocols over one link."""
+    parts = SwapParts(flight, link, ownship, clock)
     return SwapProtocols(parts, {Dialect.ARDUPILOT: ArduPlaneSwap(parts), Dialect.PX4: Px4Swap(parts)})

@@ -209,6 +209,10 @@ class App:
         if kept:
             self.announcer.decide(DecisionKind.PARAMETERS, f"still as set: {kept}")
 
+    def refuse_reload(self, key: str) -> None:
+        """Say that a mission file that was read again is not gone by, for a key of it."""
+        self.announcer.decide(DecisionKind.RELOAD, f"refused: {key}")
+
     def _note_parameter(self, name: str) -> None:
         """A pilot has set one: take it up like another mission file."""
         self._changed = self._parameters.mission()

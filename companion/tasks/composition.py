@@ -14,13 +14,11 @@ from companion.config.pilot_parameters import Parameters
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_state import StateOwner, first_state
 from companion.flight.situation import Situation
-from companion.planning.plan_runner import PlanRunner
 from companion.recording.recorder import Recorder
 from companion.swapping.handover import Handover
 from companion.swapping.protocols import protocols_for
-from companion.swapping.swap_protocol import SwapParts
 from companion.tasks.geofences import Geofences
-from companion.tasks.plan_maker import PlanMaker
+from companion.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.tasks.replanning import Replanning, ReplanningParts
 
 
@@ -104,7 +102,7 @@ def composed(
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
     situation = Situation(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
-    protocols = protocols_for(SwapParts(flight, link.autopilot, situation.ownship, clock))
+    protocols = protocols_for(flight, link.autopilot, situation.ownship, clock)
     parts = ReplanningParts(
         flight=flight,
         situation=situation,

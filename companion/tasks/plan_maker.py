@@ -17,6 +17,8 @@ from companion.types.plan import Plan
 from companion.types.record import PlanRecord
 from companion.types.threat import ThreatTree
 
+__all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
+
 SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from companion.assurance.emergency import EmergencyStep
 from companion.clock import Clock
 from companion.comms.announcer import Announcer
-from companion.errors import CompanionError
 from companion.flight.cycle import (
     begin,
     conclude_emergency,
@@ -17,16 +16,13 @@ from companion.flight.cycle import (
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.flight_state import StateOwner
 from companion.flight.modes import ModeEvent
-from companion.flight.plan_request import least_threat_request, plan_request
-from companion.flight.progress import Start
+from companion.flight.plan_request import PlanRequest, least_threat_request, plan_request
 from companion.flight.shaping import ShapedPath, conclude
 from companion.flight.situation import Situation
 from companion.swapping.handover import Handover, SwapOutcome
 from companion.tasks.geofences import Geofences
-from companion.tasks.plan_maker import PlanMaker
+from companion.tasks.plan_maker import PlanMaker, PlanRun
 from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S, KnownThreats
-from companion.types.plan import Plan
-from companion.world.snapshot import Snapshot
 
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
 
@@ -151,16 +147,16 @@ class Replanning:
         self._schedule.knows(self._known())
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
-            await self._plan_from(begin(state, ownship), snapshot, track_s)
+            await self._plan(plan_request(state, begin(state, ownship), snapshot), track_s)
         return None
 
-    async def _plan_from(self, start: Start, snapshot: Snapshot, track_s: float) -> None:
-        """Plan from a start, and carry out what comes of it."""
-        run = await self._maker.make(plan_request(self._flight.state, start, snapshot))
+    async def _plan(self, request: PlanRequest, track_s: float) -> None:
+        """Make a plan, and carry out what comes of it."""
+        run = await self._maker.make(request)
         state = self._flight.state
         if not state.may_act:
             return
-        found = conclude(state, run.plan, start)
+        found = conclude(state, run.plan, request.start)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
             return
@@ -170,11 +166,11 @@ class Replanning:
         facts = {"occasion": self._schedule.occasion, **decision.why}
         self._announcer.decide(decision.verdict.kind, decision.text, run.plan_ms, why=facts)
         if decision.verdict.is_emergency:
-            await self._respond(run.plan, snapshot, track_s)
+            await self._respond(run, request, track_s)
         else:
             self.emergency = None
 
-    async def _respond(self, failed: Plan, snapshot: Snapshot, track_s: float) -> None:
+    async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
         """No plan passes: take the first step of the emergency strategy that can be taken, and say so."""
         ownship, state = self._situation.ownship.state(self._clock.now_s()), self._flight.state
         if ownship is None:
@@ -183,19 +179,16 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
-        run = await self._maker.make(least_threat_request(state, start, snapshot))
+        run = await self._maker.make(least_threat_request(state, start, request.snapshot))
         state = self._flight.state
         if not state.may_act:
             return
-        found = conclude_emergency(state, run.plan, failed, start)
+        found = conclude_emergency(state, run.plan, failed.plan, start)
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
         elif found.step is EmergencyStep.RETURN_TO_LAUNCH and self._flight.state.may_act:
-            try:
-                await self.handover.return_to_launch()
-            except CompanionError as error:
-                self._announcer.decide(DecisionKind.EMERGENCY, f"return to launch: {error}")
+            await self.handover.return_to_launch()
 
     def _announce(self, step: EmergencyStep, reason: str, kind: DecisionKind) -> None:
         """Say a step of the emergency strategy, once until another is taken."""
@@ -213,17 +206,17 @@ class Replanning:
             if shaped.verdict is not Verdict.EMERGENCY:
                 self.emergency = None
             return
-        self._note_failed_swap(shaped.start)
+        self._note_failed_swap(shaped)
         horizon_s = self._flight.state.rules.time_horizon_s
         self._schedule.retry(self._clock.now_s(), horizon_s, RETRY_S, "the last mission was not entered")
 
-    def _note_failed_swap(self, start: Start) -> None:
+    def _note_failed_swap(self, shaped: ShapedPath) -> None:
         """Say that the aircraft is left with what it flies, once that looks like lasting."""
         state = self._flight.state
         self._num_failed_swaps += 1
         if self._num_failed_swaps != FAILED_SWAPS_TOLD or not state.may_act:
             return
-        passes = flown_passes(state, start)
+        passes = flown_passes(state, shaped.start)
         reason = "it still passes" if passes else "nothing else reaches the autopilot"
         self._announce(
             EmergencyStep.KEEP_FLOWN,

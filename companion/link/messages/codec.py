@@ -100,7 +100,7 @@ class Codec:
         self._signer = signer
         self._limits = limits
         if signer is not None:
-            signer.counters = self.counters
+            signer.count_in(self.counters)
 
     @property
     def vehicle_system_id(self) -> int | None:

@@ -25,6 +25,12 @@ class _Stream:
     heard_s: float
     asked_s: float | None = None
 
+    def ask(self, now_s: float) -> None:
+        self.asked_s = now_s
+
+    def hear(self, now_s: float) -> None:
+        self.heard_s = now_s
+
     def is_due(self, now_s: float) -> bool:
         if self.asked_s is None:
             return True
@@ -71,14 +77,14 @@ class Streams:
                 self._streams = self._wanted(self._autopilot, stamp_s)
         stream = self._streams.get(frame.message_id)
         if stream is not None and frame.component_id == 1:
-            stream.heard_s = stamp_s
+            stream.hear(stamp_s)
 
     def due(self, codec: Codec, now_s: float) -> bytes:
         """Return the requests to send now; call it about once a second."""
         requests = []
         for number, stream in self._streams.items():
             if stream.is_due(now_s):
-                stream.asked_s = now_s
+                stream.ask(now_s)
                 requests.append(codec.set_message_interval(number, stream.rate_hz))
                 if (
                     number == MessageId.HOME_POSITION

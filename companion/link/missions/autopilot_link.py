@@ -19,7 +19,7 @@ from companion.clock import Clock
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import Codec
 from companion.link.messages.flight_modes import custom_mode_of
-from companion.link.missions.mavsdk_reader import MavsdkReader
+from companion.link.missions.mavsdk_reader import MISSION_MESSAGES, MavsdkReader
 from companion.link.missions.mission_items import check_upload
 from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
 from companion.link.wire.decoded_frame import (
@@ -98,6 +98,10 @@ class AutopilotLink:
     def is_exchanging(self) -> bool:
         """Whether a mission or fence is on its way, in either direction."""
         return self._turn.locked()
+
+    def is_part_of_exchange(self, frame: DecodedFrame) -> bool:
+        """Whether a frame gets an exchange on that is under way."""
+        return self.is_exchanging and frame.message_id in MISSION_MESSAGES
 
     @property
     def pending_calls(self) -> int:
@@ -336,7 +340,7 @@ class AutopilotLink:
         """Fail whatever is under way, at once."""
         self._mavsdk.abandon()
         if self._moving is not None:
-            self._moving[0].failure = "ABANDONED"
+            self._moving[0].abandon()
             self._moved.set()
         for _, future in self._waiters:
             if not future.done():

@@ -101,6 +101,10 @@ class Upload:
         self._repeated: set[int] = set()
         self._queue: list[int] = []
 
+    def abandon(self) -> None:
+        """Fail at once."""
+        self.failure = "ABANDONED"
+
     def due(self, now_s: float) -> list[int]:
         """Numbers of the items to send now, :data:`OPENING` for the opening."""
         if self.failure is None and now_s - self._heard_s > PATIENCE_S:
@@ -185,6 +189,10 @@ class MissionDownload:
     def items(self) -> tuple[MissionItem, ...]:
         """What was read, in order."""
         return tuple(self._items[number] for number in sorted(self._items))
+
+    def abandon(self) -> None:
+        """Fail at once."""
+        self.failure = "ABANDONED"
 
     def due(self, now_s: float) -> list[int]:
         """Numbers of the items to ask for now, :data:`OPENING` for the list's length."""

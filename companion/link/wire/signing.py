@@ -183,6 +183,10 @@ class Signer:
         self._extras = extras
         self._allow_unsigned = frozenset(allow_unsigned)
 
+    def count_in(self, counters: Counter[str]) -> None:
+        """Count what is refused among somebody else's figures from now on."""
+        self.counters = counters
+
     def signed(self, data: bytes) -> bytes:
         """One frame or several, each with its signature."""
         return b"".join(self._signed(raw) for raw in frames_in(data))
