@@ -257,3 +257,24 @@ def test_no_object_is_assigned_from_outside(source):
     known = ASSIGNED_ELSEWHERE.get(name_of(source), set())
     found = [what for owner, what in assigned_elsewhere(tree_of(source)) if owner not in known]
     assert found == []
+
+
+# Elsewhere code asks a dialect for what follows from it, not which it is.
+DIALECT_FILES = {
+    "companion/doctor/parameter_checks.py",
+    "companion/link/messages/flight_modes.py",
+    "companion/swapping/protocols.py",
+    "companion/types/events.py",
+}
+
+
+def test_dialects_are_told_apart_in_four_files():
+    asked = {
+        name_of(path)
+        for path in SOURCES
+        for node in ast.walk(tree_of(path))
+        if name_of(path).startswith("companion/")
+        and isinstance(node, ast.Attribute)
+        and ast.unparse(node) in ("Dialect.ARDUPILOT", "Dialect.PX4")
+    }
+    assert asked == DIALECT_FILES

@@ -171,7 +171,7 @@ class LinkDoctor:
         findings = []
         for number, asked in self._streams.wanted.items():
             name, rate = MessageId(number).name, self._counts[number] / max(seconds, 1e-3)
-            is_slow = number == MessageId.MISSION_CURRENT and dialect is Dialect.PX4
+            is_slow = number == MessageId.MISSION_CURRENT and dialect.tells_mission_slowly
             wanted = min(asked, PX4_CURRENT_HZ) if is_slow else asked
             found = f"{rate:.1f} Hz, {wanted:g} wanted"
             if rate >= RATE_SHARE * wanted:
@@ -188,6 +188,6 @@ class LinkDoctor:
 
 def _number(told: ParameterTold, dialect: Dialect) -> float:
     """The value, as the autopilot's dialect packs it."""
-    if told.is_whole and dialect is Dialect.PX4:
+    if told.is_whole and dialect.packs_parameters_bytewise:
         return float(told.bits)
     return told.value if math.isfinite(told.value) else math.nan

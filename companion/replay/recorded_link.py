@@ -15,7 +15,7 @@ from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.missions.mission_items import as_sent
 from companion.mission.mission_id import mission_id
-from companion.types.events import Dialect, MissionCurrent
+from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MavFrame, MissionItem
 
 ITEM_S = 0.02  # as measured on ArduPlane
@@ -70,10 +70,14 @@ class ReplayLink(AutopilotLink):
         """Whether the model holds a mission of ours; until then it holds what the recorded autopilot did."""
         return bool(self.uploads)
 
+    @property
+    def _swaps_whole_lists(self) -> bool:
+        return self.dialect is not None and self.dialect.swaps_whole_lists
+
     def _stored(self) -> Items:
         held = self._items if self.has_stored else self._held()
         if held is None:
-            return () if self.dialect is Dialect.PX4 else (_HOME,)
+            return () if self._swaps_whole_lists else (_HOME,)
         return held
 
     @property
@@ -96,7 +100,7 @@ class ReplayLink(AutopilotLink):
             raise TransferError("upload", "TRANSFER_CANCELLED")
         self._items = tuple(items)
         self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
-        if self.dialect is not Dialect.PX4:
+        if not self._swaps_whole_lists:
             self._tell_current(0 if self.current is None else self.current.sequence)
             return 0
         self._tell_current(next(item.sequence for item in items if item.is_current))
@@ -183,8 +187,7 @@ class ReplayLink(AutopilotLink):
         await self._clock.sleep_until(self._clock.now_s() + ITEM_S * num_items)
 
     def _tell_current(self, sequence: int) -> None:
-        is_px4 = self.dialect is Dialect.PX4
         items = self._stored()
-        total = len(items) - (0 if is_px4 else 1)
-        name = mission_id(items) if is_px4 else 0
+        total = len(items) - (0 if self._swaps_whole_lists else 1)
+        name = mission_id(items) if self._swaps_whole_lists else 0
         self._current = MissionCurrent(self._clock.now_s(), sequence, total, name, _ACTIVE)

@@ -74,7 +74,7 @@ class ListReader:
             after_current_told,
             event,
             is_flying_ours=self._flight.state.flown is not None,
-            num_home_items=self._protocols.now.num_home_items,
+            num_home_items=self._protocols.dialect.num_home_items,
         )
 
     async def prepare(self) -> ListReadResult:
@@ -130,7 +130,7 @@ class ListReader:
         self._flight.apply(after_list_adopted, listed, self._tail_position(operator, home))
         if mission.goals_from_autopilot:
             goals = goals_of_operator(
-                operator, mission.frame, home, has_home_slot=protocol.num_home_items > 0
+                operator, mission.frame, home, has_home_slot=self._protocols.dialect.num_home_items > 0
             )
             self._flight.apply(after_operator_goals, goals)
         if protocol.wants_landing and not operator.has_landing and not listed.said_landing:

@@ -30,9 +30,14 @@ class SwapProtocols:
     by_dialect: dict[Dialect, SwapProtocol]
 
     @property
-    def now(self) -> SwapProtocol:
+    def dialect(self) -> Dialect:
         """Of the autopilot that is heard; ArduPlane's before one is."""
-        return self.by_dialect[self.parts.link.dialect or Dialect.ARDUPILOT]
+        return self.parts.link.dialect or Dialect.ARDUPILOT
+
+    @property
+    def now(self) -> SwapProtocol:
+        """What the autopilot that is heard needs."""
+        return self.by_dialect[self.dialect]
 
 
 def protocols_for(

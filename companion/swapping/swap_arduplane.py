@@ -29,7 +29,6 @@ class ArduPlaneSwap:
         What it works with.
     """
 
-    num_home_items = 1
     wants_landing = False
 
     def __init__(self, parts: SwapParts) -> None:

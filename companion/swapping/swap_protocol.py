@@ -125,13 +125,10 @@ class SwapProtocol(Protocol):
 
     Attributes
     ----------
-    num_home_items : int
-        Items at the list's beginning that are not the operator's, and that it does not count.
     wants_landing : bool
         Whether the autopilot is at a loss with a mission that does not end in a landing.
     """
 
-    num_home_items: int
     wants_landing: bool
 
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:

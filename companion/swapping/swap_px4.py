@@ -67,7 +67,6 @@ class Px4Swap:
         What it works with.
     """
 
-    num_home_items = 0
     wants_landing = True
 
     def __init__(self, parts: SwapParts) -> None:

@@ -24,7 +24,7 @@ from companion.flight.flight_state import (
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
-from companion.types.events import Dialect, Event, GlobalPosition, Heartbeat, MissionCurrent, StatusText
+from companion.types.events import Event, GlobalPosition, Heartbeat, MissionCurrent, StatusText
 from companion.types.state import Ownship
 
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
@@ -143,7 +143,7 @@ class App:
         if isinstance(event, Heartbeat):
             self._heartbeat_s = now
             self.autopilot_mode = event.mode
-            self._flight.apply(after_autopilot_told, flies_by=event.dialect is Dialect.ARDUPILOT)
+            self._flight.apply(after_autopilot_told, flies_by=event.dialect.flies_by)
             self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)

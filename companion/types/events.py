@@ -11,10 +11,50 @@ from enum import Enum
 
 
 class Dialect(Enum):
-    """Whose mission semantics the autopilot has."""
+    """Whose mission semantics the autopilot has, and what follows from it."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
+
+    @property
+    def flies_by(self) -> bool:
+        """Whether it turns before a waypoint, as ArduPlane does by WP_RADIUS."""
+        return self is Dialect.ARDUPILOT
+
+    @property
+    def num_home_items(self) -> int:
+        """Items at a list's beginning that it does not count: ArduPlane's home slot."""
+        return 1 if self is Dialect.ARDUPILOT else 0
+
+    @property
+    def swaps_whole_lists(self) -> bool:
+        """Whether an upload takes effect with its last item; else each item is overwritten in place."""
+        return self is Dialect.PX4
+
+    @property
+    def sets_current_by_command(self) -> bool:
+        """Whether DO_SET_MISSION_CURRENT is understood; else the message MISSION_SET_CURRENT is."""
+        return self is Dialect.ARDUPILOT
+
+    @property
+    def stays_busy(self) -> bool:
+        """Whether a transfer broken off must be cancelled: a PX4 would be busy for 5 s."""
+        return self is Dialect.PX4
+
+    @property
+    def tells_covariances(self) -> bool:
+        """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND alone."""
+        return self is Dialect.PX4
+
+    @property
+    def tells_mission_slowly(self) -> bool:
+        """Whether MISSION_CURRENT comes at its own rate whatever is asked for."""
+        return self is Dialect.PX4
+
+    @property
+    def packs_parameters_bytewise(self) -> bool:
+        """Whether whole-number parameters lie in PARAM_VALUE as in memory; else they are cast to a float."""
+        return self is Dialect.PX4
 
 
 class Emitter(Enum):

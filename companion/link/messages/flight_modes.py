@@ -9,7 +9,7 @@ ArduPlane ``mode.h`` (custom_mode is the number); PX4 ``px4_custom_mode.h`` (mai
 from __future__ import annotations
 
 from companion.types.events import Dialect
-from companion.types.mavlink_enums import ModeFlag, VehicleType
+from companion.types.mavlink_enums import Autopilot, ModeFlag, VehicleType
 
 ARDUPLANE_MODES = {
     0: "MANUAL",
@@ -65,6 +65,7 @@ _PLANE_TYPES = frozenset(
     {VehicleType.FIXED_WING, VehicleType.PARAFOIL}
     | {kind for kind in VehicleType if kind.name.startswith("VTOL_")}
 )
+DIALECTS = {Autopilot.ARDUPILOTMEGA: Dialect.ARDUPILOT, Autopilot.PX4: Dialect.PX4}
 _MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
 
 

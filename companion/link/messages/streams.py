@@ -94,7 +94,7 @@ class Streams:
 
     def _wanted(self, dialect: Dialect, now_s: float) -> dict[int, _Stream]:
         fast, slow = self._rate_hz, 1.0
-        wind = MessageId.WIND if dialect is Dialect.ARDUPILOT else MessageId.WIND_COV
+        wind = MessageId.WIND_COV if dialect.tells_covariances else MessageId.WIND
         rates = {
             MessageId.GLOBAL_POSITION_INT: (fast, True),
             MessageId.ATTITUDE: (fast, False),
@@ -104,6 +104,6 @@ class Streams:
             MessageId.HOME_POSITION: (0.5, False),
             MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }
-        if dialect is Dialect.PX4:
+        if dialect.tells_covariances:
             rates[MessageId.ESTIMATOR_STATUS] = (slow, False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from companion.link.messages.flight_modes import flight_mode
+from companion.link.messages.flight_modes import DIALECTS, flight_mode
 from companion.link.wire.framing import RawFrame
 from companion.types.events import (
     AirData,
     Attitude,
-    Dialect,
     EstimatorAccuracy,
     Event,
     GlobalPosition,
@@ -23,13 +22,12 @@ from companion.types.events import (
     StatusText,
     WindEstimate,
 )
-from companion.types.mavlink_enums import Autopilot, ComponentId, ModeFlag
+from companion.types.mavlink_enums import ComponentId, ModeFlag
 
 AUTOPILOT_COMPONENT = ComponentId.AUTOPILOT1
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 
-_DIALECTS = {Autopilot.ARDUPILOTMEGA: Dialect.ARDUPILOT, Autopilot.PX4: Dialect.PX4}
 _NO_MISSION = 0xFFFF
 _REORDERED_MS = 2_000  # a frame this late on one link is the clock having gone back, not a detour
 _STD_MAX_M = 10_000.0
@@ -119,7 +117,7 @@ class Telemetry:
         return [] if decoder is None else [decoder(message, frame, stamp_s)]
 
     def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
-        dialect = _DIALECTS.get(message.autopilot)
+        dialect = DIALECTS.get(message.autopilot)
         if dialect is None or frame.component_id != ComponentId.AUTOPILOT1:
             return []
         if self.vehicle_system_id is None:

@@ -296,10 +296,10 @@ class AutopilotLink:
             When it refuses, or does not answer within 4.5 s; it is not asked again once ``is_ahead``
             denies it.
         """
-        is_ardupilot = self._require_autopilot() is Dialect.ARDUPILOT
+        is_by_command = self._require_autopilot().sets_current_by_command
 
         def make(attempt: int) -> bytes:
-            if is_ardupilot:
+            if is_by_command:
                 return self._codec.set_current_command(sequence, attempt)
             return self._codec.set_current_message(sequence)
 
@@ -399,7 +399,7 @@ class AutopilotLink:
 
     def _free(self) -> None:
         """Tell a PX4 that a transfer is over: it would be busy for 5 s, and 5 more at each new try."""
-        if self._dialect is Dialect.PX4:
+        if self._dialect is not None and self._dialect.stays_busy:
             self._send(self._codec.mission_cancel())
 
 

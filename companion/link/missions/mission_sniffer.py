@@ -71,6 +71,10 @@ class MissionSniffer:
         self._up: dict[tuple[int, int], _Transfer] = {}
         self._down: dict[tuple[int, int], _Transfer] = {}
 
+    def speaks(self, dialect: Dialect | None) -> None:
+        """Follow the lists as this autopilot keeps them from now on."""
+        self.dialect = dialect
+
     def feed(self, frame: RawFrame, vehicle: int, stamp_s: float) -> None:
         """Take a frame of either direction; what is no part of a mission's transfer is left alone."""
         source = (frame.system_id, frame.component_id)
@@ -115,9 +119,14 @@ class MissionSniffer:
         if before is not None and before.items:
             self.num_broken += 1
         self._up[client] = _Transfer(count)
-        if self.dialect is not Dialect.PX4:
+        if not self._swaps_whole_lists:
             held = self.items or ()
             self.items = (*held[:count], *(None,) * (count - len(held)))
+
+    @property
+    def _swaps_whole_lists(self) -> bool:
+        """An autopilot that was not heard yet is taken for one that overwrites in place."""
+        return self.dialect is not None and self.dialect.swaps_whole_lists
 
     def _begin_part(self, client: tuple[int, int], first: int, last: int) -> None:
         if first <= last:
@@ -131,7 +140,7 @@ class MissionSniffer:
         transfer.items[item.sequence] = item
         held = list(self.items or ())
         is_home = item.sequence == 0 and bool(held) and held[0] is not None
-        if self.dialect is not Dialect.PX4 and item.sequence < len(held) and not is_home:
+        if not self._swaps_whole_lists and item.sequence < len(held) and not is_home:
             held[item.sequence] = replace(item, is_current=False)
             self.items = tuple(held)
         if transfer.is_whole and not was_whole:
@@ -145,7 +154,7 @@ class MissionSniffer:
         if result != MissionResult.ACCEPTED or not transfer.is_whole:
             self.num_broken += 1
             return
-        if self.dialect is Dialect.PX4:
+        if self._swaps_whole_lists:
             self.items = tuple(replace(item, is_current=False) for item in transfer.in_order)
         self._settle()
         last = next((n for n in reversed(range(len(self.uploads))) if self.uploads[n].client == client), None)
