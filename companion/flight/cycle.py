@@ -13,6 +13,7 @@ from companion.flight.fallback import flown_violations, respond
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
 from companion.flight.shaping import ShapedPath
+from companion.mission.waypoints import mission_part
 from companion.types.plan import Plan
 from companion.types.state import Ownship
 
@@ -53,7 +54,8 @@ def conclude_emergency(
     route = response.route
     if route is None:
         return EmergencyConclusion(step, reason, None)
+    part = mission_part(route.waypoints, state.mission.frame)
     shaped = ShapedPath(
-        route.path, route.waypoints, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {}
+        route.path, route.waypoints, part, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {}
     )
     return EmergencyConclusion(step, reason, shaped)

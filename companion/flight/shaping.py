@@ -13,7 +13,13 @@ from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import loiter_beside
-from companion.mission.waypoints import Waypoints, merge_close_waypoints, waypoints_from_path
+from companion.mission.waypoints import (
+    MissionPart,
+    Waypoints,
+    merge_close_waypoints,
+    mission_part,
+    waypoints_from_path,
+)
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.plan import Plan
@@ -35,6 +41,8 @@ class ShapedPath:
         What is to be flown.
     waypoints : Waypoints
         What the mission carries of it.
+    part : MissionPart
+        The waypoints as mission items.
     carried_until_s : float
         The path's time at their end [s].
     start : Start
@@ -49,6 +57,7 @@ class ShapedPath:
 
     path: Path
     waypoints: Waypoints
+    part: MissionPart
     carried_until_s: float
     start: Start
     verdict: Verdict
@@ -84,7 +93,10 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
-    shaped = ShapedPath(plan.path, waypoints, carried_s, start, decision.verdict, decision.text, decision.why)
+    part = mission_part(waypoints, state.mission.frame)
+    shaped = ShapedPath(
+        plan.path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
+    )
     return Conclusion(decision, shaped)
 
 

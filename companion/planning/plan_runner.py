@@ -2,46 +2,66 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from companion.clock import Clock
-from companion.threads import in_thread
-from companion.types.plan import Plan
 
 POLL_S = 0.2  # between looks at whether a plan is due
 NEAR_S = 2.0
 
-Request = TypeVar("Request")
-Search = Callable[[Request, Callable[[], bool]], Plan]  # takes what is asked, and a stopping rule
 
-
-@dataclass(frozen=True, slots=True)
-class PlanRun:
-    """A plan, and what it took.
+class StopRule:
+    """A stopping rule that counts how often it was asked; once it said so, it keeps to it.
 
     Parameters
     ----------
-    plan : Plan
-        The planner's answer.
-    plan_ms : float
-        Of the computer's time.
+    is_over : callable
+        Whether to stop, by the number of the question.
+
+    Attributes
+    ----------
     asked : int
-        How often the search asked whether to stop.
+        How often it was asked.
     is_stopped : bool
-        Whether it was told to.
+        Whether it said so.
     """
 
-    plan: Plan
-    plan_ms: float
-    asked: int
-    is_stopped: bool
+    def __init__(self, is_over: Callable[[int], bool]) -> None:
+        self.asked = 0
+        self.is_stopped = False
+        self._is_over = is_over
+
+    def __call__(self) -> bool:
+        """Whether to stop."""
+        if not self.is_stopped:
+            self.asked += 1
+            self.is_stopped = self._is_over(self.asked)
+        return self.is_stopped
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTiming:
+    """How one plan is to be made.
+
+    Parameters
+    ----------
+    rule : StopRule
+        When the search ends.
+    is_threaded : bool
+        Whether it runs in a thread, beside everything else; else in the event loop.
+    until_s : float or None
+        The clock's reading at which the plan counts as made [s]; None for as soon as it is.
+    """
+
+    rule: StopRule
+    is_threaded: bool = False
+    until_s: float | None = None
 
 
 class PlanRunner(Protocol):
-    """Says when plans are made, and runs the search."""
+    """Says when plans are made, and how."""
 
     def next_look_s(self, now_s: float) -> float:
         """When to look next whether a plan is due."""
@@ -51,32 +71,14 @@ class PlanRunner(Protocol):
         """Wait until the plan of this number is to be made."""
         ...
 
-    async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int, /
-    ) -> PlanRun:
-        """Run the search for the plan of this number within a budget of the clock's time."""
+    def timing(self, clock: Clock, budget_s: float, number: int, /) -> PlanTiming:
+        """How the plan of this number, which begins now, is made within a budget of the clock's time."""
         ...
 
 
-class _Rule:
-    """A stopping rule that counts how often it was asked; once it said so, it keeps to it."""
-
-    def __init__(self, is_over: Callable[[int], bool]) -> None:
-        self.asked = 0
-        self.is_stopped = False
-        self._is_over = is_over
-
-    def __call__(self) -> bool:
-        if not self.is_stopped:
-            self.asked += 1
-            self.is_stopped = self._is_over(self.asked)
-        return self.is_stopped
-
-
-def _searched(search: Search[Request], request: Request, rule: _Rule) -> PlanRun:
-    began = time.perf_counter()
-    plan = search(request, rule)
-    return PlanRun(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
+def _never(_asked: int) -> bool:
+    """To the iteration budget."""
+    return False
 
 
 class _LiveRunner:
@@ -93,25 +95,18 @@ class _LiveRunner:
 class InlineRunner(_LiveRunner):
     """In the event loop, to the iteration budget; the plan takes its budget of a clock that others move."""
 
-    async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, _number: int, /
-    ) -> PlanRun:
-        """Run the search, however long the computer needs."""
-        due = clock.now_s() + budget_s
-        paced = _searched(search, request, _Rule(lambda _asked: False))
-        await clock.sleep_until(due)
-        return paced
+    def timing(self, clock: Clock, budget_s: float, _number: int, /) -> PlanTiming:
+        """However long the computer needs."""
+        return PlanTiming(StopRule(_never), until_s=clock.now_s() + budget_s)
 
 
 class ThreadRunner(_LiveRunner):
     """In a thread, until the clock says that the budget is spent."""
 
-    async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, _number: int, /
-    ) -> PlanRun:
-        """Run the search to its deadline."""
-        due = clock.now_s() + budget_s
-        return await in_thread(_searched, search, request, _Rule(lambda _asked: clock.now_s() >= due))
+    def timing(self, clock: Clock, budget_s: float, _number: int, /) -> PlanTiming:
+        """To its deadline."""
+        due_s = clock.now_s() + budget_s
+        return PlanTiming(StopRule(lambda _asked: clock.now_s() >= due_s), is_threaded=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,13 +153,9 @@ class RecordedRunner:
         if seen_s is not None and 0.0 < seen_s - clock.now_s() < NEAR_S:
             await clock.sleep_until(seen_s)
 
-    async def run(
-        self, search: Search[Request], request: Request, clock: Clock, budget_s: float, number: int, /
-    ) -> PlanRun:
-        """Run the search as it was run in flight."""
-        taken = self._taken.get(number, RecordedPlanTiming(None, budget_s))
-        due = clock.now_s() + taken.took_s
-        last = taken.stopped_at
-        paced = _searched(search, request, _Rule(lambda asked: last is not None and asked >= last))
-        await clock.sleep_until(due)
-        return paced
+    def timing(self, clock: Clock, budget_s: float, number: int, /) -> PlanTiming:
+        """As it was made in flight."""
+        timing = self._taken.get(number, RecordedPlanTiming(None, budget_s))
+        last = timing.stopped_at
+        rule = StopRule(_never if last is None else lambda asked: asked >= last)
+        return PlanTiming(rule, until_s=clock.now_s() + timing.took_s)

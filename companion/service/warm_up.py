@@ -11,11 +11,10 @@ from companion.config.models import Goal, ObstacleConfig, RadarConfig
 from companion.flight.decision import judge
 from companion.flight.flight_state import after_restart, first_state
 from companion.flight.list_state import FlownPath
-from companion.flight.plan_request import plan_request
 from companion.flight.progress import start_after
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
-from companion.tasks.plan_maker import Planner
+from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
 from companion.types.state import Ownship

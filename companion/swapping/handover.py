@@ -154,8 +154,7 @@ class Handover:
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        frame = self._flight.state.mission.frame
-        order = order_for(shaped, layout, frame, plan_number=plan_number, enter_s=enter_s)
+        order = order_for(shaped, layout, plan_number=plan_number, enter_s=enter_s)
         self._offered = order.flown.mission
         self._flight.apply_to_list(after_swap_begun)
         try:

@@ -9,13 +9,12 @@ from companion.clock import Clock
 from companion.flight.flight_state import StateOwner
 from companion.flight.list_state import FlownPath, PendingSwap, after_reading
 from companion.flight.shaping import ShapedPath
-from companion.frames import LocalFrame
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.list_layout import Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.swap import SwapOutcome
-from companion.mission.waypoints import Waypoints, mission_part, sequence_of_waypoint
+from companion.mission.waypoints import Waypoints, sequence_of_waypoint
 from companion.swapping.entry import entry_of
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
@@ -51,9 +50,7 @@ class SwapOrder:
         return PendingSwap(asked_s, self.layout, self.flown, self.waypoints, identity)
 
 
-def order_for(
-    shaped: ShapedPath, layout: Layout, frame: LocalFrame, *, plan_number: int, enter_s: float
-) -> SwapOrder:
+def order_for(shaped: ShapedPath, layout: Layout, *, plan_number: int, enter_s: float) -> SwapOrder:
     """Put a path into the list as it is laid out.
 
     Parameters
@@ -62,15 +59,12 @@ def order_for(
         What is to be flown.
     layout : Layout
         The list's now.
-    frame : LocalFrame
-        The mission file's.
     plan_number : int
         The number of the plan behind it.
     enter_s : float
         When the aircraft is where the path begins, by the clock [s].
     """
-    part = mission_part(shaped.waypoints, frame)
-    mission, after = layout.with_new(layout.items_for(part), plan_number)
+    mission, after = layout.with_new(layout.items_for(shaped.part), plan_number)
     flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
     return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s)
 

@@ -2,24 +2,92 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from companion.clock import Clock
 from companion.comms.observer import Observer
 from companion.config.rules import Rules
-from companion.flight.plan_request import PlanRequest
-from companion.planning.plan_runner import PlanRun, PlanRunner
-from companion.planning.problem import Problem
+from companion.flight.flight_state import FlightState
+from companion.flight.progress import Start
+from companion.planning.plan_runner import PlanRunner, StopRule
+from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve
 from companion.recording.recorder import Recorder
 from companion.tasks.plan_schedule import PlanSchedule
+from companion.threads import in_thread
 from companion.types.plan import Plan
 from companion.types.record import PlanRecord
 from companion.types.threat import ThreatTree
+from companion.world.snapshot import Snapshot
 
 __all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
+PLAN, LEAST_THREAT = "plan", "least threat"
 SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """All that a plan is made from.
+
+    Parameters
+    ----------
+    purpose : str
+        ``plan``, or ``least threat`` in an emergency.
+    rules : Rules
+        What it is held to.
+    goals : tuple of GoalRegion
+        To be reached in order.
+    start : Start
+        Where it begins.
+    improves : bool
+        Whether the rest of the flown path is worth improving on.
+    snapshot : Snapshot
+        The world.
+    """
+
+    purpose: str
+    rules: Rules
+    goals: tuple[GoalRegion, ...]
+    start: Start
+    improves: bool
+    snapshot: Snapshot
+
+
+def plan_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRequest:
+    """What is asked of the planner in the ordinary course of a flight."""
+    # A flown path that fails the check, since the world has changed, is nothing to improve on.
+    improves = start.rest is not None and not state.violations_of(start.rest)
+    return PlanRequest(PLAN, state.rules, state.goals_left, start, improves, snapshot)
+
+
+def least_threat_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRequest:
+    """What is asked in an emergency: threats weigh most, and have no limit."""
+    return PlanRequest(LEAST_THREAT, state.rules, state.goals_left, start, False, snapshot)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRun:
+    """A plan, and what it took.
+
+    Parameters
+    ----------
+    plan : Plan
+        The planner's answer.
+    plan_ms : float
+        The computer's time for it [ms].
+    asked : int
+        How often the search asked whether to stop.
+    is_stopped : bool
+        Whether it was told to.
+    """
+
+    plan: Plan
+    plan_ms: float
+    asked: int
+    is_stopped: bool
 
 
 class Planner:
@@ -47,17 +115,27 @@ class Planner:
         self.num_plans += 1
         if request.rules is not self._grown_by:  # they grew round other obstacles
             self._threat_trees, self._grown_by = (), request.rules
+        rules = request.rules
+        settings = rules.replan_settings if request.improves else rules.settings
+        if request.purpose == LEAST_THREAT:
+            settings = rules.least_threat_settings
         problem = Problem(
             start=request.start.state,
             goals=request.goals,
             snapshot=request.snapshot.with_threat_trees(self._threat_trees),
-            vehicle=request.rules.vehicle,
-            settings=request.settings,
+            vehicle=rules.vehicle,
+            settings=settings,
             seed=self._seed * SEEDS_A_FLIGHT + self.num_plans,
         )
-        plan = solve(problem, should_stop, flown=request.improved_on)
+        plan = solve(problem, should_stop, flown=request.start.rest if request.improves else None)
         self._threat_trees = plan.threat_trees
         return plan
+
+    def run(self, request: PlanRequest, rule: StopRule) -> PlanRun:
+        """Plan, and tell what it took."""
+        began = time.perf_counter()
+        plan = self.plan(request, rule)
+        return PlanRun(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
 
 
 class PlanMaker:
@@ -117,7 +195,13 @@ class PlanMaker:
         budget_s = float(request.rules.mission.planning.planning_budget_s)
         self._num_runs += 1
         self._observer.progress()
-        run = await self._runner.run(self._planner.plan, request, self._clock, budget_s, self._num_runs)
+        timing = self._runner.timing(self._clock, budget_s, self._num_runs)
+        if timing.is_threaded:
+            run = await in_thread(self._planner.run, request, timing.rule)
+        else:
+            run = self._planner.run(request, timing.rule)
+        if timing.until_s is not None:
+            await self._clock.sleep_until(timing.until_s)
         self._observer.progress()
         self._observer.planned(run.plan, run.plan_ms)
         self._record(run, request, begun_s)

@@ -16,12 +16,11 @@ from companion.flight.cycle import (
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.flight_state import StateOwner
 from companion.flight.modes import ModeEvent
-from companion.flight.plan_request import PlanRequest, least_threat_request, plan_request
 from companion.flight.shaping import ShapedPath, conclude
 from companion.flight.situation import Situation
 from companion.swapping.handover import Handover, SwapOutcome
 from companion.tasks.geofences import Geofences
-from companion.tasks.plan_maker import PlanMaker, PlanRun
+from companion.tasks.plan_maker import PlanMaker, PlanRequest, PlanRun, least_threat_request, plan_request
 from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S, KnownThreats
 
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept

@@ -14,13 +14,12 @@ from companion.config.compose import world_of
 from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.list_state import FlownPath
-from companion.flight.plan_request import plan_request
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
 from companion.flight.shaping import waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part
 from companion.swapping.entry import entry_of, turns_after
-from companion.tasks.plan_maker import Planner
+from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
