@@ -229,6 +229,9 @@ def test_tcp_connects_again():
         assert not transport.is_open
         assert transport.dropped_bytes == len(b"early")
         server.close()
+        for line in lines:  # not all ends of lines are closed with the server, in every Python
+            line.close()
+            await line.wait_closed()
 
     run(body())
 
