@@ -20,8 +20,8 @@ from sim.sitl import Flight
 def compiled():
     """Signatures by kernel, of those that are called from Python."""
     found = {}
-    for info in pkgutil.iter_modules(companion.kernels.__path__):
-        for value in vars(importlib.import_module(f"companion.kernels.{info.name}")).values():
+    for info in pkgutil.walk_packages(companion.kernels.__path__, "companion.kernels."):
+        for value in vars(importlib.import_module(info.name)).values():
             if isinstance(value, Dispatcher):
                 found[value.py_func.__qualname__] = set(map(str, value.signatures))
     return found
