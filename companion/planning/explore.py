@@ -18,7 +18,6 @@ from companion.kernels.search.branches import activate
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
 from companion.kernels.search.growth import FAR, assess
-from companion.kernels.search.near_nodes import nearest_node
 from companion.kernels.workspace import workspace
 from companion.planning.problem import Problem
 from companion.planning.settings import Estimator
@@ -227,7 +226,9 @@ class Exploration:
         point : ndarray, shape (3,)
             Any place [m].
         """
-        return int(nearest_node(self.tree, point, self.work.near))
+        n = int(self.tree.count[0])
+        away = np.linalg.norm(self.tree.state[:n, :3] - point, axis=1)
+        return int(np.argmin(np.where(self.tree.active[:n] == 1, away, np.inf)))
 
     def guide_to(self, point: FloatArray) -> Guide:
         """The distance field of a point, over twice the sensing horizon about it.

@@ -36,12 +36,6 @@ def near_nodes(tree: Tree, q_s: FloatArray, k: int, near: KNearest) -> int:
 
 
 @kernel
-def nearest_node(tree: Tree, point: FloatArray, near: KNearest) -> int:
-    """The searched node nearest to ``point`` (3,) [m]; the root where none is searched."""
-    return int(near.rows[0]) if near_nodes(tree, point, 1, near) > 0 else 0
-
-
-@kernel
 def num_near(n: int, dimension: int) -> int:
     """Number of neighbours, max(3, ceil(e·(1 + 1/d)·ln n)), of a tree of n nodes."""
     return min(MAX_K, max(3, int(math.ceil(math.e * (1.0 + 1.0 / dimension) * math.log(max(n, 2))))))

@@ -113,14 +113,12 @@ def test_the_node_chosen_is_the_cheapest_of_the_k_nearest(seed, n):
     assert chosen == nearest[int(np.argmin(paid))]
     plain = SEARCH._replace(use_k_near=0)
     assert near_nodes.choose_node(tree, q, plain, 2, scene, near) == np.argmin(away)
-    assert near_nodes.nearest_node(tree, q, near) == np.argmin(away)
 
 
 def test_no_node_is_chosen_where_none_is_searched():
     tree, near = grown_tree(np.random.default_rng(0), 10), empty_nearest(near_nodes.MAX_K)
     tree.active[:] = 0
     assert near_nodes.choose_node(tree, np.zeros(3), SEARCH, 2, threats_now(), near) == near_nodes.NONE
-    assert near_nodes.nearest_node(tree, np.zeros(3), near) == 0
 
 
 def test_cost_distance_by_hand():
