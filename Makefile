@@ -63,8 +63,8 @@ campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pi
 	$(BIN)/python -m tests.torture kills -n 50
 	$(BIN)/python -m tests.torture pilots -n 50
 
-bench: $(STAMP) ## measure the speed of what must be fast
-	$(BIN)/pytest -q -m bench tests/bench
+bench: $(STAMP) ## measure what must be fast, against the stored baseline or the checkout BESIDE
+	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits

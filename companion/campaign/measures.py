@@ -9,10 +9,11 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Obstacles
-from companion.kernels.geometry.prism_distance import segment_blocked
+from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.intercept import EYE_M
 from companion.kernels.threat.reachability import dt_positions
+from companion.kernels.workspace import reach_scratch
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.world.pursuer_trees import threat_trees
@@ -86,9 +87,10 @@ def pursuit_measures(
         snapshot.tracks, snapshot.obstacles, up if snapshot.dimension == 2 else None, snapshot.bounds,
         plan.threat_trees,
     )  # fmt: skip
+    scratch = reach_scratch()
     nearest = np.zeros((len(times), len(snapshot.tracks), 4))
     for row, point, time in zip(nearest, points, times, strict=True):
-        dt_positions(trees, point[0], point[1], point[2], time, NUM_NEAR, snapshot.obstacles, row)
+        dt_positions(trees, point[0], point[1], point[2], time, NUM_NEAR, snapshot.obstacles, row, scratch)
     known = nearest[:, which, 3] > 0.0
     away = np.linalg.norm(nearest[:, which, :3] - points, axis=1)
     expected = np.array([membership(r, 0.0, 0.0, reach, 0.0) for r in away]) * known
@@ -117,8 +119,8 @@ def _with_points_between(path: Path) -> tuple[FloatArray, FloatArray]:
 def _threat(dt: FloatArray, aircraft: FloatArray, reach_m: float, obstacles: Obstacles) -> float:
     """Membership, paper (1), of a DT at ``dt`` to an ``aircraft``, shape (3,) each [m]; 0 where unseen."""
     slant = float(np.linalg.norm(aircraft - dt))
-    if slant > reach_m or segment_blocked(
-        dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], obstacles
+    if slant > reach_m or line_blocked(
+        dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], prisms_of(obstacles)
     ):
         return 0.0
     return float(membership(slant, 0.0, 0.0, reach_m, 0.0))

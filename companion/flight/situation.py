@@ -11,8 +11,9 @@ import numpy as np
 from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
-from companion.kernels.geometry.prism_distance import segment_blocked
-from companion.kernels.threat.fuzzy_threat import MAX_THREATS, point_threat
+from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.threat.fuzzy_threat import point_threat
+from companion.kernels.workspace import threat_scene
 from companion.tracking.ownship import OwnshipEstimator
 from companion.tracking.tracker import Tracker
 from companion.types.events import Event, TrackReport
@@ -98,17 +99,17 @@ class Situation:
     def threat_at(self, state: Ownship, tracks: tuple[TrackState, ...]) -> float:
         """Threat level TI the aircraft is under, from all radars of the mission and the tracked DTs."""
         x, y, z = state.position_enu_m
-        is_plane = self._snapshot.dimension == 2
+        is_plane, walls = self._snapshot.dimension == 2, prisms_of(self._snapshot.walls)
         points, reach = np.zeros((max(len(tracks), 1), 4)), np.zeros(len(tracks))
         for row, radius, track in zip(points, range(len(tracks)), tracks, strict=False):
             row[:3] = track.position_enu_m
             if is_plane:
                 row[2] = z
             reach[radius] = track.max_threat_radius_m
-            row[3] = float(not segment_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, self._snapshot.walls))
+            row[3] = float(not line_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, walls))
         everything = self._snapshot.threats._replace(known=np.ones_like(self._snapshot.threats.known))
         mu, nu = point_threat(
             x, y, z, direction_from_course(state.course_rad), state.flight_path_angle_rad,
-            state.airspeed_m_s, 0.0, everything, points, reach, self._model, np.empty((MAX_THREATS, 2)),
+            state.airspeed_m_s, 0.0, threat_scene(everything, points, reach, self._model),
         )  # fmt: skip
         return max(mu - nu, 0.0)

@@ -62,7 +62,10 @@ class ThreatModel(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Constraints of motion (paper 2.2), and the box the aircraft stays in."""
+    """Constraints of motion (paper 2.2), and the box the aircraft stays in.
+
+    ``bounds`` (6,) x_min x_max y_min y_max z_min z_max [m].
+    """
 
     v_min: float
     v_max: float
@@ -76,7 +79,7 @@ class Limits(NamedTuple):
     margin: float
     tau: float
     dimension: int
-    bounds: FloatArray  # (6,) x_min x_max y_min y_max z_min z_max
+    bounds: FloatArray
 
 
 class Uncertainty(NamedTuple):
@@ -96,7 +99,7 @@ class Uncertainty(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """The PathTree. Row i is a node; ``count[0]`` are in use.
+    """The PathTree. Row i is a node; ``count`` (1,) how many are in use.
 
     ``state`` (N, 6) x y z theta phi v; ``parent`` (N,); ``time`` (N,) TS; ``turn`` (N,) sign of the
     in-edge's turn; ``straight`` (N,) straight length flown since the last turn; ``rate`` (N, 2) the
@@ -104,7 +107,7 @@ class Tree(NamedTuple):
     ``clear`` (N,) p_c; ``level`` (N,) TI; ``domain`` (N,) TUDD; ``cost`` (N,) sum of (9) from the
     root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
     DT when the node is reached and 1 where that is known; ``children`` (N,) live children;
-    ``blocked`` (N,) 1 after a failed extension; ``way`` (N,) way round obstacles to the sub goal.
+    ``blocked`` (N,) 1 after a failed extension; ``to_go`` (N,) distance round obstacles to the sub goal [m].
     """
 
     state: FloatArray
@@ -124,19 +127,19 @@ class Tree(NamedTuple):
     threat_point: FloatArray
     children: IntArray
     blocked: IntArray
-    way: FloatArray
+    to_go: FloatArray
     count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
 
 
 class Guide(NamedTuple):
-    """The way round obstacles to a point.
+    """The distance field of a point: how far it is from everywhere, round obstacles.
 
-    ``wave`` (N, M) its length [m] from every cell of a grid, infinite where there is none;
-    ``origin`` (2,) the first cell's centre; ``cell`` the spacing [m]; ``share`` of the samples that
-    follow it; ``ahead`` how far along it they lie at most [m].
+    ``field`` (N, M) the distance [m] from every cell of a grid, infinite where no way leads; ``origin``
+    (2,) the first cell's centre [m]; ``cell`` the spacing [m]; ``share`` of the samples that follow it;
+    ``ahead`` how far along it they lie at most [m].
     """
 
-    wave: FloatArray
+    field: FloatArray
     origin: FloatArray
     cell: float
     share: float
@@ -147,29 +150,43 @@ class Branches(NamedTuple):
     """How the PathTree hangs together while RRT* rearranges it.
 
     ``first``, ``following`` (N,) first child and next sibling, -1 where there is none; ``upper`` (N,)
-    UB of paper 4.4.3; ``stage`` (N,) goals passed on the way to the node.
+    UB of paper 4.4.3; ``stage`` (N,) goals passed on the way to the node; ``goals`` (G, 4) x y z and
+    radius [m] of the goals to be passed in order.
     """
 
     first: IntArray
     following: IntArray
     upper: FloatArray
     stage: IntArray
+    goals: FloatArray
+
+
+class GridIndex(NamedTuple):
+    """An index of places by square cells (see :mod:`companion.kernels.geometry.grid_index`).
+
+    ``cells`` (C·C,) the newest row in each cell, ``chain`` (M,) the next older row in the same cell, -1
+    where there is none; ``places`` (M, 2) where each row was when it was taken in [m]; ``extent`` (4,)
+    first and last cell in each direction that may hold rows; ``filled`` (1,) how many rows are in. An
+    index of each of D trees has a leading axis D in every array.
+    """
+
+    cells: IntArray
+    chain: IntArray
+    places: FloatArray
+    extent: IntArray
+    filled: IntArray
 
 
 class Pursuers(NamedTuple):
     """The DTs' trees (TTree), one a row of the leading axis.
 
-    ``position`` (D, N, 3); ``heading`` (D, N); ``parent`` (D, N); ``time`` (D, N) TS; ``count`` (D,)
-    nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
-    ``bounds`` (4,) x_min x_max y_min y_max of where they drive; ``corners`` (D, 2) first row and number of
-    the nodes at corners of obstacles (:func:`~companion.kernels.threat.threat_tree.add_corners`), and
-    ``by_corner`` (D, C) through which of them a cell's centre is reached earliest: -1 none, -2 not looked
-    at yet.
-
-    The other fields are indices of places by square cells (see :mod:`companion.kernels.geometry.grid_index`):
-    ``cells`` (D, C), ``chain`` (D, N), ``places`` (D, N, 2), ``extent`` (D, 4), ``filled`` (D,) of the
-    TTrees' nodes, and ``path_cells`` (C,), ``path_chain`` (M,), ``path_places`` (M, 2),
-    ``path_extent`` (4,), ``path_filled`` (1,) of the PathTree's.
+    ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
+    ``count`` (D,) nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
+    ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
+    drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
+    (:func:`~companion.kernels.threat.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
+    of them a cell's centre is reached earliest: -1 none, -2 not looked at yet; ``index`` of the TTrees'
+    nodes, ``path_index`` of the PathTree's.
     """
 
     position: FloatArray
@@ -178,19 +195,12 @@ class Pursuers(NamedTuple):
     time: FloatArray
     count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
     model: FloatArray
+    reach: FloatArray
     bounds: FloatArray
     corners: IntArray
     by_corner: IntArray
-    cells: IntArray
-    chain: IntArray
-    places: FloatArray
-    extent: IntArray
-    filled: IntArray
-    path_cells: IntArray
-    path_chain: IntArray
-    path_places: FloatArray
-    path_extent: IntArray
-    path_filled: IntArray
+    index: GridIndex  # type: ignore[assignment]  # hides tuple.index, which nobody calls
+    path_index: GridIndex
 
 
 class Search(NamedTuple):
@@ -266,36 +276,53 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
         threat_point=zeros((capacity, max(num_threats, 1), 4)),
         children=zeros(capacity, dtype=np.int64),
         blocked=zeros(capacity, dtype=np.int64),
-        way=np.full(capacity, np.inf),
+        to_go=np.full(capacity, np.inf),
         count=zeros(1, dtype=np.int64),
     )
 
 
+def empty_index(capacity: int, trees: int | None = None) -> GridIndex:
+    """An index with room for ``capacity`` rows; of each of so many trees, if a number is given."""
+    leading = () if trees is None else (trees,)
+    return GridIndex(
+        cells=np.full((*leading, NUM_CELLS**2), -1, dtype=np.int64),
+        chain=np.full((*leading, capacity), -1, dtype=np.int64),
+        places=np.zeros((*leading, capacity, 2)),
+        extent=np.zeros((*leading, 4), dtype=np.int64),
+        filled=np.zeros((*leading, 1), dtype=np.int64),
+    )
+
+
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds``.
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds`` (≥ 4,) [m].
 
     ``path_capacity`` is that of the PathTree they are to be used with; with a smaller one its nearest
     nodes are found by looking at all.
     """
     num = len(models)
+    model = np.ascontiguousarray(models, dtype=np.float64).reshape(num, 5)
     return Pursuers(
         position=np.zeros((num, capacity, 3)),
         heading=np.zeros((num, capacity)),
         parent=np.full((num, capacity), -1, dtype=np.int64),
         time=np.zeros((num, capacity)),
         count=np.zeros(num, dtype=np.int64),
-        model=np.ascontiguousarray(models, dtype=np.float64).reshape(num, 5),
+        model=model,
+        reach=model[:, 1].copy(),
         bounds=np.ascontiguousarray(bounds[:4], dtype=np.float64),
         corners=np.zeros((num, 2), dtype=np.int64),
         by_corner=np.full((num, NUM_CELLS**2), -2, dtype=np.int64),
-        cells=np.full((num, NUM_CELLS**2), -1, dtype=np.int64),
-        chain=np.full((num, capacity), -1, dtype=np.int64),
-        places=np.zeros((num, capacity, 2)),
-        extent=np.zeros((num, 4), dtype=np.int64),
-        filled=np.zeros(num, dtype=np.int64),
-        path_cells=np.full(NUM_CELLS**2, -1, dtype=np.int64),
-        path_chain=np.full(path_capacity, -1, dtype=np.int64),
-        path_places=np.zeros((path_capacity, 2)),
-        path_extent=np.zeros(4, dtype=np.int64),
-        path_filled=np.zeros(1, dtype=np.int64),
+        index=empty_index(capacity, num),
+        path_index=empty_index(path_capacity),
+    )
+
+
+def empty_branches(capacity: int, goals: FloatArray) -> Branches:
+    """Lists of children for a tree of ``capacity`` nodes; ``goals`` (G, 4) x y z and radius [m]."""
+    return Branches(
+        first=np.full(capacity, -1, dtype=np.int64),
+        following=np.full(capacity, -1, dtype=np.int64),
+        upper=np.full(capacity, np.inf),
+        stage=np.zeros(capacity, dtype=np.int64),
+        goals=goals,
     )

@@ -1,8 +1,8 @@
 """Arrays without an owner: the same memory, for which nobody counts references.
 
-numba counts references to an array wherever it is taken out of a tuple, by an atomic operation of some
+Numba counts references to an array wherever it is taken out of a tuple, by an atomic operation of some
 5 ns. Kernels that pass a tree of eighteen arrays through five calls a node spend more time on that than
-on geometry. A kernel that runs long therefore takes :func:`unowned` of its arguments once: the caller
+on geometry. A kernel that runs long therefore takes :func:`borrowed` of its arguments once: the caller
 holds them until it returns, so that nothing can be freed meanwhile. Never take it of an array made in
 the same function: that one would be freed after the last use of its own name.
 """
@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba as nb
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-__all__ = ["unowned"]
+__all__ = ["borrowed"]
 
 _Typed = Any  # numba's compiler hands over objects that have no static types
 
@@ -34,7 +35,7 @@ def _without_owner(context: _Typed, builder: _Typed, kind: _Typed, value: _Typed
     return value
 
 
-def _unowned(typing_context: _Typed, values: _Typed) -> _Typed:
+def _borrowed(typing_context: _Typed, values: _Typed) -> _Typed:
     """An array or a tuple of arrays and numbers, of the same type and memory, without an owner."""
 
     def generate(context: _Typed, builder: _Typed, signature: _Typed, arguments: _Typed) -> _Typed:
@@ -43,4 +44,9 @@ def _unowned(typing_context: _Typed, values: _Typed) -> _Typed:
     return values(values), generate
 
 
-unowned: _Typed = intrinsic(_unowned)
+def _itself(values: _Typed) -> _Typed:
+    """What stands for it where nothing is compiled: the interpreter counts in any case."""
+    return values
+
+
+borrowed: _Typed = _itself if nb.config.DISABLE_JIT else intrinsic(_borrowed)  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Methods by name: Safe-RRT and the comparators, each one composition of strategies (SPEC 7)."""
+"""Methods by name: Safe-RRT and the comparators, each one composition of strategies (paper 5)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.planning.settings import (
 _TADDRRT = Strategies(
     use_uncertainty=False,
     use_goal_zoom=False,
-    follow_way=False,
+    follow_field=False,
     connect_straight=False,
     use_k_near=False,
     use_safety_adjustment=True,
@@ -25,7 +25,7 @@ _TADDRRT = Strategies(
 
 METHODS: dict[str, Strategies] = {
     "safe-rrt": Strategies(),
-    "safe-rrt-printed": Strategies(follow_way=False, connect_straight=False),  # samplers as in the paper
+    "safe-rrt-printed": Strategies(follow_field=False, connect_straight=False),  # samplers as in the paper
     "taddrrt": _TADDRRT,
     "nfz-ddrrt": replace(_TADDRRT, dts_are_no_fly=True),
     "edbm": Strategies(sub_goal=SubGoalRule.EUCLIDEAN),

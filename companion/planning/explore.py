@@ -12,10 +12,13 @@ from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
 from companion.kernels.arrays import Guide, IntArray, Scene, Tree, Uncertainty, empty_tree
-from companion.kernels.geometry.distance_field import spread_wave
+from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import clearance
-from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, assess, explore
-from companion.kernels.threat.fuzzy_threat import MAX_THREATS
+from companion.kernels.search.branches import activate
+from companion.kernels.search.costs import threats_at
+from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
+from companion.kernels.search.growth import FAR, assess
+from companion.kernels.workspace import workspace
 from companion.planning.problem import Problem
 from companion.planning.settings import Estimator
 from companion.planning.sub_goal import choose_sub_goal
@@ -25,7 +28,7 @@ from companion.world.pursuer_trees import threat_trees
 from companion.world.threats import known_within
 
 ShouldStop = Callable[[], bool]
-WAVE_CELLS = 97  # each way, of the grid about a sub goal
+FIELD_CELLS = 97  # each way, of the grid about a sub goal
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
@@ -35,8 +38,24 @@ RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afres
 class Exploration:
     """One plan's search: the tree, the DTs' trees and what has been counted.
 
-    ``stats`` (4,): collision checks, samples dropped by TUDD, failed extensions, iterations of the path
-    search; ``star_stats`` (4,) the same of RRT*.
+    Parameters
+    ----------
+    problem : Problem
+        What is planned.
+    rng : numpy.random.Generator
+        All the search draws from.
+    stats : ndarray, shape (4,)
+        Collision checks, samples dropped by TUDD, failed extensions and iterations of the path search.
+    star_stats : ndarray, shape (4,)
+        The same counts of RRT*.
+    sub_goals : list of ndarray, shape (3,)
+        Sub goals in the order they were chosen [m].
+    centres : list of ndarray, shape (3,)
+        Centres of the sensing horizon of each sub task [m].
+    notes : list of str
+        What had to be given up on the way.
+    num_nodes : int
+        Nodes of trees that were started afresh.
     """
 
     problem: Problem
@@ -58,13 +77,21 @@ class Exploration:
         self.tables = _tables(problem.vehicle, settings.tau_s, snapshot.dimension)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
-            snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
+            snapshot.tracks,
+            snapshot.walls,
+            self.plane_up_m,
+            snapshot.bounds,
+            snapshot.threat_trees,
             with_corners=settings.strategies.estimator is Estimator.EX_RRT,
-        )  # fmt: skip
+        )
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
-        self.plant()
+        scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))
+        self.work = scratch._replace(stats=self.stats)
+        self.star_work = scratch._replace(stats=self.star_stats)
+        self._scene: Scene | None = None
+        self.reset_tree()
 
-    def plant(self) -> None:
+    def reset_tree(self) -> None:
         """Start the tree afresh at the root, with the threats known there."""
         self.threats = self.problem.snapshot.threats
         start, tree, snapshot = self.problem.start, self.tree, self.problem.snapshot
@@ -77,16 +104,23 @@ class Exploration:
         tree.cov_error[0], tree.cov_estimate[0] = start.error_covariance, start.estimate_covariance
         deviation = position_deviation(start.error_covariance, start.estimate_covariance, snapshot.dimension)
         tree.delta[0] = deviation / snapshot.unit_m
-        free = clearance(*start.position_enu_m, snapshot.obstacles, 1e4)
+        free = clearance(*start.position_enu_m, snapshot.obstacles, FAR)
         tree.clear[0] = collision_free(free, deviation, snapshot.dimension)
         tree.active[:] = 0
         tree.active[0] = 1
         tree.threat_point[0] = 0.0
+        scene, scratch = self.scene(), self.work.growth
+        threats = threats_at(scene, self.work.points, scratch.threat)
         assess(
-            tree, 0, self.threats, self.pursuers.model[:, 1].copy(), self.model, self.tables.normals,
-            self.problem.settings.search(self.limits, snapshot.unit_m, 0.0), snapshot.dimension,
-            np.empty((MAX_THREATS, 2)), np.empty(len(self.tables.normals)),
-        )  # fmt: skip
+            tree,
+            0,
+            snapshot.dimension,
+            scene.search,
+            scene.tables.normals,
+            threats,
+            scratch.factor,
+            scratch.levels,
+        )
 
     @property
     def start_is_valid(self) -> bool:
@@ -105,33 +139,33 @@ class Exploration:
         return self.iterations >= self.problem.settings.max_iterations or should_stop()
 
     def sense(self, centre: FloatArray) -> None:
-        """Static threats about a sub task's centre become known, and stay so."""
+        """Static threats about a sub task's centre become known, and stay so.
+
+        Parameters
+        ----------
+        centre : ndarray, shape (3,)
+            Centre of the sensing horizon [m].
+        """
         snapshot = self.problem.snapshot
         near = known_within(snapshot.threats, centre[0], centre[1], self.problem.settings.sensing_horizon_m)
         self.threats = self.threats._replace(known=np.maximum(self.threats.known, near))
 
-    def activate(self, centre: FloatArray, end: int, whole: bool, root: int = 0) -> None:
-        """Which nodes the sub task searches: those of the horizon, and after a success the end alone.
-
-        Only what hangs below ``root`` counts: other branches have not passed the goals before it.
-        """
-        tree, n = self.tree, int(self.tree.count[0])
-        tree.active[:n] = 0
-        if whole:
-            away = np.linalg.norm(tree.state[:n, :3] - centre, axis=1)
-            tree.active[:n] = away <= self.problem.settings.sensing_horizon_m
-        if root > 0:
-            below = np.zeros(n, dtype=np.int64)
-            below[root] = 1
-            for i in range(root + 1, n):
-                below[i] = below[tree.parent[i]]
-            tree.active[:n] *= below
-        tree.active[end] = 1
-
     def run_sub_task(
         self, sub_goal: FloatArray, tolerance_m: float, centre: FloatArray, should_stop: ShouldStop
     ) -> int:
-        """Grow towards one sub goal within its time horizon; the node that reaches it, or -1."""
+        """Grow towards one sub goal within its time horizon; the node that reaches it, or -1.
+
+        Parameters
+        ----------
+        sub_goal : ndarray, shape (3,)
+            Where to [m].
+        tolerance_m : float
+            Distance at which it is reached.
+        centre : ndarray, shape (3,)
+            Centre of the sensing horizon, which the search does not leave [m].
+        should_stop : callable
+            Asked between bursts of iterations.
+        """
         settings = self.problem.settings
         scene = self.scene(sub_goal, tolerance_m)
         left, stalled, nearest = settings.sub_task_iterations, 0, np.inf
@@ -139,9 +173,14 @@ class Exploration:
             burst = min(settings.burst, left)
             left -= burst
             status, node = explore(
-                self.tree, scene, centre, settings.sensing_horizon_m, sub_goal,
-                self.rng.random((burst, DRAWS)), self.stats,
-            )  # fmt: skip
+                self.tree,
+                scene,
+                centre,
+                settings.sensing_horizon_m,
+                sub_goal,
+                self.rng.random((burst, DRAWS)),
+                self.work,
+            )
             if status == REACHED:
                 return int(node)
             if status == FULL:
@@ -152,108 +191,202 @@ class Exploration:
         return -1
 
     def scene(self, sub_goal: FloatArray | None = None, tolerance_m: float = 0.0) -> Scene:
-        """What the kernels read, with the way to a sub goal if there is one."""
-        snapshot = self.problem.snapshot
-        guide = NO_GUIDE if sub_goal is None else self.guide_to(sub_goal)
-        return Scene(
-            self.pursuers, snapshot.obstacles, snapshot.walls, self.threats, self.model, self.limits,
-            self.tables, self.problem.settings.search(self.limits, snapshot.unit_m, tolerance_m), guide,
-        )  # fmt: skip
+        """What the kernels read, with the distance field of a sub goal if there is one.
+
+        Parameters
+        ----------
+        sub_goal : ndarray, shape (3,), optional
+            Where a sub task leads to [m].
+        tolerance_m : float
+            Distance at which it is reached.
+        """
+        if self._scene is None or self._scene.threats is not self.threats:
+            snapshot = self.problem.snapshot
+            self._scene = Scene(
+                pursuers=self.pursuers,
+                obstacles=snapshot.obstacles,
+                walls=snapshot.walls,
+                threats=self.threats,
+                model=self.model,
+                limits=self.limits,
+                tables=self.tables,
+                search=self.problem.settings.search(self.limits, snapshot.unit_m, 0.0),
+                guide=NO_GUIDE,
+            )
+        if sub_goal is None:
+            return self._scene
+        search = self._scene.search._replace(tolerance=tolerance_m)
+        return self._scene._replace(search=search, guide=self.guide_to(sub_goal))
 
     def nearest_node(self, point: FloatArray) -> int:
-        """The searched node nearest to a point."""
+        """The searched node nearest to a point.
+
+        Parameters
+        ----------
+        point : ndarray, shape (3,)
+            Any place [m].
+        """
         n = int(self.tree.count[0])
         away = np.linalg.norm(self.tree.state[:n, :3] - point, axis=1)
         return int(np.argmin(np.where(self.tree.active[:n] == 1, away, np.inf)))
 
     def guide_to(self, point: FloatArray) -> Guide:
-        """The way round obstacles to a point, from twice the sensing horizon about it."""
+        """The distance field of a point, over twice the sensing horizon about it.
+
+        Parameters
+        ----------
+        point : ndarray, shape (3,)
+            A sub goal [m].
+        """
         settings, le = self.problem.settings, self.limits.v_cruise * self.limits.tau
         radius = 2.0 * settings.sensing_horizon_m
-        cell = 2.0 * radius / (WAVE_CELLS - 1)
-        wave, origin = np.empty((WAVE_CELLS, WAVE_CELLS)), point[:2] - radius
-        self._spread(point, radius, origin, cell, wave)
-        share = settings.way_share if settings.strategies.follow_way else 0.0
-        return Guide(wave, origin, cell, share, settings.way_steps * le)
+        cell = 2.0 * radius / (FIELD_CELLS - 1)
+        share = settings.guided_share if settings.strategies.follow_field else 0.0
+        empty = np.empty((FIELD_CELLS, FIELD_CELLS))
+        guide = Guide(empty, point[:2] - radius, cell, share, settings.guided_steps * le)
+        self._fill(point, radius, guide)
+        return guide
 
-    def way_home(self, goal: FloatArray) -> Guide:
-        """The way round obstacles to a goal, from everywhere within the bounds."""
+    def guide_home(self, goal: FloatArray) -> Guide:
+        """The distance field of a goal, over everything within the bounds.
+
+        Parameters
+        ----------
+        goal : ndarray, shape (3,)
+            Centre of a goal region [m].
+        """
         b = self.limits.bounds
         cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
-        wave = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
-        origin = np.array([b[0], b[2]])
-        self._spread(goal, np.inf, origin, cell, wave)
-        return Guide(wave, origin, cell, 0.0, 0.0)
+        empty = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
+        guide = Guide(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
+        self._fill(goal, np.inf, guide)
+        return guide
 
-    def _spread(
-        self, point: FloatArray, radius: float, origin: FloatArray, cell: float, wave: FloatArray
-    ) -> None:
-        spread_wave(
-            point[0], point[1], point[2], radius, self.limits.margin, self.limits.bounds,
-            self.problem.snapshot.obstacles, origin, cell, wave,
-        )  # fmt: skip
+    def _fill(self, point: FloatArray, radius_m: float, guide: Guide) -> None:
+        """Fill the distance field of a point.
 
-    def nearest_by_way(self, point: FloatArray) -> int:
-        """The searched node with the shortest way round obstacles to a point.
+        Parameters
+        ----------
+        point : ndarray, shape (3,)
+            Where distances are 0 [m].
+        radius_m : float
+            How far from it the field reaches.
+        guide : Guide
+            The field and its grid.
+        """
+        limits, obstacles = self.limits, self.problem.snapshot.obstacles
+        fill_distance_field(point, radius_m, limits.margin, limits.bounds, obstacles, guide)
+
+    def nearest_to_go(self, point: FloatArray) -> int:
+        """The searched node with the least distance to go to a point, round obstacles.
 
         The paper keeps the branch nearest to the sub goal; taken as the crow flies that is often one
         that ends at the wrong side of a wall.
+
+        Parameters
+        ----------
+        point : ndarray, shape (3,)
+            A sub goal [m].
         """
         guide, n = self.guide_to(point), int(self.tree.count[0])
         index = np.rint((self.tree.state[:n, :2] - guide.origin) / guide.cell).astype(np.int64)
-        index = np.clip(index, 0, WAVE_CELLS - 1)
-        ways = np.where(self.tree.active[:n] == 1, guide.wave[index[:, 0], index[:, 1]], np.inf)
-        return int(np.argmin(ways)) if np.isfinite(ways).any() else self.nearest_node(point)
+        index = np.clip(index, 0, FIELD_CELLS - 1)
+        to_go = np.where(self.tree.active[:n] == 1, guide.field[index[:, 0], index[:, 1]], np.inf)
+        return int(np.argmin(to_go)) if np.isfinite(to_go).any() else self.nearest_node(point)
 
     def reach_goal(
         self, goal: FloatArray, radius_m: float, root: int, should_stop: ShouldStop
     ) -> tuple[bool, int]:
         """Sub task after sub task until the goal is reached or the budget ends.
 
-        Returns whether it was, and the node at which the path ends. A sub task that fails hands over
-        its branch nearest to the sub goal (paper Fig. 6); after several in a row the tree starts
-        afresh from the root, which RRTs profit from (their run times are heavy-tailed).
+        A sub task that fails hands over its branch nearest to the sub goal (paper Fig. 6); after several
+        in a row the tree starts afresh from the root, which RRTs profit from (their run times are
+        heavy-tailed).
+
+        Parameters
+        ----------
+        goal : ndarray, shape (3,)
+            Centre of the goal region [m].
+        radius_m : float
+            Radius of the goal region.
+        root : int
+            The node from which the goal is to be reached.
+        should_stop : callable
+            Asked between bursts of iterations.
+
+        Returns
+        -------
+        bool
+            Whether the goal was reached.
+        int
+            The node at which the path ends.
         """
         end, in_a_row = root, 0
         used: list[FloatArray] = []
-        settings, home = self.problem.settings, self.way_home(goal)
+        settings, home = self.problem.settings, self.guide_home(goal)
         while not self.is_spent(should_stop):
             centre = self.tree.state[end, :3].copy()
-            self.sense(centre)
-            chosen = choose_sub_goal(
-                end=self.tree.state[end].copy(), goal=goal,
-                elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
-                obstacles=self.problem.snapshot.obstacles, threats=self.threats, pursuers=self.pursuers,
-                model=self.model, limits=self.limits, settings=settings, home=home, used=used,
-            )  # fmt: skip
-            if not np.array_equal(chosen.position_enu_m, goal):
-                used.append(chosen.position_enu_m)
-            self.sub_goals.append(chosen.position_enu_m)
-            self.centres.append(centre)
-            if chosen.note and chosen.note not in self.notes:
-                self.notes.append(chosen.note)
-            is_goal = bool(np.array_equal(chosen.position_enu_m, goal))
-            tolerance = (
-                radius_m
-                if is_goal
-                else settings.sub_goal_tolerance_steps * self.limits.v_cruise * self.limits.tau
-            )
-            self.activate(centre, end, whole=True, root=root)
-            node = self.run_sub_task(chosen.position_enu_m, tolerance, centre, should_stop)
+            sub_goal = self._next_sub_goal(end, centre, goal, home, used)
+            is_goal = bool(np.array_equal(sub_goal, goal))
+            steps = settings.sub_goal_tolerance_steps
+            tolerance = radius_m if is_goal else steps * self.limits.v_cruise * self.limits.tau
+            activate(self.tree, centre, settings.sensing_horizon_m, end, root, self.work.walk.stack)
+            node = self.run_sub_task(sub_goal, tolerance, centre, should_stop)
             if node >= 0:
                 if is_goal:
                     return True, node
                 end, in_a_row = node, 0
                 continue
             in_a_row += 1
-            end = self.nearest_by_way(chosen.position_enu_m)
-            full = int(self.tree.count[0]) == settings.tree_capacity
-            if in_a_row >= RESTART_AFTER or full:
+            end = self.nearest_to_go(sub_goal)
+            is_full = int(self.tree.count[0]) == settings.tree_capacity
+            if in_a_row >= RESTART_AFTER or is_full:
                 if root != 0:
                     break
-                self.plant()
+                self.reset_tree()
                 end, in_a_row, used = root, 0, []
         return False, end
+
+    def _next_sub_goal(
+        self, end: int, centre: FloatArray, goal: FloatArray, home: Guide, used: list[FloatArray]
+    ) -> FloatArray:
+        """Choose a sub goal and note it.
+
+        Parameters
+        ----------
+        end : int
+            The node at which the path ends so far.
+        centre : ndarray, shape (3,)
+            Where that is [m].
+        goal : ndarray, shape (3,)
+            Centre of the goal region [m].
+        home : Guide
+            The goal's distance field.
+        used : list of ndarray, shape (3,)
+            Sub goals that were tried since the tree began [m]; the new one is added.
+
+        Returns
+        -------
+        ndarray, shape (3,)
+            The sub goal, or the goal itself [m].
+        """
+        self.sense(centre)
+        chosen = choose_sub_goal(
+            end=self.tree.state[end].copy(),
+            goal=goal,
+            elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
+            scene=self.scene(),
+            settings=self.problem.settings,
+            home=home,
+            used=used,
+        )
+        if not np.array_equal(chosen.position_enu_m, goal):
+            used.append(chosen.position_enu_m)
+        self.sub_goals.append(chosen.position_enu_m)
+        self.centres.append(centre)
+        if chosen.note and chosen.note not in self.notes:
+            self.notes.append(chosen.note)
+        return chosen.position_enu_m
 
 
 @functools.cache

@@ -8,6 +8,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, join
+from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.route import Route
 
@@ -22,6 +23,15 @@ def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> 
     From a few rows back a Dubins edge to the goal is tried, arriving along the bearing or a little
     turned from it; the first that is flyable and clear replaces the end. Where none is, the route
     stays as it is: it ends inside the region.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the route.
+    route : Route
+        Ends inside the goal region.
+    goal : ndarray, shape (3,)
+        Centre of the goal region [m].
     """
     limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
     for back in BACK_STEPS:
@@ -32,16 +42,13 @@ def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> 
         flat = math.hypot(goal[0] - route.states[i, 0], goal[1] - route.states[i, 1])
         climb = math.atan2(goal[2] - route.states[i, 2], max(flat, 1.0))
         for change in COURSE_CHANGES_RAD:
-            capacity = i + 1 + SPARE_ROWS
-            states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
-            states[: i + 1], times[: i + 1] = route.states[: i + 1], route.times[: i + 1]
-            rates[: i + 1] = route.rates[: i + 1]
+            rows = empty_rows(i + 1 + SPARE_ROWS)
+            for row, known in zip(rows, route.rows, strict=True):
+                row[: i + 1] = known[: i + 1]
             pose = np.array([*goal, bearing + change, climb, route.states[i, 5]])
-            status, n = join(states, times, rates, i + 1, pose, limits)
-            if status != JOINED or times[n - 1] > route.times[-1] + 4.0 * limits.tau:
+            status, n = join(rows, i + 1, pose, limits)
+            if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
                 continue
-            if is_flyable(states, times, rates, n, i + 1, limits) and is_clear(
-                states, rates, times, i + 1, n, obstacles, limits.margin
-            ):
-                return Route(states[:n].copy(), times[:n].copy(), rates[:n].copy())
+            if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits.margin):
+                return Route.of(rows, n)
     return route

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Branches, Scene
-from companion.kernels.search.dynamic_domain_rrt import grow
+from companion.kernels.arrays import Branches, Scene, empty_branches
+from companion.kernels.search.branches import enter_below
+from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
-from companion.kernels.search.rrt_star import STAR_DRAWS, improve, next_stage
-from companion.kernels.threat.fuzzy_threat import MAX_THREATS
-from companion.kernels.threat.reachability import MAX_NEAR
+from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
+from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
+from companion.planning.problem import GoalRegion
 from companion.planning.route import Route, branch_to, cost_between, route_from_tree, visits_goals
 
 SPARE_ROWS = 64
+NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +39,9 @@ def rrt_star_route(
     Parameters
     ----------
     exploration : Exploration
-        Whose tree holds the path to ``end``; it is rearranged.
+        Holds the tree with the path to ``end``, which is rearranged.
     route : Route
-        That path, its last edge led to the goal itself.
+        The path to ``end``, its last edge led to the goal itself.
     end : int
         The node at which the goal was reached.
     """
@@ -49,16 +51,14 @@ def rrt_star_route(
     if goal < 0:
         return Optimised(route, 0, 0)
     root = free_node(exploration, goal, settings.flown_meanwhile_s)
-    branches, goals = _branches(exploration, root)
+    branches = branches_below(exploration, root)
     rewired = pruned = 0
     left = settings.optimise_iterations
     while left > 0 and root != goal and not should_stop():
         burst = min(settings.burst, left)
         left -= burst
-        more, less = improve(
-            tree, branches, scene, root, goal, goals, exploration.rng.random((burst, STAR_DRAWS)),
-            exploration.star_stats,
-        )  # fmt: skip
+        draws = exploration.rng.random((burst, STAR_DRAWS))
+        more, less = rrt_star(tree, branches, scene, root, goal, draws, exploration.star_work)
         rewired, pruned = rewired + more, pruned + less
     return Optimised(route_from_tree(exploration, goal), rewired, pruned)
 
@@ -73,49 +73,41 @@ def free_node(exploration: Exploration, goal: int, flown_meanwhile_s: float) -> 
 
 
 def _with_last_edge(exploration: Exploration, scene: Scene, route: Route, end: int) -> int:
-    """Hang the rows of a route that the tree does not hold below it; the last one's node, or -1."""
+    """Attach the rows of a route that the tree does not hold below it; the last one's node, or -1."""
     tree, rows = exploration.tree, branch_to(exploration, end)
     same = 0
     while same < min(len(rows), len(route)) and np.array_equal(tree.state[rows[same]], route.states[same]):
         same += 1
-    node = rows[same - 1]
-    scratch, levels = np.empty((MAX_THREATS, 2)), np.empty(len(scene.tables.normals))
-    changed, reach = np.empty(4 * MAX_NEAR, dtype=np.int64), scene.pursuers.model[:, 1].copy()
+    node, work = rows[same - 1], exploration.star_work
     for k in range(same, len(route)):
         if tree.count[0] >= len(tree.parent):
             return -1
         dt = float(route.times[k] - route.times[k - 1])
-        node = grow(
-            tree, scene, node, route.states[k], np.array([0.0, *route.rates[k]]), dt, reach,
-            exploration.rng.random(STAR_DRAWS), changed, scratch, levels, exploration.star_stats,
-        )  # fmt: skip
+        control, draws = np.array([0.0, *route.rates[k]]), exploration.rng.random(STAR_DRAWS)
+        node = grow(tree, scene, node, route.states[k], control, dt, draws, work.growth, work.stats)
         if node < 0:
             return -1
     return node
 
 
-def _branches(exploration: Exploration, root: int) -> tuple[Branches, FloatArray]:
-    """How the tree hangs together, only what is below ``root`` searched; and the goals on the way."""
-    tree, n = exploration.tree, int(exploration.tree.count[0])
-    goals = np.array(
-        [[*g.position_enu_m, g.acceptance_radius_m] for g in exploration.problem.goals[:-1]], dtype=np.float64
-    ).reshape(-1, 4)
-    branches = Branches(
-        first=np.full(len(tree.parent), -1, dtype=np.int64),
-        following=np.full(len(tree.parent), -1, dtype=np.int64),
-        upper=np.full(len(tree.parent), np.inf),
-        stage=np.zeros(len(tree.parent), dtype=np.int64),
-    )
-    tree.active[:n] = 0
-    tree.active[root] = 1
-    for i in range(1, n):  # parents come before children until rewiring begins
-        up = tree.parent[i]
-        branches.following[i], branches.first[up] = branches.first[up], i
-        x, y, z = tree.state[i, :3]
-        branches.stage[i] = next_stage(branches.stage[up], x, y, z, goals)
-        if i != root:
-            tree.active[i] = tree.active[up]
-    return branches, goals
+def goals_on_the_way(goals: Sequence[GoalRegion]) -> FloatArray:
+    """All goals but the last, in order.
+
+    Returns
+    -------
+    ndarray, shape (G, 4)
+        East, north, up and radius [m].
+    """
+    rows = [[*goal.position_enu_m, goal.acceptance_radius_m] for goal in goals[:-1]]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
+def branches_below(exploration: Exploration, root: int) -> Branches:
+    """How the tree hangs together; only what is below ``root`` is searched from now on."""
+    tree = exploration.tree
+    branches = empty_branches(len(tree.parent), goals_on_the_way(exploration.problem.goals))
+    enter_below(tree, branches, root)
+    return branches
 
 
 def smoothed_route(
@@ -133,10 +125,8 @@ def smoothed_route(
     int
         How many short cuts were kept.
     """
-    problem, limits = exploration.problem, exploration.limits
-    settings, obstacles = problem.settings, exploration.problem.snapshot.obstacles
+    problem, settings = exploration.problem, exploration.problem.settings
     kept = 0
-    nowhere = np.zeros(6)
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
@@ -144,23 +134,34 @@ def smoothed_route(
         widest = max(4, int(n * (1.0 - iteration / settings.smooth_iterations)))
         i = int(exploration.rng.integers(0, n - 3))
         j = min(n - 1, i + 3 + int(exploration.rng.integers(0, widest)))
-        capacity = n + SPARE_ROWS
-        states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
-        status, m, at = splice(
-            route.states, route.times, route.rates, n, i, nowhere, False, j, limits, states, times, rates
-        )
-        if status != JOINED or times[at] >= route.times[j]:
+        cut = _short_cut(exploration, route, i, j)
+        if cut is None:
             continue
-        if not is_flyable(states, times, rates, m, i + 1, limits):
-            continue
-        if not is_clear(states, rates, times, i + 1, at + 1, obstacles, limits.margin):
-            continue
-        if not visits_goals(states[:m], problem.goals):
+        shorter, at = cut
+        if not visits_goals(shorter.states, problem.goals):
             continue
         # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
         old = cost_between(exploration, route, i + 1, j + 1)
-        new = cost_between(exploration, Route(states, times, rates), i + 1, at + 1)
+        new = cost_between(exploration, shorter, i + 1, at + 1)
         if new < old - 1e-9:
-            route = Route(states[:m].copy(), times[:m].copy(), rates[:m].copy())
+            route = Route.of(shorter.rows, len(shorter))
             kept += 1
     return route, kept
+
+
+def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:
+    """The route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
+
+    With it the row that ``j`` has become.
+    """
+    limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
+    n = len(route)
+    rows = empty_rows(n + SPARE_ROWS)
+    status, m, at = splice(route.rows, n, i, NOWHERE, False, j, limits, rows)
+    if status != JOINED or rows.times[at] >= route.times[j]:
+        return None
+    if not is_flyable(rows, m, i + 1, limits):
+        return None
+    if not is_clear(rows, i + 1, at + 1, obstacles, limits.margin):
+        return None
+    return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at

@@ -62,7 +62,13 @@ class Problem:
 
 
 def initial_covariances(vehicle: VehicleModel, horizontal_std_m: float, vertical_std_m: float) -> FloatArray:
-    """Diagonal P (6, 6) of a start whose position accuracy is known; Λ starts at zero."""
+    """Diagonal P of a start whose position accuracy is known; Λ starts at zero.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        Variances of position [m²], course, climb angle [rad²] and airspeed [m²/s²].
+    """
     return np.diag(
         [
             horizontal_std_m**2,

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
-from companion.kernels.search.path_assessment import assess_rows
+from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import path_cost
+from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
 from companion.types.path import Path
@@ -17,11 +18,31 @@ from companion.types.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Rows of a path: ``states`` (N, 6), ``times`` (N,) and ``rates`` (N, 2) of the edges before them."""
+    """Rows of a path.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, 6)
+        East, north, up [m], direction and climb angle [rad], airspeed [m/s].
+    times : ndarray, shape (N,)
+        Clock reading at which each row is passed [s].
+    rates : ndarray, shape (N, 2)
+        Turn and climb rate of the edge before each row [rad/s].
+    """
 
     states: FloatArray
     times: FloatArray
     rates: FloatArray
+
+    @classmethod
+    def of(cls, rows: PathRows, n: int) -> Route:
+        """A copy of the first ``n`` rows."""
+        return cls(rows.states[:n].copy(), rows.times[:n].copy(), rows.rates[:n].copy())
+
+    @property
+    def rows(self) -> PathRows:
+        """The route as kernels take it; the same memory."""
+        return PathRows(self.states, self.times, self.rates)
 
     def __len__(self) -> int:
         return len(self.times)
@@ -60,21 +81,57 @@ def route_from_path(path: Path) -> Route:
 class Assessment:
     """What LQG-MP and the threat model say of each row of a route.
 
-    ``errors``, ``estimates`` (N, 6, 6) P and Λ; ``clear`` (N,) p_c; ``levels`` (N,) TI;
-    ``particle_levels`` (N, M) TI of each particle; ``dt_points`` (N, D, 4) the DTs' nearest positions.
+    Parameters
+    ----------
+    rows : RowAssessment
+        Covariances, p_c, threat levels and the DTs' nearest positions.
     """
 
-    errors: FloatArray
-    estimates: FloatArray
-    clear: FloatArray
-    levels: FloatArray
-    particle_levels: FloatArray
-    dt_points: FloatArray
+    rows: RowAssessment
+
+    @property
+    def clear(self) -> FloatArray:
+        """Probability p_c that each row is free of a collision.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            In [0, 1].
+        """
+        return self.rows.clear
+
+    @property
+    def levels(self) -> FloatArray:
+        """Threat level TI of each row.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            In [0, 1].
+        """
+        return self.rows.levels
+
+    @property
+    def particle_levels(self) -> FloatArray:
+        """Threat level of each particle about each row.
+
+        Returns
+        -------
+        ndarray, shape (N, M)
+            In [0, 1].
+        """
+        return self.rows.particle_levels
 
     @property
     def covariances(self) -> FloatArray:
-        """Position part of Σ (N, 3, 3) [m²]."""
-        total: FloatArray = self.errors[:, :3, :3] + self.estimates[:, :3, :3]
+        """Position part of Σ.
+
+        Returns
+        -------
+        ndarray, shape (N, 3, 3)
+            In m².
+        """
+        total: FloatArray = self.rows.errors[:, :3, :3] + self.rows.estimates[:, :3, :3]
         return total
 
 
@@ -87,36 +144,27 @@ def assess_route(
     """
     n, problem = len(route), exploration.problem
     num_dts, num_particles = max(len(problem.snapshot.tracks), 1), len(exploration.tables.normals)
-    result = Assessment(
+    result = RowAssessment(
         errors=np.empty((n, 6, 6)),
         estimates=np.empty((n, 6, 6)),
         clear=np.empty(n),
         levels=np.empty(n),
         particle_levels=np.empty((n, num_particles)),
-        dt_points=np.zeros((n, num_dts, 4)),
+        points=np.zeros((n, num_dts, 4)),
     )
     result.errors[0], result.estimates[0] = problem.start.error_covariance, problem.start.estimate_covariance
     if known is not None:
-        for name in Assessment.__slots__:
-            getattr(result, name)[:first] = getattr(known, name)[:first]
-    assess_rows(
-        route.states, route.times, route.rates, first, n, exploration.scene(), result.errors,
-        result.estimates, result.clear, result.levels, result.particle_levels, result.dt_points,
-    )  # fmt: skip
-    return result
+        for new, old in zip(result, known.rows, strict=True):
+            new[:first] = old[:first]
+    assess_rows(route.rows, first, n, exploration.scene(), result, exploration.work)
+    return Assessment(result)
 
 
 def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
     """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``; by default over all."""
-    problem = exploration.problem
-    return float(
-        path_cost(
-            route.states, route.times, first, len(route) if end is None else end,
-            float(exploration.tree.delta[0]), exploration.pursuers, problem.snapshot.walls,
-            exploration.threats, exploration.model,
-            problem.settings.search(exploration.limits, problem.snapshot.unit_m, 0.0),
-        )
-    )  # fmt: skip
+    last = len(route) if end is None else end
+    delta = float(exploration.tree.delta[0])
+    return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
 def path_from_route(route: Route, assessment: Assessment) -> Path:
@@ -134,7 +182,15 @@ def path_from_route(route: Route, assessment: Assessment) -> Path:
 
 
 def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
-    """Whether rows (N, 6) pass all goals but the last, in order, each within its radius."""
+    """Whether a path passes all goals but the last, in order, each within its radius.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, ≥ 3)
+        Positions of its rows in the first three columns [m].
+    goals : sequence of GoalRegion
+        In the order in which they are to be passed.
+    """
     first = 0
     for goal in goals[:-1]:
         away = np.linalg.norm(states[first:, :3] - np.asarray(goal.position_enu_m), axis=1)

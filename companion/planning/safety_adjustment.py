@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import position_factor
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
+from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.route import Assessment, Route, assess_route, visits_goals
 
@@ -21,7 +23,7 @@ SHIFT_MIN_M = 0.2  # smaller moves are below what is flown
 EVERY = 4  # rows between waypoints that are moved: neighbours share their particles' levels
 
 
-def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
+def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int, Assessment]:
     """Move waypoints, one by one, to the mean of their particles weighted by ``min(1/(k_T·TI), 1)``.
 
     A moved waypoint keeps its direction and is joined to the path again by Dubins edges, which keep
@@ -35,6 +37,8 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
         The adjusted route.
     int
         How many waypoints moved.
+    Assessment
+        The adjusted route's, so that nobody has to make it again.
     """
     collision_max = exploration.problem.settings.adjust_collision_max
     assessment = assess_route(exploration, route)
@@ -56,7 +60,7 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int]:
                     route, moved = candidate, moved + 1
                     break
         k += EVERY
-    return route, moved
+    return route, moved, assessment
 
 
 def _threat(route: Route, assessment: Assessment, first: int, last: int) -> float:
@@ -65,8 +69,14 @@ def _threat(route: Route, assessment: Assessment, first: int, last: int) -> floa
     return float(assessment.levels[rows] @ np.diff(route.times, prepend=0.0)[rows])
 
 
-def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> np.ndarray:
-    """How far the weighted mean of row ``k``'s particles lies from their plain mean, shape (3,) [m]."""
+def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> FloatArray:
+    """How far the weighted mean of row ``k``'s particles lies from their plain mean.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        East, north, up [m].
+    """
     levels = assessment.particle_levels[k]
     if levels.max() <= 0.0:
         return np.zeros(3)
@@ -77,33 +87,42 @@ def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> 
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = assessment.covariances[k]
     position_factor(covariance, np.zeros((6, 6)), exploration.limits.dimension, factor)
-    shift: np.ndarray = factor @ (weights @ exploration.tables.normals)
+    shift: FloatArray = factor @ (weights @ exploration.tables.normals)
     return shift
 
 
 def _moved(
-    exploration: Exploration, route: Route, k: int, shift: np.ndarray, before: int, after: int
+    exploration: Exploration, route: Route, k: int, shift: FloatArray, before: int, after: int
 ) -> tuple[Route, int] | None:
     """The route with row ``k`` shifted and joined to rows before and after it, if flyable and clear.
 
     With it the row in which what was laid anew ends.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the route.
+    route : Route
+        Stays as it is.
+    k : int
+        The row to move.
+    shift : ndarray, shape (3,)
+        By how much [m].
+    before, after : int
+        Rows laid anew before and after it.
     """
     first, last = k - before, k + after
     if first < 0 or last >= len(route):
         return None
-    capacity = len(route) + 4 * (before + after)
-    states, times, rates = np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2))
+    rows = empty_rows(len(route) + 4 * (before + after))
     via = route.states[k].copy()
     via[:3] += shift
-    status, n, at = splice(
-        route.states, route.times, route.rates, len(route), first, via, True, last, exploration.limits,
-        states, times, rates,
-    )  # fmt: skip
-    if status != JOINED or not is_flyable(states, times, rates, n, first + 1, exploration.limits):
+    status, n, at = splice(route.rows, len(route), first, via, True, last, exploration.limits, rows)
+    if status != JOINED or not is_flyable(rows, n, first + 1, exploration.limits):
         return None
     obstacles, margin = exploration.problem.snapshot.obstacles, exploration.limits.margin
-    if not is_clear(states, rates, times, first + 1, at + 1, obstacles, margin):
+    if not is_clear(rows, first + 1, at + 1, obstacles, margin):
         return None
-    if not visits_goals(states[:n], exploration.problem.goals):
+    if not visits_goals(rows.states[:n], exploration.problem.goals):
         return None
-    return Route(states[:n].copy(), times[:n].copy(), rates[:n].copy()), at
+    return Route.of(rows, n), at

@@ -43,12 +43,12 @@ class Optimiser(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Strategies:
-    """What Safe-RRT is composed of; a comparator is another composition (SPEC 7)."""
+    """What Safe-RRT is composed of; a comparator is another composition (paper 5)."""
 
     use_dynamic_domain: bool = True
     use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes
     use_goal_zoom: bool = True
-    follow_way: bool = True  # a share of the samples follows the way round obstacles to the sub goal
+    follow_field: bool = True  # a share of the samples follows the sub goal's distance field
     connect_straight: bool = True  # Greedy-Connect to a sub goal that lies in a new node's domain
     use_k_near: bool = True  # else the nearest node
     dts_are_no_fly: bool = False
@@ -61,7 +61,7 @@ class Strategies:
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """Parameters of SPEC 3–6. Lengths in metres unless they are weights of planning units.
+    """Parameters of the paper's sections 3 and 4, lengths in metres unless they weigh planning units.
 
     ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
     total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*,
@@ -85,8 +85,8 @@ class PlannerSettings:
     domain_steps: float = 10.0  # DD = 10·le
     weights_cost: tuple[float, float, float] = (0.5, 0.1, 0.4)  # D_γ of (9)
     goal_zoom: float = 0.3
-    way_share: float = 0.2
-    way_steps: float = 8.0  # of le, how far ahead of a node these samples lie at most
+    guided_share: float = 0.2
+    guided_steps: float = 8.0  # of le, how far ahead of a node these samples lie at most
     p_tid: float = 0.5
     k_pursuer: int = 3
     num_secondary: int = 10

@@ -80,8 +80,9 @@ def solve(
         route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
     if reached and problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
         route = _optimised(exploration, route, end, should_stop, notes)
+    assessment: Assessment | None = None
     if reached and problem.settings.strategies.use_safety_adjustment:
-        route, moved = adjusted_route(exploration, route)
+        route, moved, assessment = adjusted_route(exploration, route)
         notes.append(f"{moved} waypoints adjusted")
     flown_cost, flown_threat = None, None
     if flown is not None and len(flown) >= MIN_ROWS:
@@ -93,11 +94,12 @@ def solve(
         if is_whole and (
             not reached or cost_between(exploration, improved) < cost_between(exploration, route)
         ):
-            route, reached = improved, True
+            route, reached, assessment = improved, True, None
             notes = [f"the flown path, {kept} short cuts"]
     if not reached:
         notes.append(_shortfall(route, problem, num_nodes))
-    assessment = assess_route(exploration, route)
+    if assessment is None:
+        assessment = assess_route(exploration, route)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(route, assessment),
@@ -151,7 +153,7 @@ def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) ->
         if passed > most:
             most, best = passed, route_from_tree(exploration, node)
         if not exploration.is_spent(should_stop):
-            exploration.plant()
+            exploration.reset_tree()
     return False, best, -1
 
 

@@ -8,30 +8,61 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Guide, Limits, Obstacles, Pursuers, ThreatModel, Threats
-from companion.kernels.geometry.distance_field import way_at
-from companion.kernels.search.sub_goals import CONSTRAINED, FREE, HIGH_RISK, score
+from companion.kernels.arrays import Guide, Limits, Scene
+from companion.kernels.geometry.distance_field import distance_to_go
+from companion.kernels.search.sub_goals import (
+    CONSTRAINED,
+    FREE,
+    HIGH_RISK,
+    Candidates,
+    SubGoalWeights,
+    score,
+)
 from companion.planning.settings import PlannerSettings, SubGoalRule
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the way to the goal by
+DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the distance to go by
 REPEATED_SHARE = 0.25  # of the horizon: candidates this near to a sub goal used before come last
 
 
 @dataclass(frozen=True, slots=True)
 class SubGoal:
-    """A sub goal [m], and what had to be given up to have one ('' if nothing)."""
+    """A sub goal.
+
+    Parameters
+    ----------
+    position_enu_m : ndarray, shape (3,)
+        East, north, up [m].
+    note : str
+        What had to be given up to have one, '' if nothing.
+    """
 
     position_enu_m: FloatArray
     note: str = ""
 
 
 def horizon_points(centre: FloatArray, radius_m: float, count: int, limits: Limits) -> FloatArray:
-    """Candidates on the horizon's boundary, shape (count, 3) [m].
+    """Candidates on the horizon's boundary.
 
     A circle in the plane. In space a band of the sphere: heights evenly spread over what climb and
     descent angle and the altitude limits allow, bearings by the golden angle, which spreads them
     nearly uniformly (Swinbank, Purser, Q. J. R. Meteorol. Soc. 132, 2006).
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,)
+        Where the aircraft is [m].
+    radius_m : float
+        The sensing horizon.
+    count : int
+        How many candidates.
+    limits : Limits
+        Dimension, climb and descent angle, altitudes.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+        East, north, up [m].
     """
     index = np.arange(count)
     if limits.dimension == 2:
@@ -54,45 +85,52 @@ def choose_sub_goal(
     end: FloatArray,
     goal: FloatArray,
     elapsed_s: float,
-    obstacles: Obstacles,
-    threats: Threats,
-    pursuers: Pursuers,
-    model: ThreatModel,
-    limits: Limits,
+    scene: Scene,
     settings: PlannerSettings,
     home: Guide,
     used: list[FloatArray],
 ) -> SubGoal:
-    """The cheapest point of the horizon about ``end`` (6,), or the goal where it lies inside.
+    """The cheapest point of the horizon about the path's end, or the goal where it lies inside.
 
-    Removed besides what :func:`score` removes: points from which the way round obstacles to the goal,
-    ``home``, is longer than from ``end`` by more than ``DETOUR_SHARE`` of the horizon. They lead into
-    dead ends, which the straight line of (6) does not see.
+    Removed besides what :func:`score` removes: points from which the distance to go is longer than from
+    the path's end by more than ``DETOUR_SHARE`` of the horizon. They lead into dead ends, which the
+    straight line of (6) does not see.
 
     Points near one that was chosen before come last: the formula alone would lead back into a trap.
     Where every point is removed, the least-cost one clear of obstacles is taken and said so.
+
+    Parameters
+    ----------
+    end : ndarray, shape (6,)
+        State in which the path ends so far.
+    goal : ndarray, shape (3,)
+        Centre of the goal region [m].
+    elapsed_s : float
+        Time from the plan's start to the path's end.
+    scene : Scene
+        Obstacles, threats, DTs and limits.
+    settings : PlannerSettings
+        Weights and the sensing horizon.
+    home : Guide
+        The goal's distance field.
+    used : list of ndarray, shape (3,)
+        Sub goals chosen before [m].
     """
-    radius = settings.sensing_horizon_m
+    radius, limits = settings.sensing_horizon_m, scene.limits
     if np.linalg.norm(goal - end[:3]) <= radius:
         return SubGoal(goal)
     points = horizon_points(end[:3], radius, settings.num_sub_goal_points, limits)
-    dts = np.zeros((len(pursuers.count), 5))
-    for d, row in enumerate(dts):
-        row[:3], row[3:] = pursuers.position[d, 0], pursuers.model[d, :2]
-    euclidean = settings.strategies.sub_goal is SubGoalRule.EUCLIDEAN
     weights = settings.weights_obstacles_2d if limits.dimension == 2 else settings.weights_obstacles_3d
     gamma = settings.weights_sub_goal
-    if euclidean:
+    if settings.strategies.sub_goal is SubGoalRule.EUCLIDEAN:
         gamma, weights = (gamma[0], gamma[1], 0.0, 0.0), (1.0, 0.0, 0.0)
     costs = np.empty(len(points))
     reasons = np.empty(len(points), dtype=np.int64)
-    score(
-        points, end, goal, elapsed_s, obstacles, threats, dts, model, limits, np.array(gamma),
-        np.array(weights), settings.sub_goal_level_max, costs, reasons,
-    )  # fmt: skip
-    ways = np.array([way_at(home, x, y) for x, y, _ in points])
-    limit = way_at(home, end[0], end[1]) + DETOUR_SHARE * radius
-    reasons[(reasons == FREE) & (ways > limit)] = CONSTRAINED
+    rule = SubGoalWeights(np.array(gamma), np.array(weights), settings.sub_goal_level_max)
+    score(Candidates(points, costs, reasons), end, goal, elapsed_s, rule, scene)
+    to_go = np.array([distance_to_go(home, x, y) for x, y, _ in points])
+    limit = distance_to_go(home, end[0], end[1]) + DETOUR_SHARE * radius
+    reasons[(reasons == FREE) & (to_go > limit)] = CONSTRAINED
     for point in used:
         costs[np.linalg.norm(points - point, axis=1) < REPEATED_SHARE * radius] += 1e6
     free = reasons == FREE

@@ -1,4 +1,4 @@
-"""LQG-MP tables: gains computed once, looked up on every edge (SPEC 2).
+"""LQG-MP tables: gains computed once, looked up on every edge (paper 2.2).
 
 References
 ----------

@@ -12,7 +12,7 @@ from companion.kernels.arrays import Limits
 
 @dataclass(frozen=True, slots=True)
 class VehicleModel:
-    """Constraints and noise of the aircraft (paper 2.2, SPEC 1).
+    """Constraints and noise of the aircraft (paper 2.2).
 
     Speeds are true airspeeds [m/s]; ``straight_length_min_m`` is flown between two turns; the
     climb rate of change is bounded by ``pitch_rate_max_rad_s``. Noise values are standard deviations:

@@ -1,4 +1,4 @@
-"""The RS estimator's trees: one a DT, carried from plan to plan (SPEC 5, paper Fig. 1)."""
+"""The RS estimator's trees: one a DT, carried from plan to plan (paper 3.2.2, Fig. 1)."""
 
 from __future__ import annotations
 
@@ -84,10 +84,9 @@ def observe(
     east, north, up = track.position_enu_m
     east_m_s, north_m_s, _ = track.velocity_enu_m_s
     ahead = min(math.hypot(east_m_s, north_m_s), track.speed_max_m_s) * STEP_S
-    re_root(
-        trees, d, east, north, up if plane_up_m is None else plane_up_m, math.atan2(north_m_s, east_m_s),
-        track.stamp_s, ahead, with_corners, obstacles,
-    )  # fmt: skip
+    root = (float(east), float(north), float(up if plane_up_m is None else plane_up_m))
+    heading = math.atan2(north_m_s, east_m_s)
+    re_root(trees, d, root, heading, track.stamp_s, ahead, with_corners, obstacles)
 
 
 def grown_trees(trees: Pursuers, tracks: Sequence[TrackState]) -> tuple[ThreatTree, ...]:

@@ -60,11 +60,23 @@ class Snapshot:
         return replace(self, threat_trees=tuple(trees))
 
     def with_known(self, known: IntArray) -> Snapshot:
-        """The same snapshot, with the static threats known by now; ``known`` (R,) of 0 and 1."""
+        """The same snapshot, with the static threats known by now.
+
+        Parameters
+        ----------
+        known : ndarray, shape (R,)
+            1 for each radar that is known, else 0.
+        """
         return replace(self, threats=self.threats._replace(known=np.ascontiguousarray(known)))
 
     def sensed(self, east_m: float, north_m: float, sensing_horizon_m: float) -> IntArray:
-        """Which static threats are known from a position: those already known, and those in reach."""
+        """Which static threats are known from a position: those already known, and those in reach.
+
+        Returns
+        -------
+        ndarray, shape (R,)
+            1 for each radar that is known, else 0.
+        """
         near: IntArray = known_within(self.threats, east_m, north_m, sensing_horizon_m)
         return np.maximum(self.threats.known, near)
 

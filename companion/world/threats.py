@@ -1,4 +1,4 @@
-"""Static threats in kernel form, with their shadow fields (SPEC 3)."""
+"""Static threats in kernel form, with their shadow fields (paper 3.1)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.kernels.arrays import Obstacles, Threats
+from companion.kernels.arrays import IntArray, Obstacles, Threats
 from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
 
@@ -32,7 +32,13 @@ def packed_threats(
     return Threats(radars=rows, known=np.ones(len(rows), dtype=np.int64), shadows=shadows, grid=grid)
 
 
-def known_within(threats: Threats, east_m: float, north_m: float, sensing_horizon_m: float) -> np.ndarray:
-    """Which radars' areas reach into the sensing horizon about a point (SPEC 6), shape (R,) of 0 and 1."""
+def known_within(threats: Threats, east_m: float, north_m: float, sensing_horizon_m: float) -> IntArray:
+    """Which radars' areas reach into the sensing horizon about a point (paper 4.2).
+
+    Returns
+    -------
+    ndarray, shape (R,)
+        1 for each whose area does, else 0.
+    """
     away = np.hypot(threats.radars[:, 0] - east_m, threats.radars[:, 1] - north_m)
     return (away <= sensing_horizon_m + threats.radars[:, 3]).astype(np.int64)

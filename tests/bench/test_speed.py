@@ -21,21 +21,6 @@ MAPS = ("paper-2d", "paper-3d")
 RUNS = 10
 
 
-@pytest.fixture
-def tell(request, record_property):
-    """Print a figure beside the test's name, and put it into the report."""
-    plugins = request.config.pluginmanager
-    reporter, capture = plugins.get_plugin("terminalreporter"), plugins.get_plugin("capturemanager")
-
-    def told(name, value, unit):
-        record_property(name, value)
-        with capture.global_and_fixture_disabled():
-            reporter.ensure_newline()
-            reporter.write_line(f"  {name}: {value:.3g} {unit}")
-
-    return told
-
-
 @pytest.fixture(scope="module", params=MAPS)
 def planned(request):
     """The map's name and mission, its plans, and what each took [s]; compiled beforehand."""

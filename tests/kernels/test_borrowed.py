@@ -7,7 +7,7 @@ import numba as nb
 import numpy as np
 
 from companion.kernels.arrays import FloatArray
-from companion.kernels.borrowed import unowned
+from companion.kernels.borrowed import borrowed
 
 
 class Pair(NamedTuple):
@@ -17,17 +17,17 @@ class Pair(NamedTuple):
 
 @nb.njit
 def doubled(pair):
-    pair = unowned(pair)
+    pair = borrowed(pair)
     pair.values[:] *= pair.number
     return pair.values.sum()
 
 
 @nb.njit
 def summed(table):
-    borrowed = unowned(table)
+    rows = borrowed(table)
     total = 0.0
-    for row in range(borrowed.shape[0]):
-        part = borrowed[row]  # a view of a view
+    for row in range(rows.shape[0]):
+        part = rows[row]  # a view of a view
         total += part[0] + part[-1]
     return total
 

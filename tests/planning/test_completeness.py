@@ -1,4 +1,4 @@
-"""How often Safe-RRT fails on random maps that can be solved (SPEC 4.6: complete in probability only).
+"""How often Safe-RRT fails on random maps that can be solved (paper 4.6: complete in probability only).
 
 A map counts as solvable if a way ``CORRIDOR_M`` from every obstacle joins start and goal; that is
 decided by shapely, apart from the planner, and leaves room for turns of 125 m.

@@ -25,9 +25,8 @@ def chosen(
     asked = exploration.problem
     return choose_sub_goal(
         end=exploration.tree.state[0].copy(), goal=np.array(goal), elapsed_s=0.0,
-        obstacles=asked.snapshot.obstacles, threats=exploration.threats, pursuers=exploration.pursuers,
-        model=exploration.model, limits=exploration.limits, settings=asked.settings,
-        home=exploration.way_home(np.array(goal)), used=[np.array(point) for point in used],
+        scene=exploration.scene(), settings=asked.settings,
+        home=exploration.guide_home(np.array(goal)), used=[np.array(point) for point in used],
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from companion.config import load_mission
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
 from companion.kernels.threat import reachability as r
+from companion.kernels.workspace import reach_scratch
 from companion.planning.solver import solve
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import threat_trees
@@ -141,12 +142,12 @@ class Chase:
             tree = empty_tree(n, 1)
             tree.state[:n, :3], tree.time[:n] = self.points, self.times
             tree.parent[:n] = np.arange(-1, n - 1)
-            changed = np.empty(4 * r.MAX_NEAR, dtype=np.int64)
+            estimator, scratch = r.Estimator(kind, 0.5, 3), reach_scratch()
             for i in range(n):
                 tree.count[0], tree.active[i] = i + 1, 1
                 for draws in rng.random((effort, 3)):
                     r.estimate_reachability(
-                        tree, trees, i, kind, 0.5, 3, self.bounds, draws, self.packed, changed
+                        tree, trees, i, estimator, self.bounds, draws, self.packed, scratch
                     )
             answers.append(tree.threat_point[:n, 0, 3] > 0.0)
         return np.array(answers)

@@ -27,6 +27,91 @@ def test_every_place_named_exists(module, name):
     assert hasattr(importlib.import_module(module), name)
 
 
+SOURCES = sorted(Path("companion").rglob("*.py"))
+
+
+def definitions_of(tree):
+    """Functions of a module, those of its classes included, by name."""
+    functions = ast.FunctionDef | ast.AsyncFunctionDef
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            yield node.name, node
+        for child in [node] if isinstance(node, functions) else getattr(node, "body", []):
+            if isinstance(child, functions):
+                yield child.name, child
+
+
+def names_in(node):
+    return {child.id for child in ast.walk(node) if isinstance(child, ast.Name)} | {
+        child.attr for child in ast.walk(node) if isinstance(child, ast.Attribute)
+    }
+
+
+def module_of(path):
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def flown():
+    """Functions and classes that the program comes to, as (module, name), from its command line on.
+
+    A name counts as used where a function that is itself used mentions it, and its module imports it from
+    where it is defined, or defines it. What runs on import is used. Methods belong to their class.
+    """
+    trees = {module_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+    defined = {(module, name): node for module, tree in trees.items() for name, node in definitions_of(tree)}
+    known = {}  # what a name means in a module
+    for module, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("companion"):
+                for alias in node.names:
+                    known.setdefault((module, alias.asname or alias.name), (node.module, alias.name))
+    imported = {}  # modules whose attributes a module uses, as in ``dubins.sample``
+    for (module, _), (source, name) in known.items():
+        if f"{source}.{name}" in trees:
+            imported.setdefault(module, set()).add(f"{source}.{name}")
+
+    def meant(module, names):
+        for name in names:
+            if (module, name) in defined:
+                yield module, name
+            if (module, name) in known:
+                yield known[module, name]
+            yield from ((other, name) for other in imported.get(module, ()) if (other, name) in defined)
+
+    entry = "companion.cli"
+    waiting = [place for place in defined if place[0] == entry]
+    for module, tree in trees.items():
+        for node in tree.body:
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                waiting += meant(module, names_in(node) if not isinstance(node, ast.ImportFrom) else ())
+    found = set()
+    while waiting:
+        place = waiting.pop()
+        if place in found:
+            continue
+        found.add(place)
+        if place in defined:
+            waiting += meant(place[0], names_in(defined[place]))
+        elif place in known:
+            waiting.append(known[place])  # handed on by a package
+    return found
+
+
+FLOWN = flown()
+
+
+@pytest.mark.parametrize(("module", "name"), PLACES)
+def test_the_program_comes_to_every_place_named(module, name):
+    assert (module, name) in FLOWN
+
+
+def test_what_nothing_calls_is_told_from_what_is_flown():
+    assert ("companion.planning.solver", "solve") in FLOWN
+    assert ("companion.kernels.search.path_edit", "ramp") in FLOWN  # by climb_profile, by join, by splice
+    assert ("companion.kernels.search.path_edit", "no_such_kernel") not in FLOWN
+    assert ("companion.campaign.measures", "pursuit_measures") not in FLOWN
+
+
 @pytest.mark.parametrize(("file", "name"), TESTS)
 def test_every_test_named_exists(file, name):
     functions = {

@@ -11,14 +11,13 @@ from companion.kernels.aircraft import dubins
 from companion.kernels.aircraft.lqg_mp import collision_free
 from companion.kernels.aircraft.motion import advance, steer
 from companion.kernels.arrays import empty_tree
-from companion.kernels.search.dynamic_domain_rrt import add_node
+from companion.kernels.search.growth import add_node
 from companion.planning.sub_goal import horizon_points
 from companion.vehicle.vehicle_model import VehicleModel
-from tests.support.worlds import packed, small_settings, tables
+from tests.support.worlds import scene_of, small_settings, work_for
 
 BOUNDS = (-9000.0, 9000.0, -9000.0, 9000.0, 0.0, 500.0)
 LIMITS = {dimension: VehicleModel().limits(dimension, BOUNDS, 15.0, 1.0) for dimension in (2, 3)}
-EMPTY = packed([], BOUNDS)
 ANGLE = st.floats(-math.pi, math.pi)
 TARGETS = st.lists(
     st.tuples(st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0), st.floats(0.0, 500.0)),
@@ -30,7 +29,8 @@ TARGETS = st.lists(
 @settings(max_examples=60, deadline=None)
 @given(TARGETS, st.sampled_from([2, 3]), st.randoms(use_true_random=False))
 def test_trees_grown_towards_anything_keep_time_covariance_and_the_straight_rule(targets, dimension, random):
-    limits, search = LIMITS[dimension], small_settings().search(LIMITS[dimension], 25.0, 50.0)
+    limits, work = LIMITS[dimension], work_for(len(targets) + 1)
+    scene = scene_of(limits, search=small_settings().search(limits, 25.0, 50.0))
     tree = empty_tree(len(targets) + 1, 0)
     tree.count[0] = 1
     tree.state[0] = 0.0, 0.0, 250.0, 0.3, 0.0, 25.0
@@ -43,7 +43,7 @@ def test_trees_grown_towards_anything_keep_time_covariance_and_the_straight_rule
             steer(tree.state[parent], tree.turn[parent], tree.straight[parent], *target, limits)
         )
         advance(tree.state[parent], *control, limits.tau, state)
-        child = add_node(tree, parent, state, control, limits.tau, EMPTY, limits, tables(dimension), search)
+        child = add_node(tree, parent, state, control, limits.tau, scene, work.growth.lqg)
         assert tree.parent[child] == parent < child
         assert tree.time[child] == tree.time[parent] + limits.tau
         covariance = tree.cov_error[child] + tree.cov_estimate[child]

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from companion.kernels.geometry.line_of_sight import prisms_of
 from companion.kernels.threat import reachability as r
-from companion.kernels.threat.threat_tree import drivers_of
+from companion.kernels.threat.threat_tree import threat_trees_of
+from companion.kernels.workspace import reach_scratch
 from companion.planning.explore import Exploration
 from companion.planning.settings import Estimator, Strategies
 from companion.planning.solver import solve
@@ -42,12 +43,20 @@ def assert_sound(trees, d):
         assert not is_blocked(trees.position[d, up], trees.position[d, j], WORLD)
 
 
+def arrays_in(trees):
+    """Every array of a tuple, those of its indices included."""
+    for part in trees:
+        yield from arrays_in(part) if isinstance(part, tuple) else [part]
+
+
 def grow(trees, rng, n):
-    near = np.empty(r.MAX_NEAR, dtype=np.int64)
+    scratch = reach_scratch()
     for d in range(len(trees.count)):
         for x, y, z in rng.uniform((-580.0, -580.0, 0.0), (580.0, 580.0, 300.0), (n, 3)):
-            r.near_pursuer_nodes(trees, d, x, y, 1, near)
-            r.connect(drivers_of(trees), d, near[0], x, y, z, bool(rng.random() < 0.3), PRISMS)
+            r.near_pursuer_nodes(trees, d, x, y, 1, scratch.everything, scratch.near)
+            r.connect(
+                threat_trees_of(trees), d, scratch.near.rows[0], x, y, z, bool(rng.random() < 0.3), PRISMS
+            )
 
 
 STEPS = st.lists(
@@ -100,7 +109,7 @@ def test_updates_leave_no_orphan_stamps_grow_and_nothing_is_sooner_than_possible
             }
             assert {tuple(place) for place in trees.position[d, base:n, :2]} <= older
         again = threat_trees(tracks, PACKED, None, BOUNDS, carried, with_corners=corners)
-        for one, other in zip(trees, again, strict=True):
+        for one, other in zip(arrays_in(trees), arrays_in(again), strict=True):
             assert np.array_equal(one, other)
         grow(trees, rng, 60)
         for d in range(2):

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.threat.fuzzy_threat import (
-    MAX_THREATS,
     aggregate_overlap,
     line_threat,
     node_threat,
     point_threat,
 )
+from companion.kernels.workspace import MAX_THREATS, threat_scene
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box
@@ -51,17 +51,13 @@ def test_levels_lie_between_0_and_1(radars, movers, state, delta, spread, form):
     points = np.array([(x, y, z, 1.0) for x, y, z, _ in movers]).reshape(-1, 4)
     reach = np.array([r for *_, r in movers])
     points = points if len(points) else NO_POINTS
-    scratch, levels, state = np.empty((MAX_THREATS, 2)), np.empty(60), np.array(state)
-    level = node_threat(
-        state, spread * np.eye(3), delta, threats, points, reach, model, NORMALS, scratch, levels
-    )
+    scene, levels, state = threat_scene(threats, points, reach, model), np.empty(60), np.array(state)
+    level = node_threat(state, spread * np.eye(3), delta, NORMALS, levels, scene)
     assert 0.0 <= level <= 1.0
     assert levels.min() >= 0.0
     assert levels.max() <= 1.0
     x, y, z = state[:3]
-    edge = line_threat(
-        x, y, z, x + 25.0, y - 10.0, z, state[5], delta, threats, points, reach, model, 10, scratch
-    )
+    edge = line_threat(state, x + 25.0, y - 10.0, z, state[5], delta, 10, scene)
     assert 0.0 <= edge <= 1.0
 
 
@@ -75,12 +71,10 @@ def test_levels_lie_between_0_and_1(radars, movers, state, delta, spread, form):
 def test_masking_only_lowers_the_level_of_slow_flight(radars, place, delta, form):
     # Below the penetration speed ν is 0. Above it the mean of the ν may fall with a threat that is masked,
     # and then the level of the others rises: IFWA is an average.
-    model, scratch = threat_model(form), np.empty((MAX_THREATS, 2))
-    levels = []
+    model, levels = threat_model(form), []
     for obstacles in (OPEN, WALLED):
-        mu, nu = point_threat(
-            *place, 0.3, 0.0, 20.0, delta, threats_of(radars, obstacles), NO_POINTS, NO_REACH, model, scratch
-        )
+        scene = threat_scene(threats_of(radars, obstacles), NO_POINTS, NO_REACH, model)
+        mu, nu = point_threat(*place, 0.3, 0.0, 20.0, delta, scene)
         assert nu == 0.0
         levels.append(mu)
     assert levels[1] <= levels[0] + 1e-12

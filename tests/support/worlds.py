@@ -6,7 +6,8 @@ import math
 import numpy as np
 import shapely
 
-from companion.kernels.arrays import ThreatModel
+from companion.kernels.arrays import Guide, Scene, ThreatModel, empty_pursuers
+from companion.kernels.workspace import workspace
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.settings import PlannerSettings
 from companion.types.threat import TrackState
@@ -14,6 +15,7 @@ from companion.vehicle.lqg import uncertainty_tables
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import first_snapshot
+from companion.world.threats import packed_threats
 
 BOUNDS = (0.0, 1500.0, 0.0, 1500.0, 50.0, 250.0)
 VEHICLE = VehicleModel()
@@ -42,6 +44,30 @@ def threat_model(form=SHIFTED, **changes):
         "unit": 25.0,
     }
     return ThreatModel(**{**values, **changes})
+
+
+def scene_of(limits, *, obstacles=None, threats=None, pursuers=None, model=None, search=None, bounds=None):
+    """What kernels read; nothing in the way and nothing that threatens where it is not given."""
+    bounds = tuple(limits.bounds) if bounds is None else bounds
+    obstacles = packed([], bounds) if obstacles is None else obstacles
+    if pursuers is None:
+        pursuers = empty_pursuers(1, np.empty((0, 5)), np.array(bounds))
+    return Scene(
+        pursuers=pursuers,
+        obstacles=obstacles,
+        walls=obstacles,
+        threats=packed_threats([], obstacles, bounds) if threats is None else threats,
+        model=threat_model() if model is None else model,
+        limits=limits,
+        tables=tables(limits.dimension),
+        search=small_settings().search(limits, 25.0, 100.0) if search is None else search,
+        guide=Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0),
+    )
+
+
+def work_for(capacity, num_threats=0):
+    """Scratch for a tree of so many nodes, with the vehicle's particles."""
+    return workspace(capacity, num_threats, len(tables(2).normals))
 
 
 def track(east, north, *, speed=20.0, radius=200.0, velocity=(0.0, 0.0), airborne=False, up=0.0, stamp=0.0):

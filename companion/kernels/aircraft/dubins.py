@@ -12,22 +12,21 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
 from companion.kernels.arrays import FloatArray
+from companion.kernels.jit import kernel
 
 LSL, RSR, LSR, RSL, RLR, LRL = 0, 1, 2, 3, 4, 5
 TWO_PI = 2.0 * math.pi
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _mod(angle: float) -> float:
     """The angle in [0, 2π); values a rounding below 2π count as 0, so that no full circle appears."""
     a = angle - TWO_PI * math.floor(angle / TWO_PI)
     return 0.0 if a > TWO_PI - 1e-9 else a
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def word(kind: int, d: float, alpha: float, beta: float) -> tuple[bool, float, float, float]:
     """Segments (t, p, q) of one of the six words, and whether it exists."""
     sa, ca, sb, cb = math.sin(alpha), math.cos(alpha), math.sin(beta), math.cos(beta)
@@ -65,7 +64,7 @@ def word(kind: int, d: float, alpha: float, beta: float) -> tuple[bool, float, f
     return True, t, p, _mod(beta - alpha - t + p)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def shortest(
     x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: FloatArray
 ) -> int:
@@ -86,16 +85,16 @@ def shortest(
     return best_kind
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def distance(
     x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: FloatArray
 ) -> float:
-    """Length of the shortest Dubins path between two poses [m]."""
+    """Length of the shortest Dubins path between two poses [m]; its segments go to ``out`` (3,) in radii."""
     shortest(x0, y0, theta0, x1, y1, theta1, rho, out)
     return rho * (out[0] + out[1] + out[2])
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def turn_of(kind: int, segment: int) -> float:
     """+1 left, -1 right, 0 straight for a word's segment 0, 1 or 2."""
     if segment == 1:
@@ -107,12 +106,15 @@ def turn_of(kind: int, segment: int) -> float:
     return 1.0 if kind in (LSL, RSL, LRL) else -1.0
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def sample(
     x0: float, y0: float, theta0: float, kind: int, segments: FloatArray, rho: float, s: float,
     pose: FloatArray,
 ) -> None:  # fmt: skip
-    """Pose (x, y, theta) after ``s`` metres of a word from a start pose, into ``pose`` (3,)."""
+    """Pose (x, y, theta) after ``s`` metres of a word from a start pose, into ``pose`` (3,).
+
+    ``segments`` (3,) t, p, q of the word in radii.
+    """
     x, y, theta = x0, y0, theta0
     left = s / rho
     for i in range(3):
@@ -131,7 +133,7 @@ def sample(
     pose[0], pose[1], pose[2] = x, y, theta
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def distance_to_point(x0: float, y0: float, theta0: float, x1: float, y1: float, rho: float) -> float:
     """Shortest length to a point with any final direction [m]: one turn and a straight line.
 

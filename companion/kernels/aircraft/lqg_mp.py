@@ -1,4 +1,4 @@
-"""LQG-MP: the a-priori distribution of the true state about the plan (SPEC 2, paper 2.2).
+"""LQG-MP: the a-priori distribution of the true state about the plan (paper 2.2).
 
 Symbols: state ``s = [x, y, z, theta, phi, v]``, control ``u = [a, w, wp]``; ``A, B`` the motion
 linearised about the nominal edge (noise enters with the control, so ``V = B``); ``H`` selects the
@@ -16,13 +16,12 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-import numpy as np
-
 from companion.kernels.arrays import FloatArray, Uncertainty
+from companion.kernels.jit import kernel
+from companion.kernels.workspace import FilterScratch
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def linearise(
     theta: float, phi: float, v: float, a: float, w: float, wp: float, tau: float,
     motion: FloatArray, control: FloatArray,
@@ -50,30 +49,35 @@ def linearise(
     control[5, 0], control[3, 1], control[4, 2] = tau, tau, tau
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
+def nearest_entry(value: float, first: float, spacing: float, n: int) -> int:
+    """Index of the entry of an axis of ``n`` that is nearest to a value."""
+    return min(n - 1, max(0, int(round((value - first) / spacing))))
+
+
+@kernel
 def look_up_gain(v: float, w: float, phi: float, theta: float, tables: Uncertainty, gain: FloatArray) -> None:
-    """LQR gain (3, 6) of the nearest tabulated (speed, turn rate, climb), turned to ``theta``.
+    """LQR gain of the nearest tabulated (speed, turn rate, climb), turned to ``theta``, into ``gain`` (3, 6).
 
     The motion is the same in every direction, so the table holds direction 0 only and the position
     columns are rotated: ``L(θ) = L(0)·R(θ)ᵀ``.
     """
-    index = np.empty(3, dtype=np.int64)
-    values = (v, w, phi)
-    for a in range(3):
-        n = tables.gains.shape[a]
-        index[a] = min(n - 1, max(0, int(round((values[a] - tables.axes[a, 0]) / tables.axes[a, 1]))))
-    table = tables.gains[index[0], index[1], index[2]]
+    axes, shape = tables.axes, tables.gains.shape
+    i = nearest_entry(v, axes[0, 0], axes[0, 1], shape[0])
+    j = nearest_entry(w, axes[1, 0], axes[1, 1], shape[1])
+    k = nearest_entry(phi, axes[2, 0], axes[2, 1], shape[2])
+    table = tables.gains[i, j, k]
     c, s = math.cos(theta), math.sin(theta)
-    for i in range(3):
-        gain[i, 0] = table[i, 0] * c - table[i, 1] * s
-        gain[i, 1] = table[i, 0] * s + table[i, 1] * c
-        for j in range(2, 6):
-            gain[i, j] = table[i, j]
+    for row in range(3):
+        gain[row, 0] = table[row, 0] * c - table[row, 1] * s
+        gain[row, 1] = table[row, 0] * s + table[row, 1] * c
+        for column in range(2, 6):
+            gain[row, column] = table[row, column]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def congruence(m: FloatArray, c: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
-    """``out = m·c·mᵀ`` for matrices (6, 6)."""
+    """``m·c·mᵀ`` of ``m`` (6, 6) and ``c`` (6, 6) into ``out`` (6, 6); ``scratch`` (6, 6) is used up."""
     for i in range(6):
         for j in range(6):
             total = 0.0
@@ -89,13 +93,13 @@ def congruence(m: FloatArray, c: FloatArray, scratch: FloatArray, out: FloatArra
             out[j, i] = total
 
 
-@nb.njit(cache=True, nogil=True)
-def information_gain(p: FloatArray, measurement: FloatArray, w: FloatArray) -> None:
-    """``w`` (6, 5) with ``w·wᵀ = K·S·Kᵀ``, the covariance a measurement takes out of ``p``.
+@kernel
+def information_gain(p: FloatArray, measurement: FloatArray, w: FloatArray, chol: FloatArray) -> None:
+    """``w`` (6, 5) with ``w·wᵀ = K·S·Kᵀ``, the covariance a measurement takes out of ``p`` (6, 6).
 
-    ``S = H·p·Hᵀ + N`` is factored ``L·Lᵀ`` and ``w = p·Hᵀ·L⁻ᵀ``.
+    ``S = H·p·Hᵀ + N`` is factored ``L·Lᵀ`` and ``w = p·Hᵀ·L⁻ᵀ``. ``measurement`` (5,) the variances N;
+    ``chol`` (5, 5) receives L, in its lower triangle.
     """
-    chol = np.zeros((5, 5))
     for i in range(5):
         for j in range(i + 1):
             total = p[i, j]
@@ -112,27 +116,28 @@ def information_gain(p: FloatArray, measurement: FloatArray, w: FloatArray) -> N
             w[r, j] = total / chol[j, j]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def propagate(
-    state: FloatArray, a: float, w: float, wp: float, tau: float, tables: Uncertainty,
-    p: FloatArray, l: FloatArray, p_out: FloatArray, l_out: FloatArray,  # noqa: E741
+    state: FloatArray, control: tuple[float, float, float], dt: float, tables: Uncertainty,
+    p: FloatArray, l: FloatArray, p_out: FloatArray, l_out: FloatArray, work: FilterScratch,  # noqa: E741
 ) -> None:  # fmt: skip
     """One edge of LQG-MP: ``P⁺ = P⁻ − K·S·Kᵀ`` and ``Λ⁺ = (A+BL)Λ(A+BL)ᵀ + K·S·Kᵀ``.
 
-    ``state`` (6,) is the edge's start; ``p``, ``l`` (6, 6) come in, ``p_out``, ``l_out`` go out.
+    ``state`` (6,) is the edge's start, ``control`` a, w, wp, flown for ``dt`` seconds; ``p`` (6, 6) and
+    ``l`` (6, 6) come in, ``p_out`` (6, 6) and ``l_out`` (6, 6) go out.
     """
-    motion, control = np.empty((6, 6)), np.empty((6, 3))
-    gain, scratch, taken = np.empty((3, 6)), np.empty((6, 6)), np.empty((6, 5))
-    linearise(state[3], state[4], state[5], a, w, wp, tau, motion, control)
-    look_up_gain(state[5], w, state[4], state[3] + 0.5 * w * tau, tables, gain)
-    congruence(motion, p, scratch, p_out)
+    a, w, wp = control
+    motion, into, gain, taken = work.motion, work.control, work.gain, work.taken
+    linearise(state[3], state[4], state[5], a, w, wp, dt, motion, into)
+    look_up_gain(state[5], w, state[4], state[3] + 0.5 * w * dt, tables, gain)
+    congruence(motion, p, work.product, p_out)
     for i in range(6):
         for j in range(6):
             for k in range(3):
-                p_out[i, j] += control[i, k] * tables.process[k] * control[j, k]
-                motion[i, j] += control[i, k] * gain[k, j]
-    information_gain(p_out, tables.measurement, taken)
-    congruence(motion, l, scratch, l_out)
+                p_out[i, j] += into[i, k] * tables.process[k] * into[j, k]
+                motion[i, j] += into[i, k] * gain[k, j]
+    information_gain(p_out, tables.measurement, taken, work.factor)
+    congruence(motion, l, work.product, l_out)
     for i in range(6):
         for j in range(i, 6):
             total = 0.0
@@ -143,7 +148,7 @@ def propagate(
             p_out[j, i], l_out[j, i] = p_out[i, j], l_out[i, j]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def largest_eigenvalue(a: float, b: float, c: float, d: float, e: float, f: float) -> float:
     """Largest eigenvalue of the symmetric matrix [[a, d, e], [d, b, f], [e, f, c]].
 
@@ -161,9 +166,12 @@ def largest_eigenvalue(a: float, b: float, c: float, d: float, e: float, f: floa
     return mean + 2.0 * spread * math.cos(angle)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def position_deviation(p: FloatArray, l: FloatArray, dimension: int) -> float:  # noqa: E741
-    """Largest standard deviation of the position part of Σ = P + Λ [m], in the plane or in space."""
+    """Largest standard deviation of the position part of Σ = P + Λ [m], in the plane or in space.
+
+    ``p`` (6, 6) is P and ``l`` (6, 6) Λ.
+    """
     a, b, d = p[0, 0] + l[0, 0], p[1, 1] + l[1, 1], p[0, 1] + l[0, 1]
     if dimension == 2:
         return math.sqrt(max(0.0, 0.5 * (a + b) + math.sqrt(0.25 * (a - b) ** 2 + d * d)))
@@ -172,9 +180,12 @@ def position_deviation(p: FloatArray, l: FloatArray, dimension: int) -> float:  
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def position_factor(p: FloatArray, l: FloatArray, dimension: int, factor: FloatArray) -> None:  # noqa: E741
-    """Lower Cholesky factor (3, 3) of the position part of Σ; the up row is 0 in the plane."""
+    """Lower Cholesky factor of the position part of Σ, into ``factor`` (3, 3) [m].
+
+    ``p`` (6, 6) is P and ``l`` (6, 6) Λ; the up row is 0 in the plane.
+    """
     factor[:] = 0.0
     s00, s10, s11 = p[0, 0] + l[0, 0], p[1, 0] + l[1, 0], p[1, 1] + l[1, 1]
     factor[0, 0] = math.sqrt(max(s00, 0.0))
@@ -191,7 +202,7 @@ def position_factor(p: FloatArray, l: FloatArray, dimension: int, factor: FloatA
     factor[2, 2] = math.sqrt(max(s22 - factor[2, 0] ** 2 - factor[2, 1] ** 2, 0.0))
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def collision_free(distance: float, deviation: float, dimension: int) -> float:
     """p_c: probability mass of the ellipsoid of ``c = distance/deviation`` deviations, P(n/2, c²/2).
 

@@ -1,4 +1,4 @@
-"""One extension of the aircraft: the control towards a target within every constraint (SPEC 1).
+"""One extension of the aircraft: the control towards a target within every constraint (paper 2.2).
 
 Symbols: ``state = [x, y, z, theta, phi, v]``, ``w`` turn rate, ``wp`` climb rate, ``a`` acceleration.
 """
@@ -7,22 +7,21 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
 from companion.kernels.arrays import FloatArray, Limits
+from companion.kernels.jit import kernel
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
 STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def wrapped(angle: float) -> float:
     """The angle in [-π, π]."""
     turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
     return min(math.pi, max(-math.pi, turned))  # the subtraction may round past the ends
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def steer(
     state: FloatArray, turn: int, straight: float, x: float, y: float, z: float, limits: Limits
 ) -> tuple[float, float, float]:
@@ -30,6 +29,7 @@ def steer(
 
     A turn goes on freely in its own direction; a new one, or one the other way, begins only after
     ``straight_min`` of straight flight. Where the rule forbids turning, the step flies straight.
+    ``state`` (6,) at the start; ``turn`` and ``straight`` say what was flown before.
     """
     dx, dy, dz = x - state[0], y - state[1], z - state[2]
     wanted = wrapped(math.atan2(dy, dx) - state[3])
@@ -49,9 +49,9 @@ def steer(
     return a, w, wp
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def advance(state: FloatArray, a: float, w: float, wp: float, tau: float, out: FloatArray) -> None:
-    """The state after ``tau`` seconds of constant control, into ``out`` (6,)."""
+    """The state after ``tau`` seconds of constant control from ``state`` (6,), into ``out`` (6,)."""
     half = 0.5 * w * tau
     k = 1.0 if abs(half) < 1e-9 else math.sin(half) / half
     v, phi, theta = state[5] + 0.5 * a * tau, state[4] + 0.5 * wp * tau, state[3] + half
@@ -64,9 +64,9 @@ def advance(state: FloatArray, a: float, w: float, wp: float, tau: float, out: F
     out[5] = state[5] + a * tau
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def state_status(state: FloatArray, limits: Limits) -> int:
-    """``OK``, or which constraint a state breaks."""
+    """``OK``, or which constraint ``state`` (6,) breaks."""
     b = limits.bounds
     if state[0] < b[0] or state[0] > b[1] or state[1] < b[2] or state[1] > b[3]:
         return OUT_OF_BOUNDS
@@ -77,7 +77,7 @@ def state_status(state: FloatArray, limits: Limits) -> int:
     return OK
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def straight_after(turn: int, straight: float, w: float, length: float) -> tuple[int, float]:
     """Turn sign and straight length carried on after an edge of turn rate ``w``."""
     if w > STRAIGHT_RATE:
@@ -85,3 +85,9 @@ def straight_after(turn: int, straight: float, w: float, length: float) -> tuple
     if w < -STRAIGHT_RATE:
         return -1, 0.0
     return 0, length if turn != 0 else straight + length
+
+
+@kernel
+def distance_to(state: FloatArray, point: FloatArray) -> float:
+    """Distance of the position of ``state`` (≥ 3,) to ``point`` (≥ 3,) [m]."""
+    return math.sqrt((state[0] - point[0]) ** 2 + (state[1] - point[1]) ** 2 + (state[2] - point[2]) ** 2)

@@ -4,28 +4,25 @@ A tree grows at its end and is cut back at its end, so its index follows lazily:
 what has been added and lets go of what was taken away (:func:`follow`). Answers are those of a look at
 all nodes: the ``k`` nearest in the plane, equal distances by row.
 
-Symbols: ``cells`` (C·C,) the newest row in each cell, ``chain`` (M,) the next older row in the same cell,
-``places`` (M, 2) where each row was when it was taken in, ``extent`` (4,) first and last cell in
-each direction that may hold rows, ``filled`` how many rows are; ``rows`` (N, ≥ 2)
-the tree's places as they are; ``bounds`` x_min x_max y_min y_max.
+Symbols: ``rows`` (N, ≥ 2) the tree's places as they are [m]; ``bounds`` (4,) x_min x_max y_min y_max [m].
 """
 
 from __future__ import annotations
 
-import numba as nb
-
-from companion.kernels.arrays import NUM_CELLS, FloatArray, IntArray
+from companion.kernels.arrays import NUM_CELLS, FloatArray, GridIndex, IntArray
+from companion.kernels.jit import kernel_numpy_errors
+from companion.kernels.workspace import KNearest
 
 FEW = 48  # rows up to which looking at all of them is quicker
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def cell_size(bounds: FloatArray) -> float:
-    """Side of a cell [m]: square cells that cover the bounds."""
+    """Side of a cell [m]: square cells that cover ``bounds`` (4,)."""
     return max(bounds[1] - bounds[0], bounds[3] - bounds[2], 1e-9) / NUM_CELLS
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def cell_along(value: float, low: float, size: float) -> int:
     """Cell along one axis; those at the rim reach on outwards without end, what is no number is in 0."""
     at = (value - low) / size
@@ -34,23 +31,23 @@ def cell_along(value: float, low: float, size: float) -> int:
     return int(at) if at > 0.0 else 0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def cell_of(x: float, y: float, bounds: FloatArray, size: float) -> int:
-    """Number of a place's cell."""
+    """Number of a place's cell; ``bounds`` (4,) of all cells [m]."""
     return cell_along(x, bounds[0], size) * NUM_CELLS + cell_along(y, bounds[2], size)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def follow(
-    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, filled: int, rows: FloatArray,
-    n: int, bounds: FloatArray,
-) -> int:  # fmt: skip
-    """Bring an index up to a tree of ``n`` rows; returns ``n``, the new ``filled``.
+@kernel_numpy_errors
+def follow(index: GridIndex, filled: int, rows: FloatArray, n: int, bounds: FloatArray) -> None:
+    """Bring an index of ``filled`` rows up to a tree of ``n``.
 
     Since it was asked last the tree may have grown or been cut back, or its last rows may have been
     replaced; rows below one that has kept its place are not looked at again. The extent only grows
     while rows come and go, and starts afresh with an empty index.
+
+    ``rows`` (N, ≥ 2) the tree's places [m]; ``bounds`` (4,) of the cells [m].
     """
+    cells, chain, places, extent = index.cells, index.chain, index.places, index.extent
     size = cell_size(bounds)
     while filled > 0 and (
         filled > n
@@ -70,43 +67,47 @@ def follow(
         chain[filled] = cells[i * NUM_CELLS + j]
         cells[i * NUM_CELLS + j] = filled
         filled += 1
-    return filled
+    index.filled[0] = filled
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def keep(best: FloatArray, out: IntArray, found: int, k: int, value: float, row: int) -> int:
-    """Keep the ``k`` smallest (value, row), sorted; returns how many there are."""
+@kernel_numpy_errors
+def keep(near: KNearest, found: int, k: int, square: float, row: int) -> int:
+    """Keep the ``k`` smallest (square, row) of ``near``, sorted; returns how many there are."""
+    squares, rows = near.squares, near.rows
     if found == k:
-        if value > best[k - 1] or (value == best[k - 1] and row > out[k - 1]):
+        if square > squares[k - 1] or (square == squares[k - 1] and row > rows[k - 1]):
             return found
     else:
         found += 1
     at = found - 1
-    while at > 0 and (best[at - 1] > value or (best[at - 1] == value and out[at - 1] > row)):
-        best[at], out[at] = best[at - 1], out[at - 1]
+    while at > 0 and (squares[at - 1] > square or (squares[at - 1] == square and rows[at - 1] > row)):
+        squares[at], rows[at] = squares[at - 1], rows[at - 1]
         at -= 1
-    best[at], out[at] = value, row
+    squares[at], rows[at] = square, row
     return found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def nearest_of_all(
-    rows: FloatArray, n: int, active: IntArray, x: float, y: float, k: int, best: FloatArray, out: IntArray
+    rows: FloatArray, n: int, active: IntArray, x: float, y: float, k: int, near: KNearest
 ) -> int:
-    """The ``k`` nearest of ``n`` rows, by looking at each that ``active`` (N,) marks; empty: all."""
+    """The ``k`` nearest of ``n`` rows, by looking at each; how many there are.
+
+    ``rows`` (N, ≥ 2) places [m]; ``active`` (N,) marks those that count, empty: all do.
+    """
     found = 0
     for i in range(n):
         if active.shape[0] > 0 and active[i] == 0:
             continue
         d2 = (rows[i, 0] - x) ** 2 + (rows[i, 1] - y) ** 2
-        if found < k or d2 < best[k - 1]:
-            found = keep(best, out, found, k, d2, i)
+        if found < k or d2 < near.squares[k - 1]:
+            found = keep(near, found, k, d2, i)
     return found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def least_way(value: float, low: float, size: float, cell: int) -> float:
-    """Least distance along one axis from a value to a cell's places; 0 towards cells without end."""
+@kernel_numpy_errors
+def least_distance(value: float, low: float, size: float, cell: int) -> float:
+    """Least distance along one axis from a value to a cell's places [m]; 0 towards cells without end."""
     if cell > 0 and value < low + cell * size:
         return low + cell * size - value
     if cell < NUM_CELLS - 1 and value > low + (cell + 1) * size:
@@ -114,65 +115,69 @@ def least_way(value: float, low: float, size: float, cell: int) -> float:
     return 0.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def nearest_by_cells(
-    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, rows: FloatArray,
-    bounds: FloatArray, active: IntArray, x: float, y: float, k: int, best: FloatArray, out: IntArray,
+    index: GridIndex, rows: FloatArray, bounds: FloatArray, active: IntArray, x: float, y: float, k: int,
+    near: KNearest,
 ) -> int:  # fmt: skip
     """The ``k`` nearest rows of an index, ring by ring of cells about the place; -1 where it is stale.
 
     Stale is an index that gives a row which is no longer there: the tree was rearranged meanwhile.
-
     Rings begin and end with the extent of what there is. Beyond ring ``r`` everything is at least ``r``
     cells away.
+
+    ``rows`` (N, ≥ 2) the tree's places [m]; ``bounds`` (4,) of the cells [m]; ``active`` (N,) marks those
+    that count, empty: all do.
     """
+    cells, chain, places, extent = index.cells, index.chain, index.places, index.extent
+    squares = near.squares
     size = cell_size(bounds)
     i0, j0 = cell_along(x, bounds[0], size), cell_along(y, bounds[2], size)
     first = max(extent[0] - i0, i0 - extent[1], extent[2] - j0, j0 - extent[3], 0)
     last = max(i0 - extent[0], extent[1] - i0, j0 - extent[2], extent[3] - j0)
     found = 0
     for ring in range(first, last + 1):
-        if found == k and best[k - 1] < (max(ring - 1, 0) * size) ** 2:
+        if found == k and squares[k - 1] < (max(ring - 1, 0) * size) ** 2:
             break
         for i in range(max(extent[0], i0 - ring), min(extent[1], i0 + ring) + 1):
             inner = abs(i - i0) < ring  # of such a column only the two ends are on the ring
-            dx = least_way(x, bounds[0], size, i)
+            dx = least_distance(x, bounds[0], size, i)
             for j in range(j0 - ring, j0 + ring + 1, 2 * ring if inner else 1):
                 if j < extent[2] or j > extent[3]:
                     continue
                 row = cells[i * NUM_CELLS + j]
                 if row < 0:
                     continue
-                dy = least_way(y, bounds[2], size, j)
-                if found == k and dx * dx + dy * dy > best[k - 1]:
+                dy = least_distance(y, bounds[2], size, j)
+                if found == k and dx * dx + dy * dy > squares[k - 1]:
                     continue
                 while row >= 0:
                     if active.shape[0] == 0 or active[row] == 1:
                         d2 = (places[row, 0] - x) ** 2 + (places[row, 1] - y) ** 2
-                        if found < k or d2 <= best[k - 1]:
+                        if found < k or d2 <= squares[k - 1]:
                             if places[row, 0] != rows[row, 0] or places[row, 1] != rows[row, 1]:
                                 return -1
-                            found = keep(best, out, found, k, d2, row)
+                            found = keep(near, found, k, d2, row)
                     row = chain[row]
     return found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def nearest(
-    cells: IntArray, chain: IntArray, places: FloatArray, extent: IntArray, filled: IntArray, at: int,
-    rows: FloatArray, n: int, bounds: FloatArray, active: IntArray, x: float, y: float, k: int,
-    best: FloatArray, out: IntArray,
+    index: GridIndex, rows: FloatArray, n: int, bounds: FloatArray, active: IntArray, x: float, y: float,
+    k: int, near: KNearest,
 ) -> int:  # fmt: skip
-    """The ``k`` nearest of ``n`` rows, into ``out``; the index is brought up to the tree, or made anew.
+    """The ``k`` nearest of ``n`` rows; the index is brought up to the tree, or made anew. How many there are.
 
-    ``filled[at]`` is the index's count. Returns how many there are.
+    ``rows`` (N, ≥ 2) the tree's places [m]; ``bounds`` (4,) of the cells [m]; ``active`` (N,) marks those
+    that count, empty: all do.
     """
-    if n <= FEW or n > chain.shape[0]:
-        return nearest_of_all(rows, n, active, x, y, k, best, out)
-    filled[at] = follow(cells, chain, places, extent, filled[at], rows, n, bounds)
-    found = nearest_by_cells(cells, chain, places, extent, rows, bounds, active, x, y, k, best, out)
+    if n <= FEW or n > index.chain.shape[0]:
+        return nearest_of_all(rows, n, active, x, y, k, near)
+    follow(index, index.filled[0], rows, n, bounds)
+    found = nearest_by_cells(index, rows, bounds, active, x, y, k, near)
     if found < 0:
-        cells[:] = -1
-        filled[at] = follow(cells, chain, places, extent, 0, rows, n, bounds)
-        found = nearest_by_cells(cells, chain, places, extent, rows, bounds, active, x, y, k, best, out)
+        index.cells[:] = -1
+        follow(index, 0, rows, n, bounds)
+        found = nearest_by_cells(index, rows, bounds, active, x, y, k, near)
     return found

@@ -1,9 +1,8 @@
 """Lines among upright prisms, for callers that ask thousands of times a plan.
 
-The same answers as :func:`~companion.kernels.geometry.prism_distance.segment_blocked`, sooner: a line is
-clipped to a prism's box before its polygon is looked at, and where the polygon is its own box that settles
-it. Only the arrays needed are passed on: numba passes a tuple's arrays one by one, which costs more than
-most of these tests do.
+A line is clipped to a prism's box before its polygon is looked at, and where the polygon is its own box
+that settles it. Only the arrays needed are passed on: numba passes a tuple's arrays one by one, which costs
+more than most of these tests do.
 
 References
 ----------
@@ -14,14 +13,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
-
 from companion.kernels.arrays import FloatArray, IntArray, Obstacles
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
+from companion.kernels.jit import kernel, kernel_numpy_errors
 
 
 class Prisms(NamedTuple):
-    """The part of :class:`~companion.kernels.arrays.Obstacles` that lines are tested against."""
+    """The part of :class:`~companion.kernels.arrays.Obstacles` that lines are tested against.
+
+    ``boxes`` (O, 4), ``heights`` (O, 2), ``edges`` (E, 4) [m] and ``offsets`` (O + 1,) as there.
+    """
 
     boxes: FloatArray
     heights: FloatArray
@@ -29,15 +30,18 @@ class Prisms(NamedTuple):
     offsets: IntArray
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def prisms_of(obstacles: Obstacles) -> Prisms:
     """The prisms alone, without the distance field."""
     return Prisms(obstacles.boxes, obstacles.heights, obstacles.edges, obstacles.offsets)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def is_rectangle(edges: FloatArray, first: int, last: int) -> bool:
-    """Whether a polygon has four sides, all along the axes: then it fills its box."""
+    """Whether a polygon has four sides, all along the axes: then it fills its box.
+
+    It is rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m].
+    """
     if last - first != 4:
         return False
     upright = edges[first, 0] == edges[first, 2]
@@ -48,9 +52,9 @@ def is_rectangle(edges: FloatArray, first: int, last: int) -> bool:
     return True
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: FloatArray, first: int, last: int) -> bool:
-    """Whether a polygon meets the segment a–b of the plane."""
+    """Whether a polygon, rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m], meets the segment a–b."""
     if point_in_polygon(ax, ay, edges, first, last):
         return True
     for e in range(first, last):
@@ -59,7 +63,7 @@ def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: FloatArray, f
     return False
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: float, prisms: Prisms) -> bool:
     """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z."""
     boxes, heights, edges, offsets = prisms.boxes, prisms.heights, prisms.edges, prisms.offsets

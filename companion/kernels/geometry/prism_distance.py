@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
 from companion.kernels.arrays import FloatArray, Obstacles
+from companion.kernels.jit import kernel
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def point_in_polygon(x: float, y: float, edges: FloatArray, first: int, last: int) -> bool:
-    """Whether a point lies inside the polygon of edges ``first`` to ``last - 1``."""
+    """Whether a point lies inside the polygon of rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m]."""
     inside = False
     for e in range(first, last):
         x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
@@ -29,7 +29,7 @@ def point_in_polygon(x: float, y: float, edges: FloatArray, first: int, last: in
     return inside
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def distance_to_edge_squared(x: float, y: float, x0: float, y0: float, x1: float, y1: float) -> float:
     """Squared distance of a point to a segment in the plane [m²]."""
     dx, dy = x1 - x0, y1 - y0
@@ -41,7 +41,7 @@ def distance_to_edge_squared(x: float, y: float, x0: float, y0: float, x1: float
     return ex * ex + ey * ey
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) -> float:
     """Distance of a point to the nearest prism [m], 0 inside; ``limit`` if nothing is nearer."""
     best = limit * limit
@@ -67,7 +67,7 @@ def clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) 
     return math.sqrt(best)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def clearance_bound(x: float, y: float, z: float, obstacles: Obstacles) -> float:
     """Lower bound of the clearance from the distance field [m]; 0 outside its grid.
 
@@ -84,9 +84,12 @@ def clearance_bound(x: float, y: float, z: float, obstacles: Obstacles) -> float
     return max(0.0, float(obstacles.field[i, j, k]) - math.sqrt(ex * ex + ey * ey + ez * ez))
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def fill_field(field: FloatArray, grid: FloatArray, obstacles: Obstacles) -> None:
-    """Distance to the nearest prism at every node of the grid, in place [m]."""
+    """Distance to the nearest prism at every node of a grid, in place.
+
+    ``field`` (NX, NY, NZ) receives it [m]; ``grid`` (6,) x0 y0 z0 and the spacings dx dy dz [m].
+    """
     for i in range(field.shape[0]):
         for j in range(field.shape[1]):
             for k in range(field.shape[2]):
@@ -95,7 +98,7 @@ def fill_field(field: FloatArray, grid: FloatArray, obstacles: Obstacles) -> Non
                 )
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def edges_cross(
     px: float, py: float, qx: float, qy: float, x0: float, y0: float, x1: float, y1: float
 ) -> bool:
@@ -118,63 +121,7 @@ def edges_cross(
     return True
 
 
-@nb.njit(cache=True, nogil=True)
-def prism_hit(
-    px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, o: int
-) -> bool:
-    """Whether the segment p–q meets prism ``o``."""
-    box = obstacles.boxes[o]
-    if max(px, qx) < box[0] or min(px, qx) > box[2] or max(py, qy) < box[1] or min(py, qy) > box[3]:
-        return False
-    base, top = obstacles.heights[o, 0], obstacles.heights[o, 1]
-    t0, t1 = 0.0, 1.0
-    dz = qz - pz
-    if dz == 0.0:
-        if pz < base or pz > top:
-            return False
-    else:
-        ta, tb = (base - pz) / dz, (top - pz) / dz
-        t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))
-        if t0 > t1:
-            return False
-    ax, ay = px + t0 * (qx - px), py + t0 * (qy - py)
-    bx, by = px + t1 * (qx - px), py + t1 * (qy - py)
-    first, last = obstacles.offsets[o], obstacles.offsets[o + 1]
-    if point_in_polygon(ax, ay, obstacles.edges, first, last):
-        return True
-    for e in range(first, last):
-        if edges_cross(
-            ax, ay, bx, by, obstacles.edges[e, 0], obstacles.edges[e, 1],
-            obstacles.edges[e, 2], obstacles.edges[e, 3],
-        ):  # fmt: skip
-            return True
-    return False
-
-
-@nb.njit(cache=True, nogil=True)
-def segment_blocked(
-    px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles
-) -> bool:
-    """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z.
-
-    Boxes are compared here, on arrays held locally: most prisms are far from most segments, and a
-    call for each costs more than the comparison.
-    """
-    boxes, heights = obstacles.boxes, obstacles.heights
-    x_low, x_high = min(px, qx), max(px, qx)
-    y_low, y_high = min(py, qy), max(py, qy)
-    z_low, z_high = min(pz, qz), max(pz, qz)
-    for o in range(heights.shape[0]):
-        if x_high < boxes[o, 0] or x_low > boxes[o, 2] or y_high < boxes[o, 1] or y_low > boxes[o, 3]:
-            continue
-        if z_high < heights[o, 0] or z_low > heights[o, 1]:
-            continue
-        if prism_hit(px, py, pz, qx, qy, qz, obstacles, o):
-            return True
-    return False
-
-
-@nb.njit(cache=True, nogil=True)
+@kernel
 def segment_clear(
     px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, margin: float
 ) -> bool:
@@ -198,7 +145,7 @@ def segment_clear(
             return clearance(qx, qy, qz, obstacles, margin + 1.0) >= margin
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def boxes_on_segment(
     px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, out: FloatArray
 ) -> int:
@@ -225,7 +172,7 @@ def boxes_on_segment(
     return count
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _clip(p: float, d: float, low: float, high: float, t0: float, t1: float) -> tuple[float, float]:
     """Clip the interval of a line's fraction to one slab; an empty one comes back reversed."""
     if d == 0.0:
@@ -237,5 +184,5 @@ def _clip(p: float, d: float, low: float, high: float, t0: float, t1: float) -> 
 
 
 def no_field() -> tuple[FloatArray, FloatArray]:
-    """An empty distance field, whose bound is 0 everywhere."""
+    """An empty distance field (0, 0, 0) [m], whose bound is 0 everywhere, and its grid (6,) [m]."""
     return np.zeros((0, 0, 0)), np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
 from companion.kernels.arrays import FloatArray, Obstacles
 from companion.kernels.geometry.prism_distance import point_in_polygon
+from companion.kernels.jit import kernel
 
 NO_SHADOW = -1.0e9
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def crossing_interval(
     px: float, py: float, qx: float, qy: float, obstacles: Obstacles, o: int
 ) -> tuple[float, float]:
@@ -49,7 +48,7 @@ def crossing_interval(
     return t_in, t_out
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def shadow_height(rx: float, ry: float, rz: float, x: float, y: float, obstacles: Obstacles) -> float:
     """Up coordinate below which a point over (x, y) is hidden from a radar at (rx, ry, rz) [m]."""
     height = NO_SHADOW
@@ -67,9 +66,12 @@ def shadow_height(rx: float, ry: float, rz: float, x: float, y: float, obstacles
     return height
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obstacles: Obstacles) -> None:
-    """Shadow height of one radar at every node of the grid, in place [m]."""
+    """Shadow height of one radar at every node of a grid, in place.
+
+    ``shadows`` (NX, NY) receives it [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``radar`` (≥ 3,) x y z [m].
+    """
     for i in range(shadows.shape[0]):
         for j in range(shadows.shape[1]):
             shadows[i, j] = shadow_height(
@@ -77,12 +79,13 @@ def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obsta
             )
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def is_hidden(x: float, y: float, z: float, shadows: FloatArray, grid: FloatArray) -> bool:
     """Whether a point is in a radar's shadow: it must be below all four nodes of its cell.
 
     Taking the lowest corner shrinks shadows by at most a cell: masking is never claimed where the
-    grid cannot show it.
+    grid cannot show it. ``shadows`` (NX, NY) heights at the nodes [m]; ``grid`` (3,) x0 y0 and the
+    spacing [m].
     """
     i, j = int(math.floor((x - grid[0]) / grid[2])), int(math.floor((y - grid[1]) / grid[2]))
     if i < 0 or j < 0 or i + 1 >= shadows.shape[0] or j + 1 >= shadows.shape[1]:

@@ -3,56 +3,75 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
 from companion.kernels.arrays import FloatArray, Scene, Threats
+from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.geometry.radar_shadow import is_hidden
-from companion.kernels.search.dynamic_domain_rrt import FAR
-from companion.kernels.threat.fuzzy_threat import MAX_THREATS, membership, node_threat
+from companion.kernels.jit import kernel
+from companion.kernels.search.costs import threats_at
+from companion.kernels.search.growth import FAR
+from companion.kernels.threat.fuzzy_threat import membership, node_threat
 from companion.kernels.threat.reachability import dt_positions
+from companion.kernels.workspace import PathRows, Workspace
 
 
-@nb.njit(cache=True, nogil=True)
+class RowAssessment(NamedTuple):
+    """What is known of each row of a path.
+
+    ``errors``, ``estimates`` (N, 6, 6) P and Λ; ``clear``, ``levels`` (N,) p_c and TI; ``particle_levels``
+    (N, M) TI of each particle; ``points`` (N, D, 4) the DTs' nearest positions when the row is passed [m],
+    and 1 where one is known.
+    """
+
+    errors: FloatArray
+    estimates: FloatArray
+    clear: FloatArray
+    levels: FloatArray
+    particle_levels: FloatArray
+    points: FloatArray
+
+
+@kernel
 def assess_rows(
-    states: FloatArray, times: FloatArray, rates: FloatArray, first: int, n: int, scene: Scene,
-    errors: FloatArray, estimates: FloatArray, clear: FloatArray, levels: FloatArray,
-    particle_levels: FloatArray, points: FloatArray,
-) -> None:  # fmt: skip
+    rows: PathRows, first: int, n: int, scene: Scene, out: RowAssessment, work: Workspace
+) -> None:
     """P, Λ, p_c and TI of rows ``first`` to ``n - 1``, in place.
 
-    ``errors``, ``estimates`` (N, 6, 6) P and Λ, given up to row ``first - 1``, or at row 0 where
-    ``first`` is 0; ``clear``, ``levels`` (N,); ``particle_levels`` (N, M) TI of each particle;
-    ``points`` (N, D, 4) the DTs' nearest positions when the row is passed.
+    P and Λ are given up to row ``first - 1``, or at row 0 where ``first`` is 0.
     """
-    dimension, search = scene.limits.dimension, scene.search
-    factor, scratch = np.empty((3, 3)), np.empty((MAX_THREATS, 2))
-    reach = scene.pursuers.model[:, 1].copy()
+    rows, scene, out, work = borrowed(rows), borrowed(scene), borrowed(out), borrowed(work)
+    dimension, search, factor = scene.limits.dimension, scene.search, work.growth.factor
+    states, times, rates, errors, estimates = rows.states, rows.times, rows.rates, out.errors, out.estimates
     for k in range(first, n):
         if k > 0:
             dt = times[k] - times[k - 1]
+            control = ((states[k, 5] - states[k - 1, 5]) / dt, rates[k, 0], rates[k, 1])
             propagate(
-                states[k - 1], (states[k, 5] - states[k - 1, 5]) / dt, rates[k, 0], rates[k, 1], dt,
-                scene.tables, errors[k - 1], estimates[k - 1], errors[k], estimates[k],
+                states[k - 1], control, dt, scene.tables, errors[k - 1], estimates[k - 1], errors[k],
+                estimates[k], work.growth.lqg,
             )  # fmt: skip
         x, y, z = states[k, 0], states[k, 1], states[k, 2]
         deviation = position_deviation(errors[k], estimates[k], dimension)
-        clear[k] = collision_free(clearance(x, y, z, scene.obstacles, FAR), deviation, dimension)
-        dt_positions(scene.pursuers, x, y, z, times[k], search.k_pursuer, scene.walls, points[k])
+        out.clear[k] = collision_free(clearance(x, y, z, scene.obstacles, FAR), deviation, dimension)
+        dt_positions(
+            scene.pursuers, x, y, z, times[k], search.k_pursuer, scene.walls, out.points[k], work.growth.reach
+        )
         if search.use_uncertainty == 1:
             position_factor(errors[k], estimates[k], dimension, factor)
         else:
             factor[:] = 0.0
-        levels[k] = node_threat(
-            states[k], factor, deviation / search.unit, scene.threats, points[k], reach, scene.model,
-            scene.tables.normals, scratch, particle_levels[k],
+        out.levels[k] = node_threat(
+            states[k], factor, deviation / search.unit, scene.tables.normals, out.particle_levels[k],
+            threats_at(scene, out.points[k], work.growth.threat),
         )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def radar_membership(x: float, y: float, z: float, threats: Threats) -> float:
     """Sum of (1) over all radars, known or not, at a point, with masking."""
     total = 0.0
@@ -67,9 +86,12 @@ def radar_membership(x: float, y: float, z: float, threats: Threats) -> float:
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def radar_memberships(positions: FloatArray, inner: int, threats: Threats) -> tuple[FloatArray, FloatArray]:
-    """:func:`radar_membership` at rows (N, 3), shape (N,), and at points between, (N - 1, inner)."""
+    """:func:`radar_membership` at ``positions`` (N, 3) [m], and at ``inner`` points between two of them.
+
+    Shapes (N,) and (N - 1, inner).
+    """
     n = positions.shape[0]
     rows, between = np.empty(n), np.empty((max(n - 1, 0), inner))
     for k in range(n):

@@ -3,27 +3,51 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, IntArray, Limits, Obstacles, ThreatModel, Threats
-from companion.kernels.geometry.distance_field import spread_wave
+from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Obstacles, Pursuers, Scene, Threats
+from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import boxes_on_segment, clearance, distance_to_edge_squared
-from companion.kernels.threat.fuzzy_threat import MAX_THREATS, point_threat
+from companion.kernels.jit import kernel
+from companion.kernels.threat.fuzzy_threat import point_threat
+from companion.kernels.workspace import MAX_THREATS, ThreatScene, ThreatScratch
 
 FREE, OCCUPIED, CONSTRAINED, HIGH_RISK = 0, 1, 2, 3
-WAVE_CELLS = 49  # of the wave's square grid, each way
-DETOUR_MAX = 1.25  # way round obstacles, in horizons, beyond which a candidate is removed
-CLIMB_SHARE = 0.8  # of the climb angle, kept for the way from a sub goal to the goal
+FIELD_CELLS = 49  # of the distance field's square grid, each way
+DETOUR_MAX = 1.25  # distance round obstacles, in horizons, beyond which a candidate is removed
+CLIMB_SHARE = 0.8  # of the climb angle, kept for the rest from a sub goal to the goal
 
 
-@nb.njit(cache=True, nogil=True)
+class Candidates(NamedTuple):
+    """Points of the horizon: ``points`` (S, 3) [m], what each costs, ``costs`` (S,), and why it is removed,
+    ``reasons`` (S,).
+    """  # noqa: D205
+
+    points: FloatArray
+    costs: FloatArray
+    reasons: IntArray
+
+
+class SubGoalWeights(NamedTuple):
+    """``gamma`` (4,) C_γ of (5); ``lengths`` (3,) L_γ of (6); ``level_max`` of a sub goal's threat."""
+
+    gamma: FloatArray
+    lengths: FloatArray
+    level_max: float
+
+
+@kernel
 def obstructed_length(
-    px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles,
-    weights: FloatArray, unit: float, scratch: FloatArray,
-) -> float:  # fmt: skip
-    """L of (6): weighted length, heights and widths of the bounding boxes crossed [planning units]."""
+    p: FloatArray, q: FloatArray, obstacles: Obstacles, weights: FloatArray, unit: float, scratch: FloatArray
+) -> float:
+    """L of (6) from ``p`` (≥ 3,) to ``q`` (≥ 3,) [m], in planning units.
+
+    Weighted length, heights and widths of the bounding boxes crossed, by ``weights`` (3,); ``scratch``
+    (O, 2) is used up.
+    """
+    px, py, pz, qx, qy, qz = p[0], p[1], p[2], q[0], q[1], q[2]
     length = math.sqrt((qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2)
     total = weights[0] * length
     for b in range(boxes_on_segment(px, py, pz, qx, qy, qz, obstacles, scratch)):
@@ -31,7 +55,7 @@ def obstructed_length(
     return total / unit
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
     """Whether the goal, ``flat`` metres away and ``above`` metres lower, is within the climb angles."""
     if limits.dimension == 2:
@@ -40,77 +64,114 @@ def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
     return -flat * math.tan(climb) <= above <= flat * math.tan(descent)
 
 
-@nb.njit(cache=True, nogil=True)
-def score(
-    points: FloatArray, end: FloatArray, goal: FloatArray, elapsed: float, obstacles: Obstacles,
-    threats: Threats, dts: FloatArray, model: ThreatModel, limits: Limits, gamma: FloatArray,
-    weights: FloatArray, level_max: float, costs: FloatArray, reasons: IntArray,
-) -> None:  # fmt: skip
-    """Cost (5) of every candidate and why it is removed, if it is.
+@kernel
+def radii_crossed(end: FloatArray, x: float, y: float, threats: Threats, unit: float) -> tuple[float, int]:
+    """Sum of the radii of the known radars on the line from ``end`` (≥ 2,) [m] to a place; how many.
 
-    ``points`` (S, 3); ``end`` (6,) state at the end of the last local path, reached after ``elapsed``
-    seconds; ``dts`` (D, 5) x y z speed RD_max; ``gamma`` (4,) C_γ; ``weights`` (3,) L_γ. ``costs`` and
-    ``reasons`` (S,) are filled; a removed point keeps its cost.
+    In planning units.
+    """
+    radii, crossed = 0.0, 0
+    for r in range(threats.radars.shape[0]):
+        r_max = threats.radars[r, 3]
+        away = distance_to_edge_squared(threats.radars[r, 0], threats.radars[r, 1], end[0], end[1], x, y)
+        if threats.known[r] == 1 and away <= r_max * r_max:
+            radii += r_max / unit
+            crossed += 1
+    return radii, crossed
+
+
+@kernel
+def dynamic_radius(
+    end: FloatArray, x: float, y: float, later: float, pursuers: Pursuers, unit: float
+) -> float:
+    """R_D of (5): how far the worst DT whose area the line from ``end`` (≥ 2,) [m] crosses comes by then.
+
+    ``later`` seconds after the plan begins.
+    """
+    worst = 0.0
+    for d in range(pursuers.count.shape[0]):
+        at, reach = pursuers.position[d, 0], pursuers.reach[d]
+        away = distance_to_edge_squared(at[0], at[1], end[0], end[1], x, y)
+        if away <= reach * reach:
+            gone = pursuers.model[d, 0] * later / unit
+            worst = max(worst, math.sqrt(gone))
+    return worst
+
+
+@kernel
+def why_removed(
+    p: FloatArray, end: FloatArray, goal: FloatArray, radius: float, level: float, level_max: float,
+    guide: Guide, scene: Scene,
+) -> int:  # fmt: skip
+    """``FREE``, or the first reason to remove the point ``p`` (3,) [m].
+
+    ``end`` (6,) state at the end of the last local path, ``goal`` (3,) [m], ``radius`` of the horizon [m];
+    ``level`` of threat at the point.
 
     The paper leaves open which flight constraints remove a point. Here: bounds, climb and descent
     angle to it and (:func:`is_on_the_way`) from it, and a way round obstacles inside the horizon.
     """
+    limits, b = scene.limits, scene.limits.bounds
+    x, y, z = p[0], p[1], p[2]
+    dx, dy, dz = x - end[0], y - end[1], z - end[2]
+    phi = math.atan2(dz, math.sqrt(dx * dx + dy * dy))
+    if clearance(x, y, z, scene.obstacles, 2.0 * limits.margin + 1.0) < limits.margin:
+        return OCCUPIED
+    if not (b[0] <= x <= b[1] and b[2] <= y <= b[3] and b[4] <= z <= b[5]):
+        return CONSTRAINED
+    if phi > limits.climb_max + 1e-9 or phi < -limits.descent_max - 1e-9:
+        return CONSTRAINED
+    if not is_on_the_way(z - goal[2], math.hypot(goal[0] - x, goal[1] - y), limits):
+        return CONSTRAINED
+    if guide.field[
+        int(round((x - end[0] + radius) / guide.cell)), int(round((y - end[1] + radius) / guide.cell))
+    ] > (DETOUR_MAX * radius):
+        return CONSTRAINED
+    return HIGH_RISK if level > level_max else FREE
+
+
+@kernel
+def score(
+    candidates: Candidates, end: FloatArray, goal: FloatArray, elapsed: float, weights: SubGoalWeights,
+    scene: Scene,
+) -> None:  # fmt: skip
+    """Cost (5) of every candidate and why it is removed, if it is; a removed one keeps its cost.
+
+    ``end`` (6,) state at the end of the last local path, reached after ``elapsed`` seconds; ``goal`` (3,)
+    [m]. The DTs are taken to be where their trees begin.
+    """
+    points, gamma, pursuers = candidates.points, weights.gamma, scene.pursuers
+    obstacles, model, limits = scene.obstacles, scene.model, scene.limits
     radius = math.sqrt(
         (points[0, 0] - end[0]) ** 2 + (points[0, 1] - end[1]) ** 2 + (points[0, 2] - end[2]) ** 2
     )
-    wave = np.empty((WAVE_CELLS, WAVE_CELLS))
-    cell = 2.0 * radius / (WAVE_CELLS - 1)
-    origin = end[:2] - radius
-    spread_wave(end[0], end[1], end[2], radius, limits.margin, limits.bounds, obstacles, origin, cell, wave)
+    cell, origin = 2.0 * radius / (FIELD_CELLS - 1), end[:2] - radius
+    guide = Guide(np.empty((FIELD_CELLS, FIELD_CELLS)), origin, cell, 0.0, 0.0)
+    fill_distance_field(end, radius, limits.margin, limits.bounds, obstacles, guide)
     scratch = np.empty((obstacles.heights.shape[0] + 1, 2))
-    pairs = np.empty((MAX_THREATS, 2))
-    positions, reach = np.ones((dts.shape[0], 4)), dts[:, 4].copy()
-    positions[:, :3] = dts[:, :3]
+    positions = np.ones((pursuers.count.shape[0], 4))
+    positions[:, :3] = pursuers.position[:, 0]
+    threats = ThreatScene(
+        scene.threats,
+        positions,
+        pursuers.reach,
+        model,
+        ThreatScratch(np.empty((MAX_THREATS, 2)), np.empty(3)),
+    )
     for s in range(points.shape[0]):
-        x, y, z = points[s]
+        p = points[s]
+        x, y, z = p[0], p[1], p[2]
         dx, dy, dz = x - end[0], y - end[1], z - end[2]
         flat = math.sqrt(dx * dx + dy * dy)
         length = math.sqrt(flat * flat + dz * dz)
-        phi = math.atan2(dz, flat)
-        cost = gamma[0] * obstructed_length(
-            end[0], end[1], end[2], x, y, z, obstacles, weights, model.unit, scratch
-        )
-        cost += gamma[1] * obstructed_length(
-            x, y, z, goal[0], goal[1], goal[2], obstacles, weights, model.unit, scratch
-        )
-        radii, crossed = 0.0, 0
-        for r in range(threats.radars.shape[0]):
-            r_max = threats.radars[r, 3]
-            away = distance_to_edge_squared(threats.radars[r, 0], threats.radars[r, 1], end[0], end[1], x, y)
-            if threats.known[r] == 1 and away <= r_max * r_max:
-                radii += r_max / model.unit
-                crossed += 1
+        cost = gamma[0] * obstructed_length(end, p, obstacles, weights.lengths, model.unit, scratch)
+        cost += gamma[1] * obstructed_length(p, goal, obstacles, weights.lengths, model.unit, scratch)
+        radii, crossed = radii_crossed(end, x, y, scene.threats, model.unit)
         if crossed > 0:
             cost += gamma[2] * radii / crossed
-        worst = 0.0
-        for d in range(dts.shape[0]):
-            away = distance_to_edge_squared(dts[d, 0], dts[d, 1], end[0], end[1], x, y)
-            if away <= dts[d, 4] * dts[d, 4]:
-                way = dts[d, 3] * (elapsed + length / max(end[5], 1.0)) / model.unit
-                worst = max(worst, math.sqrt(way))
-        cost += gamma[3] * worst
-        costs[s] = cost
-        reasons[s] = FREE
+        later = elapsed + length / max(end[5], 1.0)
+        candidates.costs[s] = cost + gamma[3] * dynamic_radius(end, x, y, later, pursuers, model.unit)
         mu, nu = point_threat(
-            x, y, z, math.atan2(dy, dx), phi, limits.v_cruise, 0.0, threats, positions, reach, model, pairs
+            x, y, z, math.atan2(dy, dx), math.atan2(dz, flat), limits.v_cruise, 0.0, threats
         )
-        b = limits.bounds
-        if clearance(x, y, z, obstacles, 2.0 * limits.margin + 1.0) < limits.margin:
-            reasons[s] = OCCUPIED
-        elif not (b[0] <= x <= b[1] and b[2] <= y <= b[3] and b[4] <= z <= b[5]):
-            reasons[s] = CONSTRAINED
-        elif phi > limits.climb_max + 1e-9 or phi < -limits.descent_max - 1e-9:
-            reasons[s] = CONSTRAINED
-        elif not is_on_the_way(z - goal[2], math.hypot(goal[0] - x, goal[1] - y), limits):
-            reasons[s] = CONSTRAINED
-        elif wave[int(round((x - end[0] + radius) / cell)), int(round((y - end[1] + radius) / cell))] > (
-            DETOUR_MAX * radius
-        ):
-            reasons[s] = CONSTRAINED
-        elif mu - nu > level_max:
-            reasons[s] = HIGH_RISK
+        candidates.reasons[s] = why_removed(p, end, goal, radius, mu - nu, weights.level_max, guide, scene)

@@ -13,17 +13,15 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-import numpy as np
-
-from companion.kernels.arrays import FloatArray, ThreatModel, Threats
+from companion.kernels.arrays import FloatArray, ThreatModel
 from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.jit import kernel
+from companion.kernels.workspace import MAX_THREATS, ThreatScene
 
-MAX_THREATS = 32
 FORM_SHIFTED, FORM_LITERAL, FORM_PROBABILISTIC = 0, 1, 2
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def membership(r: float, height: float, l: float, r_max: float, k_r: float) -> float:  # noqa: E741
     """μ of (1): exp(−R⁴/R_max⁴) above the detection boundary K_R·L² and inside R_max, else 0."""
     if r > r_max or height < k_r * l * l:
@@ -32,22 +30,19 @@ def membership(r: float, height: float, l: float, r_max: float, k_r: float) -> f
     return math.exp(-q * q)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def speed_share(v: float, model: ThreatModel) -> float:
-    """The speed's part of ν: 0 below the penetration speed, then sin(π(v − v_min)/(2(v_max − v_min)))."""
+    """The speed's part of ν: 0 below the penetration speed, then sin(π(v − v_min)/(2(v_max − v_min))).
+
+    The other part is :func:`turned_away`; the non-membership of paper 3.1 is their product.
+    """
     if v < model.v_penetration or model.form == FORM_PROBABILISTIC:
         return 0.0
     share = min(1.0, (v - model.v_min) / (model.v_max - model.v_min))
     return math.sin(0.5 * math.pi * share)
 
 
-@nb.njit(cache=True, nogil=True)
-def non_membership(v: float, alpha: float, model: ThreatModel) -> float:
-    """ν of paper 3.1: the speed's part times sin²(α/2)."""
-    return speed_share(v, model) * math.sin(0.5 * alpha) ** 2
-
-
-@nb.njit(cache=True, nogil=True)
+@kernel
 def certainty(n_e: float, delta: float, model: ThreatModel) -> float:
     """CF of (2).
 
@@ -65,7 +60,7 @@ def certainty(n_e: float, delta: float, model: ThreatModel) -> float:
     return min(1.0, max(0.0, 1.0 - (1.0 / base) ** model.exponent))
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def weighted_pair(mu: float, nu: float, cf: float) -> tuple[float, float]:
     """[μ', ν'] = CF·[μ, ν], with ν' = 0 where μ' is 0 or 1, scaled down to a sum of at most 1."""
     mu, nu = cf * mu, cf * nu
@@ -77,10 +72,11 @@ def weighted_pair(mu: float, nu: float, cf: float) -> tuple[float, float]:
     return mu, nu
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def turned_away(dx: float, dy: float, dz: float, r: float, course: FloatArray) -> float:
-    """sin²(α/2) for a threat at (dx, dy, dz), ``r`` away, and the velocity's unit vector ``course`` (3,).
+    """The direction's part of ν, sin²(α/2), for a threat at (dx, dy, dz), ``r`` away.
 
+    ``course`` (3,) is the velocity's unit vector, α its angle with the line to the threat.
     From the half-angle identity sin²(α/2) = (1 − cos α)/2, which needs no inverse cosine.
     """
     if r == 0.0:
@@ -88,7 +84,7 @@ def turned_away(dx: float, dy: float, dz: float, r: float, course: FloatArray) -
     return 0.5 * (1.0 - (dx * course[0] + dy * course[1] + dz * course[2]) / r)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def set_course(theta: float, phi: float, course: FloatArray) -> None:
     """Unit vector of a direction and a climb angle, into ``course`` (3,)."""
     course[0] = math.cos(phi) * math.cos(theta)
@@ -96,18 +92,15 @@ def set_course(theta: float, phi: float, course: FloatArray) -> None:
     course[2] = math.sin(phi)
 
 
-@nb.njit(cache=True, nogil=True)
-def gather(
-    x: float, y: float, z: float, course: FloatArray, share: float, threats: Threats, points: FloatArray,
-    reach: FloatArray, out: FloatArray,
-) -> int:  # fmt: skip
-    """Raw (μ, ν) of every threat with μ > 0 at a point, radars first, into ``out`` (MAX_THREATS, 2).
+@kernel
+def gather(x: float, y: float, z: float, share: float, scene: ThreatScene) -> int:
+    """Raw (μ, ν) of every threat with μ > 0 at a point, radars first, into ``scene.scratch.pairs``; how many.
 
-    ``course`` is the velocity's unit vector, ``share`` its :func:`speed_share`; ``points`` (D, 4) are
-    the DTs' estimated positions and whether each counts, ``reach`` (D,) their RD_max. Returns how many
-    there are.
+    ``scene.scratch.course`` is the velocity's unit vector, ``share`` its :func:`speed_share`.
     """
     n = 0
+    course, out, points, reach = scene.scratch.course, scene.scratch.pairs, scene.points, scene.reach
+    threats = scene.threats
     radars, known = threats.radars, threats.known
     for i in range(radars.shape[0]):
         if known[i] == 0 or n == MAX_THREATS:
@@ -136,12 +129,12 @@ def gather(
     return n
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def aggregate_overlap(n: int, delta: float, model: ThreatModel, pairs: FloatArray) -> tuple[float, float]:
     """(μ, ν) of ``n`` threats at one point by IFWA with weights 1/n (paper 3.3).
 
-    ``pairs`` (MAX_THREATS, 2) is used up. Exposures are ordered by falling μ and each is raised by
-    those before it, ``μ'_k = 1 − Π_{i ≤ k}(1 − μ_i)``; ν gives way where the pair's sum would pass 1.
+    ``pairs`` (≥ n, 2) holds their (μ, ν) and is used up. Exposures are ordered by falling μ and each is
+    raised by those before it, ``μ'_k = 1 − Π_{i ≤ k}(1 − μ_i)``; ν gives way where the sum would pass 1.
     """
     if n == 0:
         return 0.0, 0.0
@@ -165,66 +158,60 @@ def aggregate_overlap(n: int, delta: float, model: ThreatModel, pairs: FloatArra
     return 1.0 - product_mu ** (1.0 / n), product_nu ** (1.0 / n)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def point_threat(
-    x: float, y: float, z: float, theta: float, phi: float, v: float, delta: float,
-    threats: Threats, points: FloatArray, reach: FloatArray, model: ThreatModel, scratch: FloatArray,
-) -> tuple[float, float]:  # fmt: skip
+    x: float, y: float, z: float, theta: float, phi: float, v: float, delta: float, scene: ThreatScene
+) -> tuple[float, float]:
     """Aggregated (μ, ν) at one state."""
-    course = np.empty(3)
-    set_course(theta, phi, course)
-    n = gather(x, y, z, course, speed_share(v, model), threats, points, reach, scratch)
-    return aggregate_overlap(n, delta, model, scratch)
+    set_course(theta, phi, scene.scratch.course)
+    n = gather(x, y, z, speed_share(v, scene.model), scene)
+    return aggregate_overlap(n, delta, scene.model, scene.scratch.pairs)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def node_threat(
-    state: FloatArray, factor: FloatArray, delta: float, threats: Threats, points: FloatArray,
-    reach: FloatArray, model: ThreatModel, normals: FloatArray, scratch: FloatArray, levels: FloatArray,
+    state: FloatArray, factor: FloatArray, delta: float, normals: FloatArray, levels: FloatArray,
+    scene: ThreatScene,
 ) -> float:  # fmt: skip
     """TI of a node: mean level over particles N(position, Σ) (paper 3.3.1).
 
-    ``factor`` (3, 3) is the lower Cholesky factor of the position covariance, ``normals`` (M, 3) the
-    common standard-normal points; ``levels`` (M,) receives each particle's level.
+    ``state`` (6,) of the node; ``factor`` (3, 3) lower Cholesky factor of the position covariance [m];
+    ``normals`` (M, 3) the common standard-normal points; ``levels`` (≥ M,) receives each particle's level.
     """
-    course = np.empty(3)
-    set_course(state[3], state[4], course)
-    share = speed_share(state[5], model)
+    set_course(state[3], state[4], scene.scratch.course)
+    share = speed_share(state[5], scene.model)
     total = 0.0
     for m in range(normals.shape[0]):
         a, b, c = normals[m, 0], normals[m, 1], normals[m, 2]
-        n = gather(
-            state[0] + factor[0, 0] * a,
-            state[1] + factor[1, 0] * a + factor[1, 1] * b,
-            state[2] + factor[2, 0] * a + factor[2, 1] * b + factor[2, 2] * c,
-            course, share, threats, points, reach, scratch,
-        )  # fmt: skip
-        mu, nu = aggregate_overlap(n, delta, model, scratch)
+        x = state[0] + factor[0, 0] * a
+        y = state[1] + factor[1, 0] * a + factor[1, 1] * b
+        z = state[2] + factor[2, 0] * a + factor[2, 1] * b + factor[2, 2] * c
+        n = gather(x, y, z, share, scene)
+        mu, nu = aggregate_overlap(n, delta, scene.model, scene.scratch.pairs)
         levels[m] = max(mu - nu, 0.0)
         total += levels[m]
     return total / normals.shape[0]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def line_threat(
-    px: float, py: float, pz: float, qx: float, qy: float, qz: float, v: float, delta: float,
-    threats: Threats, points: FloatArray, reach: FloatArray, model: ThreatModel, n_q: int,
-    scratch: FloatArray,
-) -> float:  # fmt: skip
-    """TI along the line p–q: IFWA over ``n_q`` secondary nodes and the end node (paper 3.3.1).
+    p: FloatArray, x: float, y: float, z: float, v: float, delta: float, n_q: int, scene: ThreatScene
+) -> float:
+    """TI along a line: IFWA over ``n_q`` secondary nodes and the end node (paper 3.3.1).
 
-    The products of powers are taken as sums of logarithms; one point with ν = 0 makes ν = 0.
+    The line leads from ``p`` (≥ 3,) to (x, y, z) [m]. The products of powers are taken as sums of
+    logarithms; one point with ν = 0 makes ν = 0.
     """
-    dx, dy, dz = qx - px, qy - py, qz - pz
-    course = np.empty(3)
-    set_course(math.atan2(dy, dx), math.atan2(dz, math.sqrt(dx * dx + dy * dy)), course)
-    share = speed_share(v, model)
+    px, py, pz = p[0], p[1], p[2]
+    dx, dy, dz = x - px, y - py, z - pz
+    set_course(math.atan2(dy, dx), math.atan2(dz, math.sqrt(dx * dx + dy * dy)), scene.scratch.course)
+    share = speed_share(v, scene.model)
     weight = 1.0 / (n_q + 1)
     free, kept = 0.0, 0.0
     for k in range(1, n_q + 2):
         t = k * weight
-        n = gather(px + t * dx, py + t * dy, pz + t * dz, course, share, threats, points, reach, scratch)
-        mu, nu = aggregate_overlap(n, delta, model, scratch)
+        n = gather(px + t * dx, py + t * dy, pz + t * dz, share, scene)
+        mu, nu = aggregate_overlap(n, delta, scene.model, scene.scratch.pairs)
         if mu >= 1.0:
             return 1.0
         if mu > 0.0:
@@ -233,9 +220,9 @@ def line_threat(
     return max(1.0 - math.exp(weight * free) - math.exp(weight * kept), 0.0)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def success_over_exposures(damage: FloatArray) -> float:
-    """Success after all exposures, Π(1 − P_j), the complement of (3)."""
+    """Success after all exposures, Π(1 − P_j) over ``damage`` (N,), the complement of (3)."""
     product = 1.0
     for j in range(damage.shape[0]):
         product *= 1.0 - damage[j]

@@ -6,19 +6,18 @@ ground has its ``q_B`` on the horizontal circle about the node's ground projecti
 a sphere about the node: it climbs or sinks towards the node's height as far as its time allows, and
 ``q_B`` lies on the sphere's circle at that height.
 
-Symbols: ``p`` a TTree node, ``(x, y, z)`` a PathTree node, ``v`` the DT's speed, ``rd`` RD_max, ``rho``
-its turn radius, ``slack`` the time between the two nodes' time stamps.
+Symbols: ``p`` a TTree node, ``(x, y, z)`` a PathTree node, ``v`` the DT's speed, ``slack`` the time between
+the two nodes' time stamps.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba as nb
-
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import FloatArray
 from companion.kernels.geometry.line_of_sight import Prisms, line_blocked
+from companion.kernels.jit import kernel_numpy_errors
 
 NUM_BEARINGS = 16  # at which q_B is looked for, those nearest to the TTree node first
 EYE_M = 2.0  # sight lines start this far above the ground
@@ -26,11 +25,11 @@ AIR_CLIMB = 0.5  # vertical speed of an airborne DT, of its speed: more than air
 NUM_HALVINGS = 4  # of the way from q_B on, where its end is not free or does not see the node
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def way_length(
     px: float, py: float, pz: float, heading: float, rho: float, airborne: bool, x: float, y: float, z: float
 ) -> float:
-    """Shortest way of a DT from a pose to a point [m]: Dubins in the plane.
+    """Shortest way of a DT from a pose to a point [m]: a Dubins path in the plane.
 
     An airborne one climbs or sinks meanwhile: a rise that takes longer than the way counts instead.
     """
@@ -38,12 +37,13 @@ def way_length(
     return max(flat, abs(z - pz) / AIR_CLIMB) if airborne else flat
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def go_on(
     x: float, y: float, z: float, spare: float, airborne: bool, prisms: Prisms, out: FloatArray
 ) -> None:
-    """From q_B on towards the node: ``out[3:]`` is moved from q_B, ``out[:3]``, as far as the DT comes.
+    """From q_B on towards the node, as far as the DT comes.
 
+    ``out`` (6,) holds q_B in its first half and receives where the DT then is in the other [m].
     ``spare`` is the way [m] it has left on reaching q_B. It goes straight for the point below the node,
     or at its own height where airborne, as far as that is free and the node stays in sight at its end;
     else it waits at q_B. Where the whole way is barred the end is found by halving, so it may stop
@@ -71,29 +71,37 @@ def go_on(
         tried = 0.5 * (good + bad)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def gets_near(
-    px: float, py: float, pz: float, heading: float, v: float, rd: float, rho: float, airborne: bool,
-    slack: float, x: float, y: float, z: float, prisms: Prisms, out: FloatArray,
-) -> bool:  # fmt: skip
-    """Whether a DT reaches a node through the TTree node ``p`` within ``slack`` (paper Fig. 2).
+@kernel_numpy_errors
+def circle_within_reach(pz: float, z: float, model: FloatArray, slack: float) -> tuple[float, float]:
+    """Height of the circle on which q_B lies, and its radius [m]; ``model`` (5,) a DT's."""
+    if model[3] == 0.0:
+        return pz, model[1]
+    rise = max(0.0, AIR_CLIMB * model[0] * slack)
+    bz = min(pz + rise, max(pz - rise, z))
+    return bz, math.sqrt(max(0.0, model[1] * model[1] - (z - bz) ** 2))
 
-    ``out`` (6,) receives q_B, or the circle's nearest point where none is found, and then the nearest
-    position of the DT. A TTree node inside the circle that sees the node is its own q_B.
+
+@kernel_numpy_errors
+def gets_near(
+    p: FloatArray, heading: float, model: FloatArray, slack: float, x: float, y: float, z: float,
+    prisms: Prisms, out: FloatArray,
+) -> bool:  # fmt: skip
+    """Whether a DT reaches a node through a TTree node within ``slack`` (paper Fig. 2).
+
+    A TTree node inside the circle that sees the node is its own q_B. ``p`` (3,) the TTree node [m];
+    ``model`` (5,) the DT's speed, RD_max, turn radius, airborne flag, step length; ``out`` (6,) receives
+    q_B, or the circle's nearest point where none is found, and then the nearest position of the DT [m].
     """
+    px, py, pz, v, airborne = p[0], p[1], p[2], model[0], model[3] > 0.0
     dx, dy = px - x, py - y
     away = math.sqrt(dx * dx + dy * dy)
-    radius, bz, eye = rd, pz, EYE_M
-    if airborne:
-        rise = max(0.0, AIR_CLIMB * v * slack)
-        bz = min(pz + rise, max(pz - rise, z))
-        eye = 0.0
-        radius = math.sqrt(max(0.0, rd * rd - (z - bz) ** 2))
+    bz, radius = circle_within_reach(pz, z, model, slack)
     inside = away <= radius
     share = 0.0 if away == 0.0 else radius / away
     out[0], out[1], out[2] = (px, py, bz) if inside else (x + share * dx, y + share * dy, bz)
-    if slack < 0.0 or away - radius > v * slack or (airborne and abs(z - bz) > rd):
+    if slack < 0.0 or away - radius > v * slack or (airborne and abs(z - bz) > model[1]):
         return False
+    eye = 0.0 if airborne else EYE_M
     if (
         inside
         and not line_blocked(px, py, bz + eye, x, y, z, prisms)
@@ -101,6 +109,23 @@ def gets_near(
     ):
         go_on(x, y, z, v * slack, airborne, prisms, out)
         return True
+    return gets_to_a_bearing(p, heading, model, slack, x, y, z, prisms, out)
+
+
+@kernel_numpy_errors
+def gets_to_a_bearing(
+    p: FloatArray, heading: float, model: FloatArray, slack: float, x: float, y: float, z: float,
+    prisms: Prisms, out: FloatArray,
+) -> bool:  # fmt: skip
+    """:func:`gets_near` over the bearings of the circle, those nearest to the TTree node first.
+
+    ``p`` (3,), ``model`` (5,) and ``out`` (6,) as there.
+    """
+    px, py, pz, v, airborne = p[0], p[1], p[2], model[0], model[3] > 0.0
+    bz, radius = circle_within_reach(pz, z, model, slack)
+    eye = 0.0 if airborne else EYE_M
+    dx, dy = px - x, py - y
+    inside = math.sqrt(dx * dx + dy * dy) <= radius
     base = math.atan2(dy, dx)
     for k in range(NUM_BEARINGS):
         turn = ((k + 1) // 2) * (1.0 if k % 2 == 1 else -1.0)
@@ -110,7 +135,7 @@ def gets_near(
             if not inside:
                 return False  # bearings go outwards: the rest is farther still
             continue
-        needed = distance_to_point(px, py, heading, bx, by, rho)  # climbing goes on meanwhile
+        needed = distance_to_point(px, py, heading, bx, by, model[2])  # climbing goes on meanwhile
         if needed > v * slack or line_blocked(bx, by, bz + eye, x, y, z, prisms):
             continue
         if line_blocked(px, py, pz, bx, by, bz, prisms):

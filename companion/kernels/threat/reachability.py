@@ -11,29 +11,34 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
-import numpy as np
-
-from companion.kernels.arrays import NUM_CELLS, FloatArray, IntArray, Obstacles, Pursuers, Tree
-from companion.kernels.borrowed import unowned
+from companion.kernels.arrays import NUM_CELLS, FloatArray, GridIndex, IntArray, Obstacles, Pursuers, Tree
+from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.grid_index import cell_along, cell_size, nearest
 from companion.kernels.geometry.line_of_sight import Prisms, line_blocked, prisms_of
-from companion.kernels.threat.intercept import AIR_CLIMB, EYE_M, NUM_BEARINGS, gets_near, way_length
-from companion.kernels.threat.threat_tree import LEAST_STEP_M, Drivers, corner_towards, drivers_of
+from companion.kernels.jit import kernel, kernel_numpy_errors
+from companion.kernels.threat.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
+from companion.kernels.threat.threat_tree import LEAST_STEP_M, ThreatTrees, corner_towards, threat_trees_of
+from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
-__all__ = [
-    "EX_RRT", "EYE_M", "MAX_NEAR", "RRT", "RRT_REACH", "connect", "dt_positions", "estimate_reachability",
-    "is_reachable", "near_path_nodes", "near_pursuer_nodes", "promising_corners",
-]  # fmt: skip
-
-MAX_NEAR = 16
 NUM_NEIGHBOURS = 4  # of a directly reachable node that are tested too
 NEWS_M = 15.0  # a DT position nearer by this much is news
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
 
+class Estimator(NamedTuple):
+    """Which RS estimator: ``kind`` EX_RRT, RRT_REACH or RRT; ``p_tid`` and ``k`` of Algorithm 1."""
+
+    kind: int
+    p_tid: float
+    k: int
+
+
 class Nodes(NamedTuple):
-    """The part of the PathTree that the estimator reads, and ``points``, which it writes."""
+    """The part of the PathTree that the estimator reads, and ``points``, which it writes.
+
+    ``state`` (N, 6), ``parent``, ``time``, ``active`` (N,) and ``points`` (N, D, 4) as in
+    :class:`~companion.kernels.arrays.Tree`.
+    """
 
     state: FloatArray
     parent: IntArray
@@ -42,49 +47,46 @@ class Nodes(NamedTuple):
     points: FloatArray
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+class Probe(NamedTuple):
+    """What a test of one node needs.
+
+    ``nodes`` of the PathTree, ``trees`` of the DTs, ``prisms`` that stop and hide them; ``spot`` (6,)
+    receives q_B and the DT's nearest position [m], ``changed`` (C,) the nodes whose DT position is news.
+    """
+
+    nodes: Nodes
+    trees: ThreatTrees
+    prisms: Prisms
+    spot: FloatArray
+    changed: IntArray
+
+
+@kernel_numpy_errors
 def gets_to(
-    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
+    trees: ThreatTrees, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
     out: FloatArray,
 ) -> bool:  # fmt: skip
-    """Whether a DT gets a place into its reach through TTree node ``j`` before ``time``; ``out`` (6,)."""
-    position, model = drivers.position, drivers.model
-    return gets_near(
-        position[d, j, 0], position[d, j, 1], position[d, j, 2], drivers.heading[d, j], model[d, 0],
-        model[d, 1], model[d, 2], model[d, 3] > 0.0, time - drivers.time[d, j], x, y, z, prisms, out,
-    )  # fmt: skip
+    """Whether a DT gets a place into its reach through TTree node ``j`` before ``time``.
 
-
-@nb.njit(cache=True, nogil=True)
-def is_reachable(
-    pursuers: Pursuers, d: int, j: int, x: float, y: float, z: float, time: float, obstacles: Obstacles,
-    boundary: FloatArray, estimate: FloatArray,
-) -> bool:  # fmt: skip
-    """Whether a DT reaches a place through TTree node ``j`` before ``time`` (paper Fig. 2).
-
-    ``boundary`` (2,) receives q_B, or the circle's nearest point where none is found; ``estimate``
-    (3,) the nearest position of the DT.
+    ``out`` (6,) receives q_B, or the circle's nearest point where none is found, and where there is one
+    the nearest position of the DT [m].
     """
-    out = np.empty(6)
-    found = gets_to(drivers_of(pursuers), d, j, x, y, z, time, prisms_of(obstacles), out)
-    boundary[0], boundary[1] = out[0], out[1]
-    if found:
-        estimate[0], estimate[1], estimate[2] = out[3], out[4], out[5]
-    return found
+    slack = time - trees.time[d, j]
+    return gets_near(trees.position[d, j], trees.heading[d, j], trees.model[d], slack, x, y, z, prisms, out)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def connect(
-    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, greedy: bool, prisms: Prisms
+    trees: ThreatTrees, d: int, j: int, x: float, y: float, z: float, greedy: bool, prisms: Prisms
 ) -> int:
     """``Connect`` one step, or ``Greedy-Connect`` steps until the point or an obstacle.
 
     Ground vehicles keep their height. Returns the last node: ``j`` itself where nothing could be added.
     """
-    position, heading, time, b = drivers.position, drivers.heading, drivers.time, drivers.bounds
-    v, rho, step = drivers.model[d, 0], drivers.model[d, 2], drivers.model[d, 4]
-    airborne = drivers.model[d, 3] > 0.0
-    last, n = j, drivers.count[d]
+    position, heading, time, b = trees.position, trees.heading, trees.time, trees.bounds
+    v, rho, step = trees.model[d, 0], trees.model[d, 2], trees.model[d, 4]
+    airborne = trees.model[d, 3] > 0.0
+    last, n = j, trees.count[d]
     while step > 0.0 and n < position.shape[1]:
         px, py, pz = position[d, last, 0], position[d, last, 1], position[d, last, 2]
         dx, dy = x - px, y - py
@@ -103,39 +105,42 @@ def connect(
         position[d, n, 0], position[d, n, 1], position[d, n, 2] = nx, ny, nz
         needed = way_length(px, py, pz, heading[d, last], rho, airborne, nx, ny, nz) / v
         heading[d, n] = math.atan2(dy, dx)
-        drivers.parent[d, n] = last
+        trees.parent[d, n] = last
         time[d, n] = time[d, last] + needed
         last = n
         n += 1
         if not greedy or share >= 1.0:
             break
-    drivers.count[d] = n
+    trees.count[d] = n
     return last
 
 
-@nb.njit(cache=True, nogil=True)
-def near_pursuer_nodes(pursuers: Pursuers, d: int, x: float, y: float, k: int, out: IntArray) -> int:
-    """The ``k`` TTree nodes nearest to a point, by rising time stamp, into ``out`` (MAX_NEAR,)."""
+@kernel
+def near_pursuer_nodes(
+    pursuers: Pursuers, d: int, x: float, y: float, k: int, everything: IntArray, near: KNearest
+) -> int:
+    """The ``k`` TTree nodes nearest to a point, by rising time stamp; ``everything`` (0,) is empty."""
+    index = pursuers.index
+    tree_index = GridIndex(index.cells[d], index.chain[d], index.places[d], index.extent[d], index.filled[d])
     found = nearest(
-        pursuers.cells[d], pursuers.chain[d], pursuers.places[d], pursuers.extent[d], pursuers.filled, d,
-        pursuers.position[d], pursuers.count[d], pursuers.bounds, np.empty(0, dtype=np.int64), x, y, k,
-        np.empty(MAX_NEAR), out,
-    )  # fmt: skip
-    _sort_by(pursuers.time[d], out, found)
+        tree_index, pursuers.position[d], pursuers.count[d], pursuers.bounds, everything, x, y, k, near
+    )
+    _sort_by(pursuers.time[d], near.rows, found)
     return found
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def promising_corners(
-    drivers: Drivers, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Prisms,
+    trees: ThreatTrees, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Prisms,
     out: IntArray,
 ) -> int:  # fmt: skip
-    """The corners by which a DT comes earliest to places about (x, y), in time: into ``out`` (MAX_NEAR,).
+    """The corners by which a DT comes earliest to places about (x, y), in time; how many.
 
-    Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first.
+    Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first, into
+    ``out`` (MAX_NEAR,).
     """
-    corners, table, b = pursuers.corners, pursuers.by_corner, pursuers.bounds
-    v, rd, size = drivers.model[d, 0], drivers.model[d, 1], cell_size(pursuers.bounds)
+    corners, b = pursuers.corners, pursuers.bounds
+    v, rd, size = trees.model[d, 0], trees.model[d, 1], cell_size(pursuers.bounds)
     found = 0
     if corners[d, 1] == 0:
         return found
@@ -144,42 +149,38 @@ def promising_corners(
         angle = 2.0 * math.pi * k / NUM_BEARINGS
         i = cell_along(x + r * math.cos(angle), b[0], size)
         j = cell_along(y + r * math.sin(angle), b[2], size)
-        row = table[d, i * NUM_CELLS + j]
+        row = pursuers.by_corner[d, i * NUM_CELLS + j]
         if row == -2:
             cx, cy = b[0] + (i + 0.5) * size, b[2] + (j + 0.5) * size
-            row = corner_towards(drivers, corners, d, cx, cy, prisms)
-            table[d, i * NUM_CELLS + j] = row
+            row = corner_towards(trees, corners, d, cx, cy, prisms)
+            pursuers.by_corner[d, i * NUM_CELLS + j] = row
         if row < 0 or found == MAX_NEAR:
             continue
-        left = math.sqrt((drivers.position[d, row, 0] - x) ** 2 + (drivers.position[d, row, 1] - y) ** 2) - rd
-        is_new = drivers.time[d, row] + max(0.0, left) / v <= time
+        left = math.sqrt((trees.position[d, row, 0] - x) ** 2 + (trees.position[d, row, 1] - y) ** 2) - rd
+        is_new = trees.time[d, row] + max(0.0, left) / v <= time
         for m in range(found):
             if out[m] == row:
                 is_new = False
         if is_new:
             out[found] = row
             found += 1
-    _sort_by(drivers.time[d], out, found)
+    _sort_by(trees.time[d], out, found)
     return found
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def near_path_nodes(
-    nodes: Nodes, n: int, pursuers: Pursuers, x: float, y: float, k: int, out: IntArray
+    nodes: Nodes, n: int, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest
 ) -> int:
     """The ``k`` nearest to a ground point of ``n`` PathTree nodes that are searched, by rising time stamp."""
-    found = nearest(
-        pursuers.path_cells, pursuers.path_chain, pursuers.path_places, pursuers.path_extent,
-        pursuers.path_filled, 0, nodes.state, n, pursuers.bounds, nodes.active, x, y, k, np.empty(MAX_NEAR),
-        out,
-    )  # fmt: skip
-    _sort_by(nodes.time, out, found)
+    found = nearest(pursuers.path_index, nodes.state, n, pursuers.bounds, nodes.active, x, y, k, near)
+    _sort_by(nodes.time, near.rows, found)
     return found
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _sort_by(keys: FloatArray, out: IntArray, n: int) -> None:
-    """Sort the first ``n`` indices by their keys."""
+    """Sort the first ``n`` indices of ``out`` (≥ n,) by their ``keys`` (N,)."""
     for i in range(1, n):
         index = out[i]
         at = i
@@ -189,51 +190,56 @@ def _sort_by(keys: FloatArray, out: IntArray, n: int) -> None:
         out[at] = index
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def come_nearer(
-    drivers: Drivers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
-    scratch: FloatArray, out: FloatArray,
+    trees: ThreatTrees, d: int, j: int, place: tuple[float, float, float, float], prisms: Prisms,
+    spot: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Put the DT's nearest position through TTree node ``j`` into ``out[d]`` if it is nearer than that."""
-    if gets_to(drivers, d, j, x, y, z, time, prisms, scratch):
+    """Keep the DT's nearest position through TTree node ``j`` where it is nearer than the one before.
+
+    ``place`` x y z and the time at which the aircraft is there; ``spot`` (6,) is used up; ``out`` (D, 4)
+    positions [m] and 1 where one is known.
+    """
+    x, y, z, time = place
+    if gets_to(trees, d, j, x, y, z, time, prisms, spot):
         was = (out[d, 0] - x) ** 2 + (out[d, 1] - y) ** 2 + (out[d, 2] - z) ** 2
-        now = (scratch[3] - x) ** 2 + (scratch[4] - y) ** 2 + (scratch[5] - z) ** 2
+        now = (spot[3] - x) ** 2 + (spot[4] - y) ** 2 + (spot[5] - z) ** 2
         if out[d, 3] == 0.0 or now < was:
-            out[d, 0], out[d, 1], out[d, 2], out[d, 3] = scratch[3], scratch[4], scratch[5], 1.0
+            out[d, 0], out[d, 1], out[d, 2], out[d, 3] = spot[3], spot[4], spot[5], 1.0
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def dt_positions(
-    pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, obstacles: Obstacles,
-    out: FloatArray,
+    pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, walls: Obstacles, out: FloatArray,
+    scratch: ReachScratch,
 ) -> None:  # fmt: skip
     """Nearest estimated position of every DT to a place at a time, from the TTrees as they are.
 
     Through its root, promising corners and the ``k`` nearest TTree nodes. ``out`` (D, 4) receives
-    positions and 1 where the DT can be there in time.
+    positions [m] and 1 where the DT can be there in time.
     """
     if pursuers.count.shape[0] == 0:
         return
-    pursuers, obstacles = unowned(pursuers), unowned(obstacles)
-    drivers, prisms = drivers_of(pursuers), prisms_of(obstacles)
-    near, scratch = np.empty(MAX_NEAR, dtype=np.int64), np.empty(6)
-    position, model, stamps = drivers.position, drivers.model, drivers.time
-    for d in range(drivers.count.shape[0]):
+    pursuers, walls, scratch, out = borrowed(pursuers), borrowed(walls), borrowed(scratch), borrowed(out)
+    trees, prisms = threat_trees_of(pursuers), prisms_of(walls)
+    near, spot, place = scratch.near, scratch.spot, (x, y, z, time)
+    position, model, stamps = trees.position, trees.model, trees.time
+    for d in range(trees.count.shape[0]):
         out[d, 3] = 0.0
         away = math.sqrt((position[d, 0, 0] - x) ** 2 + (position[d, 0, 1] - y) ** 2)
         if away - model[d, 1] > model[d, 0] * max(0.0, time - stamps[d, 0]):
             continue
-        come_nearer(drivers, d, 0, x, y, z, time, prisms, scratch, out)
-        for m in range(promising_corners(drivers, pursuers, d, x, y, time, prisms, near)):
-            come_nearer(drivers, d, near[m], x, y, z, time, prisms, scratch, out)
-        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
-            come_nearer(drivers, d, near[m], x, y, z, time, prisms, scratch, out)
+        come_nearer(trees, d, 0, place, prisms, spot, out)
+        for m in range(promising_corners(trees, pursuers, d, x, y, time, prisms, near.rows)):
+            come_nearer(trees, d, near.rows[m], place, prisms, spot, out)
+        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, scratch.everything, near)):
+            come_nearer(trees, d, near.rows[m], place, prisms, spot, out)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def note_reached(nodes: Nodes, d: int, i: int, out: FloatArray, changed: IntArray, num: int) -> int:
-    """Keep the DT's nearest position ``out[3:]`` for a node; list the node where that is news."""
-    points, state = nodes.points, nodes.state
+@kernel_numpy_errors
+def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
+    """Keep the DT's nearest position of ``probe.spot`` for a node; list the node where that is news."""
+    points, state, out = probe.nodes.points, probe.nodes.state, probe.spot
     if points[i, d, 3] > 0.0:
         was = now = 0.0
         for a in range(3):
@@ -242,152 +248,157 @@ def note_reached(nodes: Nodes, d: int, i: int, out: FloatArray, changed: IntArra
         if now >= was - NEWS_M * NEWS_M:
             return num
     points[i, d, 0], points[i, d, 1], points[i, d, 2], points[i, d, 3] = out[3], out[4], out[5], 1.0
-    if num < changed.shape[0]:
-        changed[num] = i
+    if num < probe.changed.shape[0]:
+        probe.changed[num] = i
         num += 1
     return num
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def test_node(
-    nodes: Nodes, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms, out: FloatArray,
-    changed: IntArray, num: int,
-) -> tuple[bool, int]:  # fmt: skip
-    """Whether node ``i`` is reached through TTree node ``j``, noted where it is."""
-    state = nodes.state
-    if not gets_to(drivers, d, j, state[i, 0], state[i, 1], state[i, 2], nodes.time[i], prisms, out):
+@kernel_numpy_errors
+def test_node(probe: Probe, d: int, i: int, j: int, num: int) -> tuple[bool, int]:
+    """Whether node ``i`` is reached through TTree node ``j``, noted where it is; how many are listed."""
+    state, time = probe.nodes.state, probe.nodes.time[i]
+    if not gets_to(probe.trees, d, j, state[i, 0], state[i, 1], state[i, 2], time, probe.prisms, probe.spot):
         return False, num
-    return True, note_reached(nodes, d, i, out, changed, num)
+    return True, note_reached(probe, d, i, num)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def spread_to_neighbours(
-    nodes: Nodes, n: int, pursuers: Pursuers, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms,
-    out: FloatArray, changed: IntArray, num: int,
-) -> int:  # fmt: skip
+    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, j: int, near: KNearest, num: int
+) -> int:
     """``RSCal``: test the parent and the nearest nodes of a directly reachable one (indirect ones)."""
-    near = np.empty(MAX_NEAR, dtype=np.int64)
+    nodes = probe.nodes
     found = near_path_nodes(nodes, n, pursuers, nodes.state[i, 0], nodes.state[i, 1], NUM_NEIGHBOURS, near)
     if nodes.parent[i] >= 0:
-        near[found] = nodes.parent[i]
+        near.rows[found] = nodes.parent[i]
         found += 1
     for m in range(found):
-        if near[m] != i:
-            _, num = test_node(nodes, drivers, d, near[m], j, prisms, out, changed, num)
+        if near.rows[m] != i:
+            _, num = test_node(probe, d, near.rows[m], j, num)
     return num
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def goal_bias_connect(
-    nodes: Nodes, drivers: Drivers, d: int, i: int, j: int, prisms: Prisms, out: FloatArray,
-    changed: IntArray, num: int,
-) -> tuple[int, int]:  # fmt: skip
+@kernel_numpy_errors
+def goal_bias_connect(probe: Probe, d: int, i: int, j: int, num: int) -> tuple[int, int]:
     """Reach node ``i`` through TTree node ``j`` and grow to q_B greedily, else grow one step.
 
     Returns the TTree node at q_B, or -1 where the node was not reached, and the new length of
     ``changed``. Whoever calls tests the node's neighbours from there.
     """
-    done, num = test_node(nodes, drivers, d, i, j, prisms, out, changed, num)
-    last = connect(drivers, d, j, out[0], out[1], out[2], done, prisms)
+    done, num = test_node(probe, d, i, j, num)
+    out = probe.spot
+    last = connect(probe.trees, d, j, out[0], out[1], out[2], done, probe.prisms)
     return (last if done else -1), num
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def expand(
-    nodes: Nodes, n: int, pursuers: Pursuers, d: int, i: int, pursue: bool, sample: FloatArray, k: int,
-    prisms: Prisms, changed: IntArray, num: int,
+    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, pursue: bool, k: int, scratch: ReachScratch,
+    num: int,
 ) -> int:  # fmt: skip
-    """Algorithm 1 of one DT: ``reach`` node ``i``, or ``multi-connect`` towards ``sample`` (3,).
+    """Algorithm 1 of one DT: ``reach`` node ``i``, or ``multi-connect`` towards ``scratch.sample``.
 
-    ``reach``: the k nearest TTree nodes, earliest first, until node ``i`` is reached. ``multi-connect``:
-    the k nearest to the sample grow a step towards it, and each tries ``multi-reach``, the k nearest
-    PathTree nodes, earliest first, until one is reached.
+    ``multi-reach``: through the DT's root, through promising corners, and in pursuit through each of the
+    ``k`` nearest TTree nodes. ``multi-connect``: one step of each of the k nearest TTree nodes towards the
+    sample, and from there ``reach`` of the k nearest PathTree nodes, earliest first, until one is reached.
 
     The paper's ``reach`` tries the nearest TTree nodes only. These may have been reached by detours and
     stand too late where the DT, driving straight or round a corner, would be early: here its root and the
     corners by which it might be there earliest are tried before.
     """
-    drivers, out = drivers_of(pursuers), np.empty(6)
-    near, targets = np.empty(MAX_NEAR, dtype=np.int64), np.empty(MAX_NEAR, dtype=np.int64)
+    nodes, trees, prisms, rows = probe.nodes, probe.trees, probe.prisms, scratch.near.rows
     x, y, z = nodes.state[i, 0], nodes.state[i, 1], nodes.state[i, 2]
     at, target = -1, i
     time = nodes.time[i]
-    if gets_to(drivers, d, 0, x, y, z, time, prisms, out):
-        at, num = goal_bias_connect(nodes, drivers, d, i, 0, prisms, out, changed, num)
+    if gets_to(trees, d, 0, x, y, z, time, prisms, probe.spot):
+        at, num = goal_bias_connect(probe, d, i, 0, num)
     if at < 0:
-        for m in range(promising_corners(drivers, pursuers, d, x, y, time, prisms, near)):
-            if gets_to(drivers, d, near[m], x, y, z, time, prisms, out):
-                at, num = goal_bias_connect(nodes, drivers, d, i, near[m], prisms, out, changed, num)
+        for m in range(promising_corners(trees, pursuers, d, x, y, time, prisms, rows)):
+            if gets_to(trees, d, rows[m], x, y, z, time, prisms, probe.spot):
+                at, num = goal_bias_connect(probe, d, i, rows[m], num)
                 break
     if at < 0 and pursue:
-        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, near)):
-            at, num = goal_bias_connect(nodes, drivers, d, i, near[m], prisms, out, changed, num)
+        for m in range(near_pursuer_nodes(pursuers, d, x, y, k, scratch.everything, scratch.near)):
+            at, num = goal_bias_connect(probe, d, i, rows[m], num)
             if at >= 0:
                 break
     elif at < 0:
-        for m in range(near_pursuer_nodes(pursuers, d, sample[0], sample[1], k, near)):
-            j = connect(drivers, d, near[m], sample[0], sample[1], sample[2], False, prisms)
-            px, py = drivers.position[d, j, 0], drivers.position[d, j, 1]
-            for q in range(near_path_nodes(nodes, n, pursuers, px, py, k, targets)):
-                target = targets[q]
-                at, num = goal_bias_connect(nodes, drivers, d, target, j, prisms, out, changed, num)
-                if at >= 0:
-                    break
-            if at >= 0:
-                break
+        at, target, num = multi_connect(probe, n, pursuers, d, k, scratch, num)
     if at >= 0:
-        num = spread_to_neighbours(nodes, n, pursuers, drivers, d, target, at, prisms, out, changed, num)
+        num = spread_to_neighbours(probe, n, pursuers, d, target, at, scratch.near, num)
     return num
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
+def multi_connect(
+    probe: Probe, n: int, pursuers: Pursuers, d: int, k: int, scratch: ReachScratch, num: int
+) -> tuple[int, int, int]:
+    """Grow the ``k`` nearest TTree nodes towards ``scratch.sample`` until a PathTree node near by is reached.
+
+    Returns the TTree node that reaches one, -1 where none does; the PathTree node tried last; and the new
+    length of ``changed``.
+    """
+    trees, sample, at, target = probe.trees, scratch.sample, -1, -1
+    x, y, z = sample[0], sample[1], sample[2]
+    for m in range(near_pursuer_nodes(pursuers, d, x, y, k, scratch.everything, scratch.near)):
+        j = connect(trees, d, scratch.near.rows[m], x, y, z, False, probe.prisms)
+        px, py = trees.position[d, j, 0], trees.position[d, j, 1]
+        for q in range(near_path_nodes(probe.nodes, n, pursuers, px, py, k, scratch.targets)):
+            target = scratch.targets.rows[q]
+            at, num = goal_bias_connect(probe, d, target, j, num)
+            if at >= 0:
+                return at, target, num
+    return at, target, num
+
+
+@kernel
 def explore_plainly(
-    nodes: Nodes, n: int, pursuers: Pursuers, d: int, i: int, sample: FloatArray, greedy: bool,
-    prisms: Prisms, changed: IntArray, num: int,
-) -> int:  # fmt: skip
-    """The comparators' step: grow the nearest TTree node towards ``sample``, then test nodes near it."""
-    drivers, out = drivers_of(pursuers), np.empty(6)
-    near = np.empty(MAX_NEAR, dtype=np.int64)
-    if near_pursuer_nodes(pursuers, d, sample[0], sample[1], 1, near) == 0:
+    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, greedy: bool, scratch: ReachScratch, num: int
+) -> int:
+    """The comparators' step: grow the nearest TTree node towards the sample, then test nodes near it."""
+    trees, sample, near = probe.trees, scratch.sample, scratch.near
+    x, y, z = sample[0], sample[1], sample[2]
+    if near_pursuer_nodes(pursuers, d, x, y, 1, scratch.everything, near) == 0:
         return num
-    last = connect(drivers, d, near[0], sample[0], sample[1], sample[2], greedy, prisms)
-    px, py = drivers.position[d, last, 0], drivers.position[d, last, 1]
-    found = near_path_nodes(nodes, n, pursuers, px, py, 3, near)
-    near[found] = i
+    last = connect(trees, d, near.rows[0], x, y, z, greedy, probe.prisms)
+    px, py = trees.position[d, last, 0], trees.position[d, last, 1]
+    found = near_path_nodes(probe.nodes, n, pursuers, px, py, 3, near)
+    near.rows[found] = i
     for m in range(found + 1):
-        _, num = test_node(nodes, drivers, d, near[m], last, prisms, out, changed, num)
+        _, num = test_node(probe, d, near.rows[m], last, num)
     return num
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def estimate_reachability(
-    tree: Tree, pursuers: Pursuers, i: int, kind: int, p_tid: float, k: int, bounds: FloatArray,
-    draws: FloatArray, obstacles: Obstacles, changed: IntArray,
+    tree: Tree, pursuers: Pursuers, i: int, estimator: Estimator, bounds: FloatArray, draws: FloatArray,
+    walls: Obstacles, scratch: ReachScratch,
 ) -> int:  # fmt: skip
     """Algorithm 1 for the new PathTree node ``i`` and every DT.
 
-    ``bounds`` (6,) hold the samples, ``draws`` (3,) are uniform numbers; ``changed`` receives nodes
-    whose DT position is news. Returns how many.
+    ``bounds`` (6,) hold the samples [m]; ``draws`` (3,) are uniform numbers. Nodes whose DT position is
+    news go to ``scratch.changed``; returns how many.
     """
     num = 0
     if pursuers.count.shape[0] == 0:
         return num
-    tree, pursuers, obstacles = unowned(tree), unowned(pursuers), unowned(obstacles)
+    tree, pursuers, walls, scratch = borrowed(tree), borrowed(pursuers), borrowed(walls), borrowed(scratch)
     nodes = Nodes(tree.state, tree.parent, tree.time, tree.active, tree.threat_point)
-    n, prisms = tree.count[0], prisms_of(obstacles)
+    probe = Probe(nodes, threat_trees_of(pursuers), prisms_of(walls), scratch.spot, scratch.changed)
+    n, p_tid, sample = tree.count[0], estimator.p_tid, scratch.sample
     pursue = draws[0] <= p_tid
-    sample = np.empty(3)
     sample[0] = bounds[0] + draws[1] * (bounds[1] - bounds[0])
     sample[1] = bounds[2] + draws[2] * (bounds[3] - bounds[2])
     # Beyond p_tid the first draw is uniform once more.
     share = 0.0 if pursue else (draws[0] - p_tid) / (1.0 - p_tid)
     sample[2] = bounds[4] + share * (bounds[5] - bounds[4])
-    if pursue and kind == RRT_REACH:
+    if pursue and estimator.kind == RRT_REACH:
         sample[:] = tree.state[i, :3]
     for d in range(pursuers.count.shape[0]):
-        if kind == EX_RRT:
-            num = expand(nodes, n, pursuers, d, i, pursue, sample, k, prisms, changed, num)
+        if estimator.kind == EX_RRT:
+            num = expand(probe, n, pursuers, d, i, pursue, estimator.k, scratch, num)
         else:
-            greedy = pursue and kind == RRT_REACH
-            num = explore_plainly(nodes, n, pursuers, d, i, sample, greedy, prisms, changed, num)
+            greedy = pursue and estimator.kind == RRT_REACH
+            num = explore_plainly(probe, n, pursuers, d, i, greedy, scratch, num)
     return num

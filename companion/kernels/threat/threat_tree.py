@@ -8,21 +8,27 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.kernels.arrays import FloatArray, IntArray, Obstacles, Pursuers
 from companion.kernels.geometry.line_of_sight import Prisms, line_blocked, prisms_of
 from companion.kernels.geometry.prism_distance import point_in_polygon
+from companion.kernels.jit import kernel, kernel_numpy_errors
 from companion.kernels.threat.intercept import way_length
 
+BoolArray = NDArray[np.bool_]
 LEAST_STEP_M = 1.0  # of an edge
 CORNER_GAP_M = 3.0  # from an obstacle's corner to the node beside it
 MAX_CORNERS = 400
 
 
-class Drivers(NamedTuple):
-    """The part of :class:`~companion.kernels.arrays.Pursuers` that grows."""
+class ThreatTrees(NamedTuple):
+    """The part of :class:`~companion.kernels.arrays.Pursuers` that grows: the TTrees without their indices.
+
+    ``position`` (D, N, 3), ``heading``, ``parent``, ``time`` (D, N), ``count`` (D,), ``model`` (D, 5) and
+    ``bounds`` (4,) as there.
+    """
 
     position: FloatArray
     heading: FloatArray
@@ -33,20 +39,26 @@ class Drivers(NamedTuple):
     bounds: FloatArray
 
 
-@nb.njit(cache=True, nogil=True)
-def drivers_of(pursuers: Pursuers) -> Drivers:
+@kernel
+def threat_trees_of(pursuers: Pursuers) -> ThreatTrees:
     """The trees alone, without their indices."""
-    return Drivers(
-        pursuers.position, pursuers.heading, pursuers.parent, pursuers.time, pursuers.count, pursuers.model,
+    return ThreatTrees(
+        pursuers.position,
+        pursuers.heading,
+        pursuers.parent,
+        pursuers.time,
+        pursuers.count,
+        pursuers.model,
         pursuers.bounds,
-    )  # fmt: skip
+    )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@kernel_numpy_errors
 def corners_of(z: float, prisms: Prisms, bounds: FloatArray, out: FloatArray) -> int:
     """Places just outside the corners of the obstacles that stand at height ``z``; returns how many.
 
-    A shortest way round obstacles turns nowhere else. ``out`` (MAX_CORNERS, 2).
+    A shortest way round obstacles turns nowhere else. ``bounds`` (≥ 4,) x_min x_max y_min y_max that they
+    lie in [m]; ``out`` (MAX_CORNERS, 2) receives them [m].
     """
     edges, offsets, heights = prisms.edges, prisms.offsets, prisms.heights
     n = 0
@@ -68,41 +80,37 @@ def corners_of(z: float, prisms: Prisms, bounds: FloatArray, out: FloatArray) ->
             x, y = edges[e, 2] + CORNER_GAP_M * ux / length, edges[e, 3] + CORNER_GAP_M * uy / length
             if x < bounds[0] or x > bounds[1] or y < bounds[2] or y > bounds[3] or n == out.shape[0]:
                 continue
-            inside = False
-            for p in range(heights.shape[0]):
-                if heights[p, 0] <= z <= heights[p, 1] and point_in_polygon(
-                    x, y, edges, offsets[p], offsets[p + 1]
-                ):
-                    inside = True
-            if not inside:
+            if not is_inside(x, y, z, prisms):
                 out[n, 0], out[n, 1] = x, y
                 n += 1
     return n
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def add_corners(drivers: Drivers, d: int, prisms: Prisms) -> int:
+@kernel_numpy_errors
+def is_inside(x: float, y: float, z: float, prisms: Prisms) -> bool:
+    """Whether a place lies in a prism."""
+    edges, offsets, heights = prisms.edges, prisms.offsets, prisms.heights
+    for p in range(heights.shape[0]):
+        if heights[p, 0] <= z <= heights[p, 1] and point_in_polygon(x, y, edges, offsets[p], offsets[p + 1]):
+            return True
+    return False
+
+
+@kernel_numpy_errors
+def add_corners(trees: ThreatTrees, d: int, prisms: Prisms) -> int:
     """Add the corners that a ground vehicle can drive to from its root, each by its shortest way.
 
     Dijkstra's algorithm over the lines of free ground between corners; nodes come by rising time stamp.
     Returns how many there are.
     """
-    position, time, heading = drivers.position, drivers.time, drivers.heading
-    v, rho, z = drivers.model[d, 0], drivers.model[d, 2], position[d, 0, 2]
+    position, time, heading = trees.position, trees.time, trees.heading
     places = np.empty((MAX_CORNERS, 2))
-    num = corners_of(z, prisms, drivers.bounds, places)
+    num = corners_of(position[d, 0, 2], prisms, trees.bounds, places)
     arrival, parent = np.full(num, np.inf), np.zeros(num, dtype=np.int64)
     is_done = np.zeros(num, dtype=np.bool_)
-    first, row = drivers.count[d], 0
-    while drivers.count[d] < position.shape[1]:
-        px, py = position[d, row, 0], position[d, row, 1]
-        for c in range(num):
-            x, y = places[c, 0], places[c, 1]
-            if is_done[c] or time[d, row] + math.sqrt((x - px) ** 2 + (y - py) ** 2) / v >= arrival[c]:
-                continue
-            at = time[d, row] + way_length(px, py, z, heading[d, row], rho, False, x, y, z) / v
-            if at < arrival[c] and not line_blocked(px, py, z, x, y, z, prisms):
-                arrival[c], parent[c] = at, row
+    first, row = trees.count[d], 0
+    while trees.count[d] < position.shape[1]:
+        _go_on_to_corners(trees, d, row, prisms, places, arrival, parent, is_done)
         best = -1
         for c in range(num):
             if not is_done[c] and arrival[c] < math.inf and (best < 0 or arrival[c] < arrival[best]):
@@ -110,20 +118,45 @@ def add_corners(drivers: Drivers, d: int, prisms: Prisms) -> int:
         if best < 0:
             break
         is_done[best] = True
-        row = drivers.count[d]
+        row = trees.count[d]
         x, y = places[best, 0], places[best, 1]
-        position[d, row, 0], position[d, row, 1], position[d, row, 2] = x, y, z
+        position[d, row, 0], position[d, row, 1], position[d, row, 2] = x, y, position[d, 0, 2]
         up = parent[best]
         heading[d, row] = math.atan2(y - position[d, up, 1], x - position[d, up, 0])
-        drivers.parent[d, row], time[d, row] = up, arrival[best]
-        drivers.count[d] = row + 1
-    return int(drivers.count[d] - first)
+        trees.parent[d, row], time[d, row] = up, arrival[best]
+        trees.count[d] = row + 1
+    return int(trees.count[d] - first)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def corner_towards(drivers: Drivers, corners: IntArray, d: int, x: float, y: float, prisms: Prisms) -> int:
-    """The corner through which a place is reached earliest on a free line; -1 where there is none."""
-    position, time, v = drivers.position, drivers.time, drivers.model[d, 0]
+@kernel_numpy_errors
+def _go_on_to_corners(
+    trees: ThreatTrees, d: int, row: int, prisms: Prisms, places: FloatArray, arrival: FloatArray,
+    parent: IntArray, is_done: BoolArray,
+) -> None:  # fmt: skip
+    """From node ``row`` on to each corner that is reached sooner through it.
+
+    ``places`` (C, 2) the corners [m]; ``arrival`` (C,) earliest so far [s], through the node ``parent``
+    (C,); ``is_done`` (C,) those that have their node already.
+    """
+    position, time, v = trees.position, trees.time, trees.model[d, 0]
+    px, py, z = position[d, row, 0], position[d, row, 1], position[d, 0, 2]
+    heading, rho = trees.heading[d, row], trees.model[d, 2]
+    for c in range(arrival.shape[0]):
+        x, y = places[c, 0], places[c, 1]
+        if is_done[c] or time[d, row] + math.sqrt((x - px) ** 2 + (y - py) ** 2) / v >= arrival[c]:
+            continue
+        at = time[d, row] + way_length(px, py, z, heading, rho, False, x, y, z) / v
+        if at < arrival[c] and not line_blocked(px, py, z, x, y, z, prisms):
+            arrival[c], parent[c] = at, row
+
+
+@kernel_numpy_errors
+def corner_towards(trees: ThreatTrees, corners: IntArray, d: int, x: float, y: float, prisms: Prisms) -> int:
+    """The corner through which a place is reached earliest on a free line; -1 where there is none.
+
+    ``corners`` (D, 2) first row and number of them in each tree.
+    """
+    position, time, v = trees.position, trees.time, trees.model[d, 0]
     best, arrival = -1, math.inf
     for j in range(corners[d, 0], corners[d, 0] + corners[d, 1]):
         if time[d, j] >= arrival:
@@ -135,35 +168,66 @@ def corner_towards(drivers: Drivers, corners: IntArray, d: int, x: float, y: flo
     return best
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def re_root(
-    pursuers: Pursuers, d: int, x: float, y: float, z: float, heading: float, time: float,
-    ahead: float, with_corners: bool, obstacles: Obstacles,
+    pursuers: Pursuers, d: int, root: tuple[float, float, float], heading: float, time: float, ahead: float,
+    with_corners: bool, walls: Obstacles,
 ) -> None:  # fmt: skip
     """Update a TTree by a new observation (paper Fig. 1), in place.
 
     The root moves to the observation, its one child lies ``ahead`` metres along the predicted
     ``heading`` (less where an obstacle stops it). Nodes whose time stamp is not later than the
-    child's are dropped; what remains is hung below the child and stamped anew.
+    child's are dropped; what remains is attached below the child and stamped anew.
 
     Beyond the paper, and for ground vehicles only: ``with_corners`` puts the corners of obstacles next
     to it, each reached by its shortest way (:func:`add_corners`).
     """
-    n_old, v, prisms = pursuers.count[d], pursuers.model[d, 0], prisms_of(obstacles)
+    v, prisms, trees = pursuers.model[d, 0], prisms_of(walls), threat_trees_of(pursuers)
+    ahead = free_way_ahead(root, heading, ahead, prisms)
+    has_child = v > 0.0 and ahead >= LEAST_STEP_M
+    first_time = time + ahead / v if has_child else time
+    base = 2 if has_child else 1
+    kept, parents = _later_nodes(trees, d, first_time, base)
+    x, y, z = root
+    pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z
+    pursuers.heading[d, 0], pursuers.parent[d, 0], pursuers.time[d, 0] = heading, -1, time
+    if has_child:
+        pursuers.position[d, 1, 0] = x + ahead * math.cos(heading)
+        pursuers.position[d, 1, 1] = y + ahead * math.sin(heading)
+        pursuers.position[d, 1, 2] = z
+        pursuers.heading[d, 1], pursuers.parent[d, 1], pursuers.time[d, 1] = heading, 0, first_time
+    pursuers.count[d], pursuers.index.filled[d, 0] = base, 0
+    pursuers.index.cells[d] = -1
+    pursuers.corners[d, 0], pursuers.corners[d, 1] = base, 0
+    pursuers.by_corner[d] = -2
+    if with_corners and v > 0.0 and pursuers.model[d, 3] == 0.0:
+        pursuers.corners[d, 1] = add_corners(trees, d, prisms)
+    _attach_again(trees, d, base, pursuers.corners[d, 1], kept, parents, prisms)
+
+
+@kernel
+def free_way_ahead(root: tuple[float, float, float], heading: float, ahead: float, prisms: Prisms) -> float:
+    """How much of ``ahead`` metres is free, halved until it is; 0 where a twentieth is not [m]."""
+    x, y, z = root
     share = 1.0
     while share > 0.05 and line_blocked(
         x, y, z, x + share * ahead * math.cos(heading), y + share * ahead * math.sin(heading), z, prisms
     ):
         share *= 0.5
-    ahead = ahead * share if share > 0.05 else 0.0
-    cx, cy = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
-    has_child = v > 0.0 and ahead >= LEAST_STEP_M
-    first_time = time + ahead / v if has_child else time
+    return ahead * share if share > 0.05 else 0.0
+
+
+@kernel
+def _later_nodes(trees: ThreatTrees, d: int, stamp: float, base: int) -> tuple[FloatArray, IntArray]:
+    """Nodes later than ``stamp`` and their parents in a tree that begins with ``base`` others.
+
+    Returns x y z heading (K, 4) [m, rad], and rows (K,) of the new tree: that of a dropped parent is the
+    last of the ``base``.
+    """
+    n_old, n = trees.count[d], base
     new_index = np.full(n_old, -1, dtype=np.int64)
-    base = 2 if has_child else 1
-    n = base
     for j in range(n_old):  # parents come before children, so one pass renumbers
-        if j > 0 and pursuers.time[d, j] > first_time and n < pursuers.position.shape[1]:
+        if j > 0 and trees.time[d, j] > stamp and n < trees.position.shape[1]:
             new_index[j] = n
             n += 1
     kept = np.empty((n - base, 4))
@@ -171,47 +235,37 @@ def re_root(
     for j in range(n_old):
         if new_index[j] >= 0:
             row = new_index[j] - base
-            kept[row, :3] = pursuers.position[d, j]
-            kept[row, 3] = pursuers.heading[d, j]
-            up = pursuers.parent[d, j]
+            kept[row, :3] = trees.position[d, j]
+            kept[row, 3] = trees.heading[d, j]
+            up = trees.parent[d, j]
             parents[row] = new_index[up] if up >= 0 and new_index[up] >= 0 else base - 1
-    pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z
-    pursuers.heading[d, 0], pursuers.parent[d, 0], pursuers.time[d, 0] = heading, -1, time
-    if has_child:
-        pursuers.position[d, 1, 0], pursuers.position[d, 1, 1], pursuers.position[d, 1, 2] = cx, cy, z
-        pursuers.heading[d, 1], pursuers.parent[d, 1], pursuers.time[d, 1] = heading, 0, first_time
-    pursuers.count[d], pursuers.filled[d] = base, 0
-    pursuers.cells[d] = -1
-    drivers = drivers_of(pursuers)
-    pursuers.corners[d, 0], pursuers.corners[d, 1] = base, 0
-    pursuers.by_corner[d] = -2
-    if with_corners and v > 0.0 and pursuers.model[d, 3] == 0.0:
-        pursuers.corners[d, 1] = add_corners(drivers, d, prisms)
-    _hang_again(drivers, d, base, pursuers.corners[d, 1], kept, parents, prisms)
+    return kept, parents
 
 
-@nb.njit(cache=True, nogil=True)
-def _hang_again(
-    drivers: Drivers, d: int, base: int, num_corners: int, kept: FloatArray, parents: IntArray,
+@kernel
+def _attach_again(
+    trees: ThreatTrees, d: int, base: int, num_corners: int, kept: FloatArray, parents: IntArray,
     prisms: Prisms,
 ) -> None:  # fmt: skip
     """Append kept nodes whose line to their parent is free; the others fall away with their branches.
 
-    A kept node at a corner that is there already gives its branches to that.
+    A kept node at a corner that is there already gives its branches to that. ``kept`` (K, 4) x y z heading
+    [m, rad] and ``parents`` (K,) as :func:`_later_nodes` returns them.
     """
-    airborne = drivers.model[d, 3] > 0.0
+    position, heading, time = trees.position, trees.heading, trees.time
+    airborne = trees.model[d, 3] > 0.0
     where = np.full(base + kept.shape[0], -1, dtype=np.int64)
     for b in range(base):
         where[b] = b
     for row in range(kept.shape[0]):
         x, y, z = kept[row, 0], kept[row, 1], kept[row, 2]
         for c in range(base, base + num_corners):
-            if drivers.position[d, c, 0] == x and drivers.position[d, c, 1] == y:
+            if position[d, c, 0] == x and position[d, c, 1] == y:
                 where[base + row] = c
         up = where[parents[row]]
-        if up < 0 or where[base + row] >= 0 or drivers.count[d] == drivers.position.shape[1]:
+        if up < 0 or where[base + row] >= 0 or trees.count[d] == position.shape[1]:
             continue
-        px, py, pz = drivers.position[d, up, 0], drivers.position[d, up, 1], drivers.position[d, up, 2]
+        px, py, pz = position[d, up, 0], position[d, up, 1], position[d, up, 2]
         if not airborne:
             z = pz
         if x == px and y == py and z == pz:  # the same place as its new parent: one node is enough
@@ -219,11 +273,11 @@ def _hang_again(
             continue
         if line_blocked(px, py, pz, x, y, z, prisms):
             continue
-        n = drivers.count[d]
+        n = trees.count[d]
         where[base + row] = n
-        drivers.position[d, n, 0], drivers.position[d, n, 1], drivers.position[d, n, 2] = x, y, z
-        drivers.heading[d, n] = math.atan2(y - py, x - px)
-        drivers.parent[d, n] = up
-        needed = way_length(px, py, pz, drivers.heading[d, up], drivers.model[d, 2], airborne, x, y, z)
-        drivers.time[d, n] = drivers.time[d, up] + needed / drivers.model[d, 0]
-        drivers.count[d] = n + 1
+        position[d, n, 0], position[d, n, 1], position[d, n, 2] = x, y, z
+        heading[d, n] = math.atan2(y - py, x - px)
+        trees.parent[d, n] = up
+        needed = way_length(px, py, pz, heading[d, up], trees.model[d, 2], airborne, x, y, z)
+        time[d, n] = time[d, up] + needed / trees.model[d, 0]
+        trees.count[d] = n + 1

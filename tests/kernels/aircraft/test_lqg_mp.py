@@ -10,10 +10,12 @@ from scipy.special import gammainc
 
 from companion.kernels.aircraft import lqg_mp as u
 from companion.kernels.aircraft.motion import advance
+from companion.kernels.workspace import filter_scratch
 from companion.vehicle.lqg import regulator_gain
 from tests.support.worlds import VEHICLE, tables
 
-TABLES = tables(3)
+TABLES, SCRATCH = tables(3), filter_scratch()
+STILL = (0.0, 0.0, 0.0)
 H = np.eye(5, 6)
 
 STATES = st.tuples(st.floats(-math.pi, math.pi), st.floats(-0.17, 0.17), st.floats(12.5, 37.5))
@@ -70,7 +72,7 @@ def test_one_edge_agrees_with_plain_matrices(state, control, seed):
     scale = (2.0, 2.0, 2.0, 0.05, 0.02, 0.5)
     p, estimate = random_covariance(rng, scale), random_covariance(rng, scale)
     p_out, l_out = np.empty((6, 6)), np.empty((6, 6))
-    u.propagate(state_of(*state), *control, 1.0, TABLES, p, estimate, p_out, l_out)
+    u.propagate(state_of(*state), control, 1.0, TABLES, p, estimate, p_out, l_out, SCRATCH)
     a, b = jacobians(*state, *control)
     gain = np.empty((3, 6))
     u.look_up_gain(state[2], control[1], state[1], state[0] + 0.5 * control[1], TABLES, gain)
@@ -94,7 +96,7 @@ def test_a_steady_flight_settles_where_the_riccati_equation_says():
     p, estimate = np.diag([4.0, 4.0, 4.0, 1e-3, 1e-3, 0.25]), np.zeros((6, 6))
     for _ in range(400):
         p_next, l_next = np.empty((6, 6)), np.empty((6, 6))
-        u.propagate(state, 0.0, 0.0, 0.0, 1.0, TABLES, p, estimate, p_next, l_next)
+        u.propagate(state, STILL, 1.0, TABLES, p, estimate, p_next, l_next, SCRATCH)
         p, estimate = p_next, l_next
     a, b = jacobians(0.0, 0.0, 25.0, 0.0, 0.0, 0.0)
     q, n = b @ np.diag(TABLES.process) @ b.T, np.diag(TABLES.measurement)
@@ -104,7 +106,7 @@ def test_a_steady_flight_settles_where_the_riccati_equation_says():
         plain = prior - prior @ H.T @ np.linalg.solve(H @ prior @ H.T + n, H @ prior)
     assert p == pytest.approx(plain, abs=1e-8)
     again = np.empty((6, 6))
-    u.propagate(state, 0.0, 0.0, 0.0, 1.0, TABLES, p, estimate, np.empty((6, 6)), again)
+    u.propagate(state, STILL, 1.0, TABLES, p, estimate, np.empty((6, 6)), again, SCRATCH)
     assert again == pytest.approx(estimate, rel=1e-9, abs=1e-12)
 
 
@@ -114,7 +116,7 @@ def test_covariances_stay_symmetric_and_positive_along_any_edges(edges):
     p, estimate = np.diag([4.0, 4.0, 4.0, 1e-3, 1e-3, 0.25]), np.zeros((6, 6))
     for state, control in edges:
         p_next, l_next = np.empty((6, 6)), np.empty((6, 6))
-        u.propagate(state_of(*state), *control, 1.0, TABLES, p, estimate, p_next, l_next)
+        u.propagate(state_of(*state), control, 1.0, TABLES, p, estimate, p_next, l_next, SCRATCH)
         p, estimate = p_next, l_next
         for matrix in (p, estimate, p + estimate):
             assert np.array_equal(matrix, matrix.T)

@@ -82,7 +82,7 @@ def test_controls_keep_every_limit(state, turn, straight, x, y, z):
     assert abs(w) <= slowest * math.cos(start[4]) / 125.0 + 1e-12
     assert out[4] <= max(VEHICLE.climb_angle_max_rad, state[1]) + 1e-9
     assert out[4] >= min(-VEHICLE.descent_angle_max_rad, state[1]) - 1e-9
-    sign = (w > m.STRAIGHT_RATE) - (w < -m.STRAIGHT_RATE)
+    sign = int(w > m.STRAIGHT_RATE) - int(w < -m.STRAIGHT_RATE)
     if turn == 0 and straight < 125.0:
         assert w == 0.0
     if turn != 0:

@@ -1,4 +1,4 @@
-"""Samples that follow the way round obstacles, and greedy connections to a sub goal."""
+"""Samples that follow a distance field round obstacles, and greedy connections to a sub goal."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from companion.kernels.arrays import Guide, empty_tree
 from companion.kernels.geometry import distance_field as k
-from companion.kernels.search.dynamic_domain_rrt import DRAWS, MAX_STRAIGHT, lay_straight_in
+from companion.kernels.search.dynamic_domain_rrt import DRAWS, greedy_connect
 from companion.planning.explore import Exploration
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
@@ -20,11 +20,9 @@ SUB_GOAL = np.array([1000.0, 1600.0, 250.0])
 
 
 def guide(obstacles, share=1.0, ahead=200.0, bounds=BOUNDS):
-    wave = np.empty((81, 81))
-    k.spread_wave(
-        *SUB_GOAL, np.inf, 15.0, np.array(bounds), packed(obstacles, BOUNDS), np.zeros(2), 25.0, wave
-    )
-    return Guide(wave, np.zeros(2), 25.0, share, ahead)
+    made = Guide(np.empty((81, 81)), np.zeros(2), 25.0, share, ahead)
+    k.fill_distance_field(SUB_GOAL, np.inf, 15.0, np.array(bounds), packed(obstacles, BOUNDS), made)
+    return made
 
 
 def test_a_way_stays_within_the_bounds():
@@ -32,10 +30,10 @@ def test_a_way_stays_within_the_bounds():
     wall = [box("wall", 0.0, 1000.0, 1500.0, 1050.0)]
     way = guide(wall)
     straight = math.hypot(900.0, 800.0)
-    assert k.way_at(way, 100.0, 800.0) > 1400.0 + straight / 2.0
-    assert k.way_at(way, 100.0, 1600.0) == pytest.approx(900.0)
-    assert k.way_at(way, -500.0, 800.0) == math.inf
-    assert k.way_at(way, 700.0, 1020.0) == math.inf  # inside the wall
+    assert k.distance_to_go(way, 100.0, 800.0) > 1400.0 + straight / 2.0
+    assert k.distance_to_go(way, 100.0, 1600.0) == pytest.approx(900.0)
+    assert k.distance_to_go(way, -500.0, 800.0) == math.inf
+    assert k.distance_to_go(way, 700.0, 1020.0) == math.inf  # inside the wall
 
 
 def standing_tree(*positions):
@@ -51,12 +49,12 @@ def test_samples_lie_ahead_on_the_way_of_the_node_that_is_farthest_on():
     way = guide(wall)
     tree = standing_tree((1000.0, 300.0, 200.0), (600.0, 900.0, 200.0), (1000.0, 500.0, 200.0))
     for i in range(3):
-        tree.way[i] = k.way_at(way, *tree.state[i, :2])
-    assert np.argmin(tree.way[:3]) == 1
+        tree.to_go[i] = k.distance_to_go(way, *tree.state[i, :2])
+    assert np.argmin(tree.to_go[:3]) == 1
     rng, sample = np.random.default_rng(1), np.empty(3)
     for draws in rng.random((300, DRAWS)):
         draws[k.FIRST_PICK] = 0.5  # row 1 is among those picked
-        assert k.draw_on_the_way(draws, tree, way, SUB_GOAL, SPACE, sample)
+        assert k.draw_ahead(draws, tree, way, SUB_GOAL, SPACE, sample)
         away = math.hypot(*(sample[:2] - tree.state[1, :2]))
         gone = min(200.0, draws[1] * 200.0)
         assert away <= (1.0 + k.SPREAD) * (gone + 25.0 * math.sqrt(2.0)) + 1e-6
@@ -65,7 +63,7 @@ def test_samples_lie_ahead_on_the_way_of_the_node_that_is_farthest_on():
     # Without a spread the samples come round the wall's western end, which is nearer.
     draws = np.zeros(DRAWS)
     draws[1], draws[7], draws[k.FIRST_PICK] = 1.0, 0.5, 0.5
-    k.draw_on_the_way(draws, tree, way, SUB_GOAL, SPACE, sample)
+    k.draw_ahead(draws, tree, way, SUB_GOAL, SPACE, sample)
     assert sample[0] < 510.0 < tree.state[1, 0]
     assert sample[1] > 950.0
 
@@ -73,21 +71,20 @@ def test_samples_lie_ahead_on_the_way_of_the_node_that_is_farthest_on():
 def test_no_sample_where_no_node_has_a_way():
     way = guide([])
     tree = standing_tree((1000.0, 300.0, 200.0))
-    tree.way[0] = math.inf
-    assert not k.draw_on_the_way(np.full(DRAWS, 0.5), tree, way, SUB_GOAL, SPACE, np.empty(3))
+    tree.to_go[0] = math.inf
+    assert not k.draw_ahead(np.full(DRAWS, 0.5), tree, way, SUB_GOAL, SPACE, np.empty(3))
 
 
 def laid(obstacles=(), radars=(), goal=(1350.0, 1350.0, 150.0), **changes):
     exploration = Exploration(problem(obstacles, radars, goal=goal, **changes), np.random.default_rng(1))
     exploration.sense(np.array(exploration.problem.start.position_enu_m))
-    states, controls = np.empty((MAX_STRAIGHT, 6)), np.empty((MAX_STRAIGHT, 3))
-    stats = np.zeros(4, dtype=np.int64)
+    straight, stats = exploration.work.straight, exploration.stats
     sub_goal = np.array(goal)
-    steps = lay_straight_in(
+    steps = greedy_connect(
         exploration.tree, exploration.scene(sub_goal, 60.0), 0, exploration.tree.state[0, :3].copy(), 1e4,
-        sub_goal, np.zeros(0), states, controls, np.empty((32, 2)), stats,
+        sub_goal, straight, stats,
     )  # fmt: skip
-    return steps, states, stats
+    return steps, straight.states, stats
 
 
 def test_a_free_sub_goal_ahead_is_joined_step_by_step():

@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.arrays import NUM_CELLS
+from companion.kernels.arrays import empty_index
 from companion.kernels.geometry import grid_index as b
+from companion.kernels.workspace import empty_nearest
 
 BOUNDS = np.array([0.0, 1000.0, -200.0, 500.0])
 ALL = np.empty(0, dtype=np.int64)
@@ -13,32 +14,25 @@ ALL = np.empty(0, dtype=np.int64)
 
 class Index:
     def __init__(self, capacity):
-        self.cells = np.full(NUM_CELLS**2, -1, dtype=np.int64)
-        self.chain = np.full(capacity, -1, dtype=np.int64)
-        self.places = np.zeros((capacity, 2))
-        self.extent = np.zeros(4, dtype=np.int64)
-        self.filled = np.zeros(1, dtype=np.int64)
+        self.index = empty_index(capacity)
+
+    @property
+    def filled(self):
+        return self.index.filled
 
     def follow(self, rows, n):
-        self.filled[0] = b.follow(
-            self.cells, self.chain, self.places, self.extent, self.filled[0], rows, n, BOUNDS
-        )
+        b.follow(self.index, self.index.filled[0], rows, n, BOUNDS)
 
     def nearest(self, rows, x, y, k, active=ALL):
         """As :func:`nearest_by_cells` finds them, whatever the number of rows."""
-        best, out = np.empty(16), np.empty(16, dtype=np.int64)
-        found = b.nearest_by_cells(
-            self.cells, self.chain, self.places, self.extent, rows, BOUNDS, active, x, y, k, best, out
-        )
-        return out[:found].tolist() if found >= 0 else None
+        near = empty_nearest(16)
+        found = b.nearest_by_cells(self.index, rows, BOUNDS, active, x, y, k, near)
+        return near.rows[:found].tolist() if found >= 0 else None
 
     def ask(self, rows, n, x, y, k, active=ALL):
-        best, out = np.empty(16), np.empty(16, dtype=np.int64)
-        found = b.nearest(
-            self.cells, self.chain, self.places, self.extent, self.filled, 0, rows, n, BOUNDS, active, x, y,
-            k, best, out,
-        )  # fmt: skip
-        return out[:found].tolist()
+        near = empty_nearest(16)
+        found = b.nearest(self.index, rows, n, BOUNDS, active, x, y, k, near)
+        return near.rows[:found].tolist()
 
 
 def by_looking(rows, n, x, y, k, active=ALL):
@@ -71,9 +65,9 @@ def test_the_nearest_by_cells_are_the_nearest_of_all(seed, coarse, k):
         for x, y in rng.uniform(-400.0, 1300.0, (6, 2)):
             assert index.nearest(rows, x, y, k) == by_looking(rows, n, x, y, k)
             assert index.nearest(rows, x, y, k, active) == by_looking(rows, n, x, y, k, active)
-            best, out = np.empty(16), np.empty(16, dtype=np.int64)
-            found = b.nearest_of_all(rows, n, active, x, y, k, best, out)
-            assert out[:found].tolist() == by_looking(rows, n, x, y, k, active)
+            near = empty_nearest(16)
+            found = b.nearest_of_all(rows, n, active, x, y, k, near)
+            assert near.rows[:found].tolist() == by_looking(rows, n, x, y, k, active)
 
 
 def test_a_node_taken_back_and_replaced_is_noticed():

@@ -9,6 +9,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.geometry import prism_distance as g
+from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
 from companion.types.threat import Obstacle
 from tests.support.paths import box, prism_distance
 from tests.support.worlds import is_blocked, packed
@@ -23,6 +24,7 @@ HOOK = Obstacle(
 WEDGE = Obstacle("wedge", np.array([[-150.0, -100.0], [-50.0, 20.0], [-150.0, 120.0]]), 0.0, 120.0)
 WORLD = (HOOK, WEDGE, box("slab", -200.0, -220.0, 220.0, -200.0, 0.0, 60.0))
 PACKED = packed(WORLD)
+PRISMS = prisms_of(PACKED)
 COORDINATE = st.floats(-300.0, 300.0)
 HEIGHT = st.floats(0.0, 160.0)
 POINT = st.tuples(COORDINATE, COORDINATE, HEIGHT)
@@ -100,7 +102,7 @@ def test_points_in_a_polygon_by_hand():
     ],
 )
 def test_lines_by_hand(p, q, blocked):
-    assert g.segment_blocked(*map(float, p), *map(float, q), PACKED) is blocked
+    assert line_blocked(*map(float, p), *map(float, q), PRISMS) is blocked
 
 
 def offset(obstacle, by):
@@ -116,10 +118,10 @@ def offset(obstacle, by):
 @example((-60.0, 90.0, 0.0), (-60.0, 90.0, 100.0))  # upright beside the wedge's slope, in its bounding box
 def test_lines_agree_with_shapely(p, q):
     grown, shrunk = [offset(o, 1e-6) for o in WORLD], [offset(o, -1e-6) for o in WORLD]
-    answer = g.segment_blocked(*p, *q, PACKED)
+    answer = line_blocked(*p, *q, PRISMS)
     assume(is_blocked(p, q, grown) == is_blocked(p, q, shrunk))  # nothing that only just touches
     assert answer == is_blocked(p, q, WORLD)
-    assert answer == g.segment_blocked(*q, *p, PACKED)
+    assert answer == line_blocked(*q, *p, PRISMS)
 
 
 @settings(max_examples=300, deadline=None)

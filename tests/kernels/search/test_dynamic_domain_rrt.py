@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from companion.kernels.aircraft.motion import steer
 from companion.kernels.arrays import empty_tree
+from companion.kernels.search import costs, growth, near_nodes
 from companion.kernels.search import dynamic_domain_rrt as k
+from companion.kernels.workspace import Step, empty_nearest, threat_scene
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats
@@ -57,10 +59,10 @@ def test_samples_are_uniform_in_the_disc():
 def test_turn_cost_by_hand():
     # Flying east: a point to the north is 90° aside; 45° up beside that; down is free; at most π.
     state = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0])
-    assert k.turn_cost(state, 0.0, 100.0, 100.0) == pytest.approx(math.pi / 2.0)
-    assert k.turn_cost(state, 100.0, 0.0, 200.0) == pytest.approx(math.pi / 4.0)
-    assert k.turn_cost(state, 100.0, 0.0, 0.0) == 0.0
-    assert k.turn_cost(state, -100.0, 0.0, 200.0) == pytest.approx(math.pi)
+    assert costs.turn_cost(state, 0.0, 100.0, 100.0) == pytest.approx(math.pi / 2.0)
+    assert costs.turn_cost(state, 100.0, 0.0, 200.0) == pytest.approx(math.pi / 4.0)
+    assert costs.turn_cost(state, 100.0, 0.0, 0.0) == 0.0
+    assert costs.turn_cost(state, -100.0, 0.0, 200.0) == pytest.approx(math.pi)
 
 
 @pytest.mark.parametrize(
@@ -76,8 +78,8 @@ def test_turn_cost_by_hand():
     ],
 )
 def test_domains_by_hand(clear, level, blocked, expected):
-    assert k.domain_radius(clear, level, blocked, SEARCH) == pytest.approx(expected)
-    assert k.domain_radius(clear, level, blocked, SEARCH._replace(use_domain=0)) == math.inf
+    assert growth.domain_radius(clear, level, blocked, SEARCH) == pytest.approx(expected)
+    assert growth.domain_radius(clear, level, blocked, SEARCH._replace(use_domain=0)) == math.inf
 
 
 def grown_tree(rng, n, limits=PLANE):
@@ -91,31 +93,32 @@ def grown_tree(rng, n, limits=PLANE):
     return tree
 
 
+def threats_now(threats=THREATS):
+    return threat_scene(threats, np.zeros((1, 4)), np.zeros(0), threat_model())
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("n", [2, 40, 400])
 def test_the_node_chosen_is_the_cheapest_of_the_k_nearest(seed, n):
     rng = np.random.default_rng(seed)
-    tree, reach, scratch = grown_tree(rng, n), np.zeros(0), np.zeros((32, 2))
+    tree, scene, near = grown_tree(rng, n), threats_now(), empty_nearest(near_nodes.MAX_K)
     tree.active[0] = 1
     q = rng.uniform((-500.0, -500.0, 100.0), (500.0, 500.0, 100.1))
-    chosen = k.choose_node(tree, q, THREATS, reach, threat_model(), SEARCH, 2, scratch)
+    chosen = near_nodes.choose_node(tree, q, SEARCH, 2, scene, near)
     away = np.linalg.norm(tree.state[:n, :3] - q, axis=1)
     away[tree.active[:n] == 0] = np.inf
     num = max(3, math.ceil(math.e * 1.5 * math.log(n)))
-    near = [i for i in np.argsort(away)[:num] if np.isfinite(away[i])]
-    costs = [k.cost_distance(tree, i, *q, THREATS, reach, threat_model(), SEARCH, scratch) for i in near]
-    assert chosen == near[int(np.argmin(costs))]
+    nearest = [i for i in np.argsort(away)[:num] if np.isfinite(away[i])]
+    paid = [costs.cost_distance(tree, i, *q, SEARCH, scene) for i in nearest]
+    assert chosen == nearest[int(np.argmin(paid))]
     plain = SEARCH._replace(use_k_near=0)
-    assert k.choose_node(tree, q, THREATS, reach, threat_model(), plain, 2, scratch) == np.argmin(away)
+    assert near_nodes.choose_node(tree, q, plain, 2, scene, near) == np.argmin(away)
 
 
 def test_no_node_is_chosen_where_none_is_searched():
-    tree = grown_tree(np.random.default_rng(0), 10)
+    tree, near = grown_tree(np.random.default_rng(0), 10), empty_nearest(near_nodes.MAX_K)
     tree.active[:] = 0
-    assert (
-        k.choose_node(tree, np.zeros(3), THREATS, np.zeros(0), threat_model(), SEARCH, 2, np.zeros((32, 2)))
-        == -1
-    )
+    assert near_nodes.choose_node(tree, np.zeros(3), SEARCH, 2, threats_now(), near) == near_nodes.NONE
 
 
 def test_cost_distance_by_hand():
@@ -124,9 +127,7 @@ def test_cost_distance_by_hand():
     tree.count[0] = 1
     tree.state[0] = 500.0, -500.0, 100.0, math.pi / 2.0, 0.0, 25.0
     none = THREATS._replace(known=np.zeros(1, dtype=np.int64))
-    cost = k.cost_distance(
-        tree, 0, 600.0, -500.0, 100.0, none, np.zeros(0), threat_model(), SEARCH, np.zeros((32, 2))
-    )
+    cost = costs.cost_distance(tree, 0, 600.0, -500.0, 100.0, SEARCH, threats_now(none))
     assert cost == pytest.approx(2.0 + 0.05 * math.pi)
 
 
@@ -137,23 +138,23 @@ def outcome_of(
     tree.count[0] = 1
     tree.state[0] = state
     tree.straight[0] = 125.0
-    stats, control, out = np.zeros(4, dtype=np.int64), np.empty(3), np.empty(6)
-    outcome = k.extend(tree, 0, np.array(q), np.array(centre), horizon, obstacles, PLANE, control, out, stats)
-    return outcome, stats[0], out
+    stats, step = np.zeros(4, dtype=np.int64), Step(np.empty(3), np.empty(6))
+    outcome = growth.extend(tree, 0, np.array(q), np.array(centre), horizon, obstacles, PLANE, step, stats)
+    return outcome, stats[0], step.state
 
 
 def test_extensions_and_what_stops_them():
     outcome, checks, out = outcome_of(EMPTY, (300.0, 0.0, 100.0))
-    assert (outcome, checks) == (k.EXTENDED, 1)
+    assert (outcome, checks) == (growth.EXTENDED, 1)
     assert out == pytest.approx([25.0, 0.0, 100.0, 0.0, 0.0, 25.0])
     wall = packed([box("w", 39.0, -50.0, 60.0, 50.0)], BOUNDS)
-    assert outcome_of(wall, (300.0, 0.0, 100.0))[:2] == (k.BLOCKED, 1)
+    assert outcome_of(wall, (300.0, 0.0, 100.0))[:2] == (growth.BLOCKED, 1)
     far = packed([box("w", 40.5, -50.0, 60.0, 50.0)], BOUNDS)
-    assert outcome_of(far, (300.0, 0.0, 100.0))[:2] == (k.EXTENDED, 1)
-    assert outcome_of(EMPTY, (300.0, 0.0, 100.0), horizon=20.0)[:2] == (k.LEFT_HORIZON, 0)
+    assert outcome_of(far, (300.0, 0.0, 100.0))[:2] == (growth.EXTENDED, 1)
+    assert outcome_of(EMPTY, (300.0, 0.0, 100.0), horizon=20.0)[:2] == (growth.LEFT_HORIZON, 0)
     edge = (990.0, 0.0, 100.0, 0.0, 0.0, 25.0)
     assert outcome_of(EMPTY, (1200.0, 0.0, 100.0), centre=(900.0, 0.0, 100.0), state=edge)[:2] == (
-        k.BLOCKED,
+        growth.BLOCKED,
         0,
     )
 
@@ -165,9 +166,10 @@ def test_a_control_that_was_tried_is_not_tried_again():
     tree.straight[0] = 125.0
     tree.parent[1], tree.children[0] = 0, 1
     tree.rate[1] = steer(tree.state[0], 0, 125.0, 100.0, 100.0, 100.0, PLANE)[1:]
-    args = (np.zeros(3) + 100.0, 500.0, EMPTY, PLANE, np.empty(3), np.empty(6), np.zeros(4, dtype=np.int64))
-    assert k.extend(tree, 0, np.array([120.0, 100.0, 100.0]), *args) == k.REPEATED
-    assert k.extend(tree, 0, np.array([120.0, -100.0, 100.0]), *args) == k.EXTENDED
-    assert k.child_by(tree, 0, 0.2, 0.0) == 1
-    assert k.child_by(tree, 0, -0.2, 0.0) == -1
+    step, stats = Step(np.empty(3), np.empty(6)), np.zeros(4, dtype=np.int64)
+    args = (np.zeros(3) + 100.0, 500.0, EMPTY, PLANE, step, stats)
+    assert growth.extend(tree, 0, np.array([120.0, 100.0, 100.0]), *args) == growth.REPEATED
+    assert growth.extend(tree, 0, np.array([120.0, -100.0, 100.0]), *args) == growth.EXTENDED
+    assert growth.child_by(tree, 0, 0.2, 0.0) == 1
+    assert growth.child_by(tree, 0, -0.2, 0.0) == -1
     assert VEHICLE.turn_radius_min_m == 125.0

@@ -1,5 +1,6 @@
 """Joining and splicing of paths: poses, curvature, times, and what may be flown."""
 
+import itertools
 import math
 
 import numpy as np
@@ -11,6 +12,7 @@ from companion.assurance.checker import Checker
 from companion.frames import course_from_direction
 from companion.kernels.aircraft import dubins
 from companion.kernels.search import path_edit as s
+from companion.kernels.workspace import PathRows
 from companion.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box, check_limits, path_of
 from tests.support.worlds import packed
@@ -25,13 +27,13 @@ def rows(capacity=400):
     states, times, rates = np.zeros((capacity, 6)), np.zeros(capacity), np.zeros((capacity, 2))
     states[0] = 0.0, 0.0, 200.0, 0.0, 0.0, 25.0
     times[0] = 10.0
-    return states, times, rates
+    return PathRows(states, times, rates)
 
 
 def joined(goal, capacity=400):
-    states, times, rates = rows(capacity)
-    status, n = s.join(states, times, rates, 1, np.array(goal, dtype=float), LIMITS)
-    return status, n, states, times, rates
+    path = rows(capacity)
+    status, n = s.join(path, 1, np.array(goal, dtype=float), LIMITS)
+    return status, n, *path
 
 
 def as_path(states, times, n):
@@ -110,15 +112,15 @@ def test_what_is_called_flyable_passes_the_independent_checker(x, y, rise, theta
     status, n, states, times, rates = joined((x, y, 200.0 + rise, theta, 0.0, 25.0))
     assume(status == s.JOINED)
     goal = np.array([x2, y2, states[n - 1, 2], theta2, 0.0, 25.0])
-    status, n = s.join(states, times, rates, n, goal, LIMITS)
+    status, n = s.join(PathRows(states, times, rates), n, goal, LIMITS)
     assume(status == s.JOINED)
-    flyable = s.is_flyable(states, times, rates, n, 1, LIMITS)
+    flyable = s.is_flyable(PathRows(states, times, rates), n, 1, LIMITS)
     found = Checker([], check_limits()).check_path(as_path(states, times, n))
     if flyable:
         assert found == ()
     tighter = LIMITS._replace(r_min=200.0)
     if np.abs(rates[1:n, 0]).max() > 25.0 / 200.0 * 1.01:
-        assert not s.is_flyable(states, times, rates, n, 1, tighter)
+        assert not s.is_flyable(PathRows(states, times, rates), n, 1, tighter)
 
 
 def test_flyable_by_hand():
@@ -128,19 +130,19 @@ def test_flyable_by_hand():
         states[k] = states[k - 1] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         times[k] = times[k - 1] + 1.0
     rates[10, 0] = 0.2
-    assert s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
     rates[10, 0] = 0.201
-    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
-    assert s.is_flyable(states, times, rates, 11, 11, LIMITS)  # rows before the first asked for
+    assert not s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
+    assert s.is_flyable(PathRows(states, times, rates), 11, 11, LIMITS)  # rows before the first asked for
     rates[10, 0], rates[3, 0] = 0.1, 0.1  # 150 m of straight flight between the two turns
-    assert s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
     rates[3, 0], rates[6, 0] = 0.0, -0.1  # 75 m
-    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert not s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
     rates[6, 0] = 0.0
     states[7, 4] = 0.2
-    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert not s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
     states[7, 4], states[7, 2] = 0.0, 600.0
-    assert not s.is_flyable(states, times, rates, 11, 1, LIMITS)
+    assert not s.is_flyable(PathRows(states, times, rates), 11, 1, LIMITS)
 
 
 def test_clear_by_hand():
@@ -149,10 +151,10 @@ def test_clear_by_hand():
     states, times, rates = rows(5)
     states[1] = states[0] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     times[1] = 11.0
-    assert s.is_clear(states, rates, times, 1, 2, world, 15.0)
-    assert not s.is_clear(states, rates, times, 1, 2, world, 16.1)
+    assert s.is_clear(PathRows(states, times, rates), 1, 2, world, 15.0)
+    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, 16.1)
     rates[1, 0] = 0.33  # sagitta 25·0.33/8 = 1.03 m
-    assert not s.is_clear(states, rates, times, 1, 2, world, 15.0)
+    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, 15.0)
 
 
 def straight_rows(n):
@@ -160,19 +162,19 @@ def straight_rows(n):
     for k in range(1, n):
         states[k] = states[k - 1] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         times[k] = times[k - 1] + 1.0
-    return states, times, rates
+    return PathRows(states, times, rates)
 
 
 def empty_rows(n):
-    return np.full((n, 6), np.nan), np.full(n, np.nan), np.full((n, 2), np.nan)
+    return PathRows(np.full((n, 6), np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
 
 
 def test_a_splice_keeps_what_comes_before_and_after():
-    states, times, rates = straight_rows(41)
+    states, times, _ = straight = straight_rows(41)
     via = states[20].copy()
     via[1] += 8.0
     out = empty_rows(80)
-    status, m, at = s.splice(states, times, rates, 41, 5, via, True, 35, LIMITS, *out)
+    status, m, at = s.splice(straight, 41, 5, via, True, 35, LIMITS, out)
     assert status == s.JOINED
     assert np.array_equal(out[0][:6], states[:6])
     assert np.array_equal(out[1][:6], times[:6])
@@ -185,19 +187,82 @@ def test_a_splice_keeps_what_comes_before_and_after():
 
 
 def test_a_splice_without_a_via_is_the_straight_line_again():
-    states, times, rates = straight_rows(41)
+    states, times, _ = straight = straight_rows(41)
     out = empty_rows(80)
-    status, m, at = s.splice(states, times, rates, 41, 5, np.zeros(6), False, 35, LIMITS, *out)
+    status, m, at = s.splice(straight, 41, 5, np.zeros(6), False, 35, LIMITS, out)
     assert (status, m, at) == (s.JOINED, 41, 35)
     assert out[0][:m] == pytest.approx(states, abs=1e-6)
     assert out[1][:m] == pytest.approx(times, abs=1e-6)
 
 
 def test_splices_that_fail_say_so():
-    states, times, rates = straight_rows(41)
-    via = states[20].copy()
+    straight = straight_rows(41)
+    via = straight.states[20].copy()
     via[2] += 100.0
-    assert s.splice(states, times, rates, 41, 15, via, True, 25, LIMITS, *empty_rows(80))[0] == s.NOT_FLYABLE
+    assert s.splice(straight, 41, 15, via, True, 25, LIMITS, empty_rows(80))[0] == s.NOT_FLYABLE
     nothing = np.zeros(6)
     tight = empty_rows(38)
-    assert s.splice(states, times, rates, 41, 5, nothing, False, 35, LIMITS, *tight)[0] == s.TOO_LONG
+    assert s.splice(straight, 41, 5, nothing, False, 35, LIMITS, tight)[0] == s.TOO_LONG
+
+
+def test_a_ramp_by_hand():
+    # From level over 0.2 rad back to level, at most 0.1 rad from one angle to the next, in five steps of
+    # 25 m: 0, 0.1, 0.2, 0.2, 0.1, 0. Each step climbs at the mean of its ends' angles:
+    # 25·(tan 0.05 + tan 0.15 + tan 0.2 + tan 0.15 + tan 0.05) = 15.1266 m.
+    angles = np.empty(6)
+    gained = s.ramp(0.2, 0.0, 0.0, 0.1, 5, angles, 25.0)
+    assert angles == pytest.approx([0.0, 0.1, 0.2, 0.2, 0.1, 0.0])
+    assert gained == pytest.approx(15.1266, abs=1e-4)
+    # A top that cannot be had in time: 0, 0.1, 0.2, 0.25 would need the way down as well: 0.1 is the most.
+    assert s.ramp(0.25, 0.0, 0.0, 0.1, 2, angles[:3], 25.0) == pytest.approx(2.0 * 25.0 * math.tan(0.05))
+    assert angles[:3] == pytest.approx([0.0, 0.1, 0.0])
+    # From a climb over a lower top to a descent: each angle is at most 0.1 below the one before.
+    s.ramp(0.0, 0.15, -0.1, 0.1, 4, angles[:5], 25.0)
+    assert angles[:5] == pytest.approx([0.15, 0.05, 0.0, 0.0, -0.1])
+
+
+def test_a_climb_profile_by_hand():
+    # Ten steps of 25 m at 25 m/s: at most 0.1 rad a step. To gain 20 m from level to level, with one step
+    # in and one out at half the angle and eight at the whole: 25·(2·tan(c/2) + 8·tan c) = 20 has
+    # c = 0.0887, for 9·c ≈ 0.8 and tan c ≈ c + c³/3: 0.8 − 8·0.0887³/3 − 2·(0.0887/2)³/3 = 9·0.0887.
+    angles = np.empty(11)
+    assert s.climb_profile(20.0, 0.0, 0.0, 25.0, 10, 25.0, LIMITS, angles)
+    assert angles[1:10] == pytest.approx(np.full(9, 0.0887), abs=1e-4)
+    assert angles[[0, 10]].tolist() == [0.0, 0.0]
+    # Descents mirror climbs.
+    down = np.empty(11)
+    assert s.climb_profile(-20.0, 0.0, 0.0, 25.0, 10, 25.0, LIMITS, down)
+    assert down == pytest.approx(-angles, abs=1e-4)
+    # The steepest there is: 10° = 0.17453 rad in all but the first and last step, reached in two:
+    # 25·(2·tan 0.05 + 2·tan 0.13727 + 6·tan 0.17453) = 35.858 m. 35 m can be gained, 36 m cannot.
+    assert s.climb_profile(35.0, 0.0, 0.0, 25.0, 10, 25.0, LIMITS, angles)
+    assert not s.climb_profile(36.0, 0.0, 0.0, 25.0, 10, 25.0, LIMITS, angles)
+    # One step changes the angle by 0.1 rad and no more.
+    assert not s.climb_profile(0.0, 0.0, 0.11, 25.0, 1, 25.0, LIMITS, angles)
+
+
+CLIMB = st.floats(-0.17, 0.17)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(-60.0, 60.0), CLIMB, CLIMB, st.floats(5.0, 25.0), st.integers(1, 40))
+def test_climb_profiles_gain_the_height_within_angle_and_pitch_rate(rise, start, end, ds, steps):
+    angles = np.full(steps + 1, np.nan)
+    found = s.climb_profile(rise, start, end, ds, steps, 25.0, LIMITS, angles)
+    most = 0.1 * ds / 25.0
+    if found:
+        assert angles[0] == start
+        assert angles[-1] == end
+        assert np.abs(np.diff(angles)).max() <= most + 1e-12
+        assert np.abs(angles).max() <= math.radians(10.0) + 1e-12
+        gained = sum(ds * math.tan(0.5 * (a + b)) for a, b in itertools.pairwise(angles))
+        assert gained == pytest.approx(rise, abs=2e-3)
+        return
+    # Nothing that keeps both limits gains it: by the angle as high, or as low, as they allow at every step.
+    if abs(end - start) > most * steps:
+        return
+    k = np.arange(steps + 1)
+    high = np.minimum(math.radians(10.0), np.minimum(start + most * k, end + most * (steps - k)))
+    low = np.maximum(-math.radians(10.0), np.maximum(start - most * k, end - most * (steps - k)))
+    reach = [sum(ds * np.tan(0.5 * (a[1:] + a[:-1]))) for a in (low, high)]
+    assert rise < reach[0] + 2e-3 or rise > reach[1] - 2e-3

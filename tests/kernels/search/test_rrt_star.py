@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from companion.kernels.arrays import Branches
+from companion.kernels.arrays import empty_branches
+from companion.kernels.search import branches as below_root
 from companion.kernels.search import rrt_star as k
+from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
-from companion.planning.optimise import _branches, _with_last_edge, free_node, rrt_star_route
+from companion.planning.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
 from companion.planning.route import assess_route, path_from_route, route_from_tree
 from companion.planning.solver import _through_goals
 from companion.types.threat import Radar
@@ -34,8 +36,7 @@ def prepared(seed, dimension=2, tracks=()):
     scene = exploration.scene()
     goal = _with_last_edge(exploration, scene, route, end)
     assert goal >= 0
-    branches, goals = _branches(exploration, 0)
-    return exploration, scene, goal, branches, goals
+    return exploration, scene, goal, branches_below(exploration, 0)
 
 
 def below(branches, top):
@@ -70,14 +71,12 @@ def assert_hangs_together(exploration, branches, root):
 @pytest.mark.parametrize("seed", range(4))
 def test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer(seed, dimension):
     tracks = [track(1200.0, 300.0, radius=150.0)] if seed % 2 else []
-    exploration, scene, goal, branches, goals = prepared(seed, dimension, tracks)
+    exploration, scene, goal, branches = prepared(seed, dimension, tracks)
     tree, rng = exploration.tree, np.random.default_rng(seed)
-    costs, stats = [float(tree.cost[goal])], np.zeros(4, dtype=np.int64)
+    costs, work = [float(tree.cost[goal])], exploration.star_work
     total = 0
     for _ in range(6):
-        rewired, pruned = k.improve(
-            tree, branches, scene, 0, goal, goals, rng.random((15, k.STAR_DRAWS)), stats
-        )
+        rewired, pruned = k.rrt_star(tree, branches, scene, 0, goal, rng.random((15, k.STAR_DRAWS)), work)
         assert pruned >= 0
         total += rewired
         costs.append(float(tree.cost[goal]))
@@ -99,21 +98,20 @@ def chain(exploration, goal):
 
 
 def test_upper_bounds_are_what_is_left_to_pay():
-    exploration, scene, goal, branches, _ = prepared(1)
+    exploration, scene, goal, branches = prepared(1)
     tree, path = exploration.tree, np.array(chain(exploration, goal))
-    reach = scene.pursuers.model[:, 1].copy()
-    stack = np.empty(len(tree.parent), dtype=np.int64)
-    k.tighten(tree, branches, scene, path, len(path), reach, np.empty((32, 2)), stack)
+    work = exploration.star_work
+    k.prune_by_bounds(tree, branches, scene, path, len(path), work)
     assert branches.upper[path] == pytest.approx(tree.cost[goal] - tree.cost[path])
     # A second time nothing falls, and nothing more is pruned.
-    assert k.tighten(tree, branches, scene, path, len(path), reach, np.empty((32, 2)), stack) == 0
+    assert k.prune_by_bounds(tree, branches, scene, path, len(path), work) == 0
 
 
 def test_a_branch_whose_lower_bound_is_above_the_upper_goes_with_all_below_it():
     # UB of the third waypoint from the goal is what its two edges cost. A branch from it that flies away
     # and has LB = D_C to the goal above that goes; brought to the goal's door, it stays.
     for far in (True, False):
-        exploration, scene, goal, branches, _ = prepared(2)
+        exploration, scene, goal, branches = prepared(2)
         tree, path = exploration.tree, np.array(chain(exploration, goal))
         up = int(path[2])
         known = set(below(branches, 0))
@@ -127,10 +125,8 @@ def test_a_branch_whose_lower_bound_is_above_the_upper_goes_with_all_below_it():
             tree.children[i] = 0
             tree.cost[i], tree.time[i] = tree.cost[parent] + 0.01, tree.time[parent] + 1.0
             branches.first[i] = -1
-            k.hang(tree, branches, i)
-        stack = np.empty(len(tree.parent), dtype=np.int64)
-        reach = scene.pursuers.model[:, 1].copy()
-        removed = k.tighten(tree, branches, scene, path, len(path), reach, np.empty((32, 2)), stack)
+            below_root.attach_child(tree, branches, i)
+        removed = k.prune_by_bounds(tree, branches, scene, path, len(path), exploration.star_work)
         left = set(below(branches, 0))
         assert {branch, branch + 1} & left == (set() if far else {branch, branch + 1})
         assert tree.active[branch] == (0 if far else 1)
@@ -140,36 +136,31 @@ def test_a_branch_whose_lower_bound_is_above_the_upper_goes_with_all_below_it():
 
 def test_goals_are_passed_in_order():
     goals = np.array([[100.0, 0.0, 50.0, 20.0], [200.0, 0.0, 50.0, 20.0]])
-    assert k.next_stage(0, 110.0, 0.0, 50.0, goals) == 1
-    assert k.next_stage(0, 200.0, 0.0, 50.0, goals) == 0  # the second before the first
-    assert k.next_stage(1, 200.0, 19.0, 50.0, goals) == 2
-    assert k.next_stage(1, 200.0, 0.0, 75.0, goals) == 1  # 25 m above
-    assert k.next_stage(2, 100.0, 0.0, 50.0, goals) == 2
+    assert below_root.next_stage(0, 110.0, 0.0, 50.0, goals) == 1
+    assert below_root.next_stage(0, 200.0, 0.0, 50.0, goals) == 0  # the second before the first
+    assert below_root.next_stage(1, 200.0, 19.0, 50.0, goals) == 2
+    assert below_root.next_stage(1, 200.0, 0.0, 75.0, goals) == 1  # 25 m above
+    assert below_root.next_stage(2, 100.0, 0.0, 50.0, goals) == 2
 
 
 def small_family():
     """A root with children 1 and 2; 3 below 1."""
-    branches = Branches(
-        np.full(5, -1, dtype=np.int64),
-        np.full(5, -1, dtype=np.int64),
-        np.zeros(5),
-        np.zeros(5, dtype=np.int64),
-    )
+    branches = empty_branches(5, np.empty((0, 4)))
     exploration, _, _ = searched(0)
     tree = exploration.tree
     tree.parent[:4], tree.children[:4] = (-1, 0, 0, 1), (2, 1, 0, 0)
     for i in (1, 2, 3):
-        k.hang(tree, branches, i)
+        below_root.attach_child(tree, branches, i)
     return tree, branches
 
 
-def test_nodes_are_hung_up_and_taken_down():
+def test_nodes_are_attached_and_detached():
     tree, branches = small_family()
     assert sorted(below(branches, 0)) == [1, 2, 3]
-    k.take_down(tree, branches, 1)
+    below_root.detach_child(tree, branches, 1)
     assert below(branches, 0) == [2]
     assert tree.children[0] == 1
-    k.take_down(tree, branches, 2)
+    below_root.detach_child(tree, branches, 2)
     assert below(branches, 0) == []
 
 
@@ -194,22 +185,22 @@ def test_root_r_is_the_first_waypoint_not_reached_in_time():
 
 
 def test_a_lower_bound_is_below_the_cost_of_every_edge():
-    exploration, scene, _, _, _ = prepared(1, dimension=3)
+    exploration, scene, _, _ = prepared(1, dimension=3)
     tree, stats = exploration.tree, np.zeros(4, dtype=np.int64)
-    rows = np.empty((128, 6)), np.empty(128), np.empty((128, 2))
+    rows = empty_rows(128)
     laid = 0
     rng = np.random.default_rng(5)
     for a, b in rng.integers(0, tree.count[0], (600, 2)):
-        n = k.lay_edge(tree, scene, a, b, *rows, stats)
+        n = k.lay_edge(tree, scene, a, b, rows, stats)
         if n:
             laid += 1
-            steps = np.linalg.norm(np.diff(rows[0][:n, :3], axis=0), axis=1)
+            steps = np.linalg.norm(np.diff(rows.states[:n, :3], axis=0), axis=1)
             length_cost = 0.5 * steps.sum() / scene.search.unit
             assert k.lower_bound(tree.state[a], tree.state[b], scene, np.empty(3)) <= length_cost + 1e-9
             # The Dubins edge ends in the pose of b, heading and climb angle included.
-            assert rows[0][n - 1, :3] == pytest.approx(tree.state[b, :3], abs=1e-3)
-            assert math.remainder(rows[0][n - 1, 3] - tree.state[b, 3], 2 * math.pi) == pytest.approx(
+            assert rows.states[n - 1, :3] == pytest.approx(tree.state[b, :3], abs=1e-3)
+            assert math.remainder(rows.states[n - 1, 3] - tree.state[b, 3], 2 * math.pi) == pytest.approx(
                 0.0, abs=1e-6
             )
-            assert rows[0][n - 1, 4] == tree.state[b, 4]
+            assert rows.states[n - 1, 4] == tree.state[b, 4]
     assert laid > 20

@@ -1,4 +1,4 @@
-"""Sub-goal costs (4)–(6) by hand, and the way round obstacles against Dijkstra."""
+"""Sub-goal costs (4)–(6) by hand, and the distance field against Dijkstra."""
 
 import math
 
@@ -7,15 +7,15 @@ import pytest
 from scipy.sparse import lil_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from companion.kernels.arrays import Threats
-from companion.kernels.geometry.distance_field import spread_wave
+from companion.kernels.arrays import Guide, Threats, empty_pursuers
+from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search import sub_goals as sg
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats
 from tests.support.paths import box
-from tests.support.worlds import packed, threat_model
+from tests.support.worlds import packed, scene_of
 
 BOUNDS = (-1000.0, 1000.0, -1000.0, 1000.0, 0.0, 300.0)
 LIMITS = VehicleModel().limits(2, BOUNDS, 15.0, 1.0)
@@ -31,12 +31,14 @@ CIRCLE = [(500.0 * math.cos(a), 500.0 * math.sin(a), 100.0) for a in np.radians(
 def scored(points, *, obstacles=EMPTY, threats=NO_RADARS, dts=(), elapsed=0.0, limits=LIMITS, level_max=0.5,
            weights=WEIGHTS, goal=GOAL, end=END):  # fmt: skip
     points = np.array(points, dtype=float)
-    costs, reasons = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
-    sg.score(
-        points, end, goal, elapsed, obstacles, threats, np.array(dts, dtype=float).reshape(-1, 5),
-        threat_model(), limits, GAMMA, weights, level_max, costs, reasons,
-    )  # fmt: skip
-    return costs, reasons
+    candidates = sg.Candidates(points, np.empty(len(points)), np.empty(len(points), dtype=np.int64))
+    movers = np.array(dts, dtype=float).reshape(-1, 5)  # x y z, speed, RD_max
+    models = np.column_stack([movers[:, 3:], np.zeros((len(movers), 3))])
+    pursuers = empty_pursuers(1, models, np.array(BOUNDS))
+    pursuers.position[:, 0] = movers[:, :3]
+    scene = scene_of(limits, obstacles=obstacles, threats=threats, pursuers=pursuers)
+    sg.score(candidates, end, goal, elapsed, sg.SubGoalWeights(GAMMA, weights, level_max), scene)
+    return candidates.costs, candidates.reasons
 
 
 def test_costs_by_hand_without_anything_in_the_way():
@@ -131,23 +133,13 @@ def test_on_the_way_by_hand(above, flat, fine):
     assert sg.is_on_the_way(above, flat, LIMITS) is True
 
 
-def test_the_way_round_obstacles_agrees_with_dijkstra():
+def test_the_distance_field_agrees_with_dijkstra():
     world = packed([box("a", 100.0, -250.0, 140.0, 300.0), box("b", -300.0, 120.0, 60.0, 150.0)], BOUNDS)
     n, radius, margin = 33, 400.0, 15.0
-    wave = np.empty((n, n))
-    spread_wave(
-        0.0,
-        0.0,
-        100.0,
-        radius,
-        margin,
-        np.array(BOUNDS),
-        world,
-        np.array([-radius, -radius]),
-        2.0 * radius / (n - 1),
-        wave,
-    )
     cell = 2.0 * radius / (n - 1)
+    guide = Guide(np.empty((n, n)), np.array([-radius, -radius]), cell, 0.0, 0.0)
+    fill_distance_field(np.array([0.0, 0.0, 100.0]), radius, margin, np.array(BOUNDS), world, guide)
+    field = guide.field
     centre = np.arange(n) * cell - radius
     free = np.array(
         [
@@ -165,6 +157,6 @@ def test_the_way_round_obstacles_agrees_with_dijkstra():
             if 0 <= a < n and 0 <= b < n and free[a, b]:
                 graph[i * n + j, a * n + b] = cell * math.hypot(di, dj)
     expected = dijkstra(graph.tocsr(), directed=False, indices=(n // 2) * n + n // 2).reshape(n, n)
-    assert wave == pytest.approx(expected)
-    assert np.isinf(wave[free == 0]).all()
-    assert wave[np.isfinite(wave)].max() > 1.3 * radius  # there was something to go round
+    assert field == pytest.approx(expected)
+    assert np.isinf(field[free == 0]).all()
+    assert field[np.isfinite(field)].max() > 1.3 * radius  # there was something to go round

@@ -8,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.threat import fuzzy_threat as t
+from companion.kernels.workspace import threat_scene
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box
@@ -21,6 +22,7 @@ RADARS = (
 )
 EMPTY = packed([])
 THREATS = packed_threats(RADARS, EMPTY, BOUNDS)
+ONE_RADAR = packed_threats(RADARS[:1], EMPTY, BOUNDS)
 NO_DTS, NO_REACH = np.zeros((1, 4)), np.zeros(0)
 UNIT_INTERVAL = st.floats(0.0, 1.0)
 
@@ -91,13 +93,19 @@ def test_membership_by_hand():
 
 def test_non_membership_by_hand():
     # v = 25: share sin(π·12.5/50) = sin 45° = 0.707107; flying away (α = π): sin² 90° = 1; abeam: ½.
-    model = threat_model()
-    assert t.non_membership(25.0, math.pi, model) == pytest.approx(0.7071067812)
-    assert t.non_membership(25.0, math.pi / 2.0, model) == pytest.approx(0.3535533906)
-    assert t.non_membership(37.5, math.pi, model) == pytest.approx(1.0)
-    assert t.non_membership(24.9, math.pi, model) == 0.0
-    assert t.non_membership(37.5, 0.0, model) == 0.0
-    assert t.non_membership(37.5, math.pi, threat_model(PROBABILISTIC)) == 0.0
+    # At once in one radar, with CF = 1 − 1/1.7: ν = CF·share·sin²(α/2).
+    cf = 1.0 - 1.0 / 1.7
+
+    def nu(v, theta, form=SHIFTED):
+        scene = threat_scene(ONE_RADAR, NO_DTS, NO_REACH, threat_model(form))
+        return t.point_threat(0.0, 480.0, 0.0, theta, 0.0, v, 0.0, scene)[1]  # the radar is 480 m south
+
+    assert nu(25.0, math.pi / 2.0) == pytest.approx(cf * 0.7071067812)
+    assert nu(25.0, 0.0) == pytest.approx(cf * 0.3535533906)
+    assert nu(37.5, 0.0) == pytest.approx(cf * 0.5)
+    assert nu(37.5, -math.pi / 2.0) == pytest.approx(0.0, abs=1e-12)
+    assert nu(24.9, math.pi / 2.0) == 0.0
+    assert nu(37.5, math.pi / 2.0, PROBABILISTIC) == 0.0
 
 
 def test_certainty_by_hand():
@@ -154,17 +162,17 @@ DIRECTION = st.floats(-math.pi, math.pi)
 def test_the_threat_at_a_state_agrees_with_the_paper(x, y, z, theta, phi, v, delta):
     velocity = np.array([math.cos(phi) * math.cos(theta), math.cos(phi) * math.sin(theta), math.sin(phi)])
     expected = oracle_point(oracle_pairs((x, y, z), velocity, v), delta)
-    scratch = np.zeros((t.MAX_THREATS, 2))
-    answer = t.point_threat(x, y, z, theta, phi, v, delta, THREATS, NO_DTS, NO_REACH, threat_model(), scratch)
+    answer = t.point_threat(
+        x, y, z, theta, phi, v, delta, threat_scene(THREATS, NO_DTS, NO_REACH, threat_model())
+    )
     assert answer == pytest.approx(expected, abs=1e-7)
 
 
 def test_only_known_radars_count():
-    scratch = np.zeros((t.MAX_THREATS, 2))
     unknown = THREATS._replace(known=np.zeros(3, dtype=np.int64))
     state = (10.0, 0.0, 100.0, 0.0, 0.0, 20.0, 0.0)
-    assert t.point_threat(*state, unknown, NO_DTS, NO_REACH, threat_model(), scratch) == (0.0, 0.0)
-    assert t.point_threat(*state, THREATS, NO_DTS, NO_REACH, threat_model(), scratch)[0] > 0.3
+    assert t.point_threat(*state, threat_scene(unknown, NO_DTS, NO_REACH, threat_model())) == (0.0, 0.0)
+    assert t.point_threat(*state, threat_scene(THREATS, NO_DTS, NO_REACH, threat_model()))[0] > 0.3
 
 
 def test_a_moving_threat_counts_only_where_it_can_be():
@@ -172,11 +180,10 @@ def test_a_moving_threat_counts_only_where_it_can_be():
     points, reach = np.array([[300.0, 500.0, 0.0, 1.0]]), np.array([200.0])
     none = THREATS._replace(known=np.zeros(3, dtype=np.int64))
     state = (300.0, 400.0, 0.0, 0.0, 0.0, 20.0, 0.0)
-    scratch = np.zeros((t.MAX_THREATS, 2))
-    mu, _ = t.point_threat(*state, none, points, reach, threat_model(), scratch)
+    mu, _ = t.point_threat(*state, threat_scene(none, points, reach, threat_model()))
     assert mu == pytest.approx((1.0 - 1.0 / 1.7) * math.exp(-1.0 / 16.0))
     points[0, 3] = 0.0
-    assert t.point_threat(*state, none, points, reach, threat_model(), scratch) == (0.0, 0.0)
+    assert t.point_threat(*state, threat_scene(none, points, reach, threat_model())) == (0.0, 0.0)
 
 
 def test_the_level_of_a_node_is_the_mean_over_its_particles():
@@ -186,10 +193,8 @@ def test_the_level_of_a_node_is_the_mean_over_its_particles():
     factor = np.linalg.cholesky(covariance)
     state = np.array([230.0, -150.0, 120.0, 0.4, 0.05, 30.0])
     velocity = np.array([math.cos(0.05) * math.cos(0.4), math.cos(0.05) * math.sin(0.4), math.sin(0.05)])
-    scratch = np.zeros((t.MAX_THREATS, 2))
-    mean = t.node_threat(
-        state, factor, 0.4, THREATS, NO_DTS, NO_REACH, threat_model(), normals, scratch, levels
-    )
+    scene = threat_scene(THREATS, NO_DTS, NO_REACH, threat_model())
+    mean = t.node_threat(state, factor, 0.4, normals, levels, scene)
     expected = []
     for normal in normals:
         mu, nu = oracle_point(oracle_pairs(state[:3] + factor @ normal, velocity, 30.0), 0.4)
@@ -210,8 +215,8 @@ def test_the_level_of_an_edge_is_ifwa_over_eleven_points_and_between_its_extreme
     pairs = [oracle_point(oracle_pairs(p + k / 11.0 * (q - p), velocity, v), delta) for k in range(1, 12)]
     mu = 1.0 - np.prod([(1.0 - m) ** (1.0 / 11.0) for m, _ in pairs])
     nu = np.prod([n ** (1.0 / 11.0) for _, n in pairs])
-    scratch = np.zeros((t.MAX_THREATS, 2))
-    level = t.line_threat(*p, *q, v, delta, THREATS, NO_DTS, NO_REACH, threat_model(), 10, scratch)
+    scene = threat_scene(THREATS, NO_DTS, NO_REACH, threat_model())
+    level = t.line_threat(p, *q, v, delta, 10, scene)
     assert level == pytest.approx(max(mu - nu, 0.0), abs=1e-7)
     least, most = min(m for m, _ in pairs), max(m for m, _ in pairs)
     highest = max(0.0, most - min(n for _, n in pairs))  # a level is never below 0
@@ -268,15 +273,13 @@ OPEN = packed_threats(RADARS[:1], EMPTY, BOUNDS)
 @settings(max_examples=200, deadline=None)
 @given(COORDINATE, COORDINATE, st.floats(0.0, 250.0), DIRECTION, st.floats(12.5, 37.5))
 def test_masking_only_lowers_the_membership(x, y, z, theta, v):
-    scratch = np.zeros((t.MAX_THREATS, 2))
     args = (x, y, z, theta, 0.0, v, 0.3)
-    masked = t.point_threat(*args, MASKED, NO_DTS, NO_REACH, threat_model(), scratch)
-    seen = t.point_threat(*args, OPEN, NO_DTS, NO_REACH, threat_model(), scratch)
+    masked = t.point_threat(*args, threat_scene(MASKED, NO_DTS, NO_REACH, threat_model()))
+    seen = t.point_threat(*args, threat_scene(OPEN, NO_DTS, NO_REACH, threat_model()))
     assert masked in (seen, (0.0, 0.0))
 
 
 def test_masking_is_complete_behind_a_wall():
-    scratch = np.zeros((t.MAX_THREATS, 2))
     args = (200.0, 0.0, 50.0, 0.0, 0.0, 20.0, 0.3)  # the line to it is at 12.5 to 20 m in the wall
-    assert t.point_threat(*args, OPEN, NO_DTS, NO_REACH, threat_model(), scratch)[0] > 0.3
-    assert t.point_threat(*args, MASKED, NO_DTS, NO_REACH, threat_model(), scratch) == (0.0, 0.0)
+    assert t.point_threat(*args, threat_scene(OPEN, NO_DTS, NO_REACH, threat_model()))[0] > 0.3
+    assert t.point_threat(*args, threat_scene(MASKED, NO_DTS, NO_REACH, threat_model())) == (0.0, 0.0)

@@ -12,7 +12,8 @@ from companion.kernels.arrays import empty_pursuers, empty_tree
 from companion.kernels.geometry.line_of_sight import prisms_of
 from companion.kernels.threat import reachability as r
 from companion.kernels.threat.intercept import AIR_CLIMB
-from companion.kernels.threat.threat_tree import drivers_of, re_root
+from companion.kernels.threat.threat_tree import re_root, threat_trees_of
+from companion.kernels.workspace import reach_scratch
 from companion.world.pursuer_trees import STEP_S, observe, threat_trees
 from tests.support.paths import box
 from tests.support.worlds import is_blocked, packed, track
@@ -37,10 +38,11 @@ def pursuers_at(x, y, heading, *, time=0.0, airborne=0.0, speed=SPEED, up=0.0, c
     return trees
 
 
-def ask(trees, x, y, z, time, j=0):
-    boundary, estimate = np.zeros(2), np.zeros(3)
-    answer = r.is_reachable(trees, 0, j, x, y, z, time, PACKED, boundary, estimate)
-    return answer, boundary, estimate
+def ask(trees, x, y, z, time, j=0, d=0):
+    """Whether the place is reachable; q_B, and the DT's nearest position."""
+    out = np.zeros(6)
+    answer = r.gets_to(threat_trees_of(trees), d, j, x, y, z, time, PRISMS, out)
+    return answer, out[:2], out[3:]
 
 
 def test_reachable_by_hand():
@@ -121,13 +123,18 @@ def test_reachable_agrees_with_the_definition(x0, y0, heading, x, y, z, slack):
         assert math.hypot(estimate[0] - x0, estimate[1] - y0) <= SPEED * slack + 1e-6
 
 
+def nearest(trees, x, y, k):
+    scratch = reach_scratch()
+    found = r.near_pursuer_nodes(trees, 0, x, y, k, scratch.everything, scratch.near)
+    return scratch.near.rows[:found]
+
+
 def grown(seed, n=60):
     rng = np.random.default_rng(seed)
     trees = pursuers_at(-250.0, -250.0, 0.3, capacity=400)
     for x, y in rng.uniform(-580.0, 580.0, (n, 2)):
-        near = np.empty(r.MAX_NEAR, dtype=np.int64)
-        r.near_pursuer_nodes(trees, 0, x, y, 1, near)
-        r.connect(drivers_of(trees), 0, near[0], x, y, 0.0, bool(rng.random() < 0.3), PRISMS)
+        near = nearest(trees, x, y, 1)
+        r.connect(threat_trees_of(trees), 0, near[0], x, y, 0.0, bool(rng.random() < 0.3), PRISMS)
     return trees
 
 
@@ -158,7 +165,7 @@ def test_a_new_observation_leaves_no_orphan_and_stamps_grow(seed):
     before = trees.position[0, : trees.count[0]].copy()
     stamps = trees.time[0, : trees.count[0]].copy()
     for n in range(1, 4):
-        re_root(trees, 0, -250.0 + 30.0 * n, -240.0, 0.0, 0.2, 2.0 * n, 40.0, False, PACKED)
+        re_root(trees, 0, (-250.0 + 30.0 * n, -240.0, 0.0), 0.2, 2.0 * n, 40.0, False, PACKED)
         assert trees.position[0, 0] == pytest.approx([-250.0 + 30.0 * n, -240.0, 0.0])
         assert trees.time[0, 0] == 2.0 * n
         assert trees.parent[0, 1] == 0
@@ -173,10 +180,10 @@ def test_a_new_observation_leaves_no_orphan_and_stamps_grow(seed):
 
 def test_a_root_in_front_of_a_wall_has_a_shorter_first_step():
     trees = pursuers_at(0.0, 0.0, 0.0)
-    re_root(trees, 0, -25.0, 0.0, 0.0, 0.0, 1.0, 40.0, False, PACKED)  # the wall is 25 m ahead
+    re_root(trees, 0, (-25.0, 0.0, 0.0), 0.0, 1.0, 40.0, False, PACKED)  # the wall is 25 m ahead
     assert trees.count[0] == 2
     assert trees.position[0, 1, 0] == pytest.approx(-5.0)
-    re_root(trees, 0, -1.0, 0.0, 0.0, 0.0, 2.0, 40.0, False, PACKED)
+    re_root(trees, 0, (-1.0, 0.0, 0.0), 0.0, 2.0, 40.0, False, PACKED)
     assert trees.count[0] == 1
 
 
@@ -211,13 +218,13 @@ def test_every_estimator_finds_only_what_can_be_reached(kind):
     points = np.column_stack([np.linspace(-400.0, 400.0, 30), np.full(30, -350.0), np.full(30, 100.0)])
     times = np.linspace(0.0, 40.0, 30)
     tree, trees = path_tree(points, times), pursuers_at(-500.0, -100.0, -1.0, speed=30.0, capacity=800)
-    changed = np.empty(4 * r.MAX_NEAR, dtype=np.int64)
+    scratch = reach_scratch()
     for _ in range(20):
         for i in range(30):
             num = r.estimate_reachability(
-                tree, trees, i, kind, 0.5, 3, np.array(BOUNDS), rng.random(3), PACKED, changed
+                tree, trees, i, r.Estimator(kind, 0.5, 3), np.array(BOUNDS), rng.random(3), PACKED, scratch
             )
-            assert set(changed[:num]) <= set(range(30))
+            assert set(scratch.changed[:num]) <= set(range(30))
     reached = tree.threat_point[:30, 0, 3] > 0.0
     assert reached.any()
     assert not reached.all()  # the first nodes are passed before it can be there
@@ -237,10 +244,10 @@ def test_what_a_threat_reaches_by_driving_straight_is_found():
     times, rng = np.linspace(0.0, 40.0, 30), np.random.default_rng(4)
     tree, trees = path_tree(points, times), pursuers_at(-500.0, -100.0, -1.0, speed=30.0, capacity=800)
     straight = [ask(trees, *points[i], times[i])[0] for i in range(30)]
-    changed = np.empty(4 * r.MAX_NEAR, dtype=np.int64)
+    scratch = reach_scratch()
     for i in range(30):
         r.estimate_reachability(
-            tree, trees, i, r.EX_RRT, 0.5, 3, np.array(BOUNDS), rng.random(3), PACKED, changed
+            tree, trees, i, r.Estimator(r.EX_RRT, 0.5, 3), np.array(BOUNDS), rng.random(3), PACKED, scratch
         )
     assert straight == [False] * 5 + [True] * 25
     assert (tree.threat_point[:30, 0, 3] > 0.0)[5:].all()
@@ -249,12 +256,11 @@ def test_what_a_threat_reaches_by_driving_straight_is_found():
 
 def test_the_nearest_nodes_come_by_rising_time():
     trees = grown(1)
-    near = np.empty(r.MAX_NEAR, dtype=np.int64)
-    found = r.near_pursuer_nodes(trees, 0, 100.0, -300.0, 5, near)
+    near = nearest(trees, 100.0, -300.0, 5)
     away = np.hypot(*(trees.position[0, : trees.count[0], :2] - (100.0, -300.0)).T)
-    assert found == 5
-    assert set(near[:5]) == set(np.argsort(away, kind="stable")[:5])
-    assert np.all(np.diff(trees.time[0, near[:5]]) >= 0.0)
+    assert len(near) == 5
+    assert set(near) == set(np.argsort(away, kind="stable")[:5])
+    assert np.all(np.diff(trees.time[0, near]) >= 0.0)
 
 
 def test_waiting_at_the_boundary_is_left_as_far_as_the_way_is_free_and_the_node_is_seen():
@@ -297,9 +303,9 @@ def test_the_estimate_is_the_nearest_place_on_the_way_but_for_the_last_halving(x
 
 def test_airborne_threats_fly_over_what_stops_ground_vehicles():
     ground, air = pursuers_at(-200.0, 0.0, 0.0), pursuers_at(-200.0, 0.0, 0.0, airborne=1.0, up=100.0)
-    assert r.connect(drivers_of(ground), 0, 0, 300.0, 0.0, 100.0, True, PRISMS) > 0
+    assert r.connect(threat_trees_of(ground), 0, 0, 300.0, 0.0, 100.0, True, PRISMS) > 0
     assert ground.position[0, : ground.count[0], 0].max() <= 0.0
-    r.connect(drivers_of(air), 0, 0, 300.0, 0.0, 100.0, True, PRISMS)
+    r.connect(threat_trees_of(air), 0, 0, 300.0, 0.0, 100.0, True, PRISMS)
     assert air.position[0, : air.count[0], 0].max() == pytest.approx(300.0)
 
 
@@ -394,12 +400,19 @@ def test_several_threats_are_told_apart_and_each_counts():
     points = np.column_stack([np.full(40, -300.0), np.linspace(-500.0, 500.0, 40), np.full(40, 100.0)])
     times = np.linspace(0.0, 40.0, 40)
     tree = path_tree(points, times, num_threats=3)
-    changed = np.empty(4 * r.MAX_NEAR, dtype=np.int64)
+    scratch = reach_scratch()
     rng = np.random.default_rng(8)
     for _ in range(30):
         for i in range(40):
             r.estimate_reachability(
-                tree, trees, i, r.EX_RRT, 0.5, 3, np.array(BOUNDS), rng.random(3), PACKED, changed
+                tree,
+                trees,
+                i,
+                r.Estimator(r.EX_RRT, 0.5, 3),
+                np.array(BOUNDS),
+                rng.random(3),
+                PACKED,
+                scratch,
             )
     for d in range(3):
         found = tree.threat_point[:40, d, 3] > 0.0
@@ -423,15 +436,12 @@ def test_positions_along_a_path_are_the_nearest_over_all_ways():
     tracks = [track(-400.0, -300.0, velocity=(10.0, 0.0)), track(300.0, 400.0, airborne=True, up=150.0)]
     trees = threat_trees(tracks, PACKED, None, BOUNDS)
     out, found = np.empty((2, 4)), 0
-    boundary, estimate = np.zeros(2), np.zeros(3)
+    scratch = reach_scratch()
     for x, y, z, time in rng.uniform((-500.0, -500.0, 20.0, 0.0), (500.0, 500.0, 200.0, 60.0), (150, 4)):
-        r.dt_positions(trees, x, y, z, time, 3, PACKED, out)
+        r.dt_positions(trees, x, y, z, time, 3, PACKED, out, scratch)
         for d in range(2):
-            through = [  # every node of the tree is asked
-                math.dist(estimate, (x, y, z))
-                for j in range(trees.count[d])
-                if r.is_reachable(trees, d, j, x, y, z, time, PACKED, boundary, estimate)
-            ]
+            asked = [ask(trees, x, y, z, time, j, d) for j in range(trees.count[d])]  # every node
+            through = [math.dist(estimate, (x, y, z)) for answer, _, estimate in asked if answer]
             assert not (out[d, 3] > 0.0 and not through)
             if not through:
                 continue
@@ -446,5 +456,5 @@ def test_positions_along_a_path_are_the_nearest_over_all_ways():
 def test_without_threats_nothing_is_estimated():
     trees = empty_pursuers(10, np.empty((0, 5)), np.array(BOUNDS))
     out = np.zeros((1, 4))
-    r.dt_positions(trees, 0.0, 0.0, 0.0, 5.0, 3, PACKED, out)
+    r.dt_positions(trees, 0.0, 0.0, 0.0, 5.0, 3, PACKED, out, reach_scratch())
     assert not out.any()

@@ -58,7 +58,7 @@ def test_the_way_round_a_wall_by_hand():
     # From (-30, 0) to behind a wall of 200 m: over its end at (-3/√2, 100 + 3/√2), then (30 + 3/√2, ...).
     world = packed((box("w", 0.0, -100.0, 30.0, 100.0),), BOUNDS)
     trees = pursuers_at(-30.0, 0.0, math.pi / 2.0)
-    d.re_root(trees, 0, -30.0, 0.0, 0.0, math.pi / 2.0, 5.0, 0.0, True, world)
+    d.re_root(trees, 0, (-30.0, 0.0, 0.0), math.pi / 2.0, 5.0, 0.0, True, world)
     assert trees.corners[0].tolist() == [1, 4]
     a = 3.0 / math.sqrt(2.0)
     near = math.hypot(30.0 - a, 100.0 + a)
@@ -67,13 +67,13 @@ def test_the_way_round_a_wall_by_hand():
     )
     assert (np.diff(trees.time[0, 1:5]) >= 0.0).all()
     # The place (60, 90) is hidden from the corner before the wall by its end, not from the one behind it.
-    row = d.corner_towards(d.drivers_of(trees), trees.corners, 0, 60.0, 90.0, prisms_of(world))
+    row = d.corner_towards(d.threat_trees_of(trees), trees.corners, 0, 60.0, 90.0, prisms_of(world))
     assert trees.position[0, row, :2] == pytest.approx([30.0 + a, 100.0 + a])
     # Airborne threats fly over; for them there are no corners, nor without being asked for.
     air = pursuers_at(-30.0, 0.0, airborne=1.0, up=50.0)
-    d.re_root(air, 0, -30.0, 0.0, 50.0, 0.0, 5.0, 0.0, True, world)
+    d.re_root(air, 0, (-30.0, 0.0, 50.0), 0.0, 5.0, 0.0, True, world)
     assert air.corners[0, 1] == 0
-    d.re_root(trees, 0, -30.0, 0.0, 0.0, 0.0, 6.0, 0.0, False, world)
+    d.re_root(trees, 0, (-30.0, 0.0, 0.0), 0.0, 6.0, 0.0, False, world)
     assert trees.corners[0, 1] == 0
 
 
@@ -92,7 +92,7 @@ def test_corners_are_reached_by_shortest_ways(seed):
         return
     world = packed(boxes, BOUNDS)
     trees = pursuers_at(*start)
-    d.re_root(trees, 0, *start, 0.0, 0.0, 0.0, 0.0, True, world)
+    d.re_root(trees, 0, (*start, 0.0), 0.0, 0.0, 0.0, True, world)
     first, num = trees.corners[0]
     found = trees.position[0, first : first + num, :2]
     places = np.empty((d.MAX_CORNERS, 2))
@@ -119,7 +119,7 @@ def test_corners_are_reached_by_shortest_ways(seed):
             for j in range(first, first + num)
             if not is_blocked(trees.position[0, j], (x, y, 0.0), boxes)
         ]
-        row = d.corner_towards(d.drivers_of(trees), trees.corners, 0, x, y, prisms_of(world))
+        row = d.corner_towards(d.threat_trees_of(trees), trees.corners, 0, x, y, prisms_of(world))
         assert (row >= 0) == bool(through)
         if through:
             at = trees.time[0, row] + math.dist(trees.position[0, row, :2], (x, y)) / SPEED
@@ -130,6 +130,6 @@ def test_carried_corners_are_not_doubled():
     world = packed((box("w", 0.0, -100.0, 30.0, 100.0),), BOUNDS)
     trees = pursuers_at(-30.0, 0.0)
     for stamp in range(5):
-        d.re_root(trees, 0, -30.0 - stamp, 0.0, 0.0, 0.0, float(stamp), 0.0, True, world)
+        d.re_root(trees, 0, (-30.0 - stamp, 0.0, 0.0), 0.0, float(stamp), 0.0, True, world)
         assert trees.count[0] == 5
         assert trees.corners[0].tolist() == [1, 4]

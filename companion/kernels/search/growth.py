@@ -1,0 +1,249 @@
+"""How the PathTree grows by a node: the step, its checks, and all that is known of the new node.
+
+Symbols: ``q_s`` a sample, ``q_n`` the node extended, ``i`` a node's row.
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
+from companion.kernels.aircraft.motion import OK, advance, distance_to, state_status, steer, straight_after
+from companion.kernels.arrays import (
+    FloatArray,
+    IntArray,
+    Limits,
+    Obstacles,
+    Scene,
+    Search,
+    Tree,
+    Uncertainty,
+)
+from companion.kernels.geometry.distance_field import distance_to_go
+from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.geometry.prism_distance import clearance, segment_clear
+from companion.kernels.jit import kernel
+from companion.kernels.search.costs import cost_distance, threats_at, threats_when
+from companion.kernels.threat.fuzzy_threat import node_threat
+from companion.kernels.threat.intercept import EYE_M
+from companion.kernels.threat.reachability import Estimator, estimate_reachability
+from companion.kernels.workspace import FilterScratch, GrowthScratch, Step, ThreatScene
+
+DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
+MAX_DESCENT = 8  # children followed where the control towards a sample was tried already
+FAR = 1.0e4  # clearance beyond which p_c is 1 anyhow [m]
+
+
+@kernel
+def domain_radius(clear: float, level: float, blocked: int, search: Search) -> float:
+    """TUDD of (7) [m].
+
+    A node never blocked has no limit from DD alone: its uncertainty limits it only where p_c is
+    below ``search.certain``, its threat wherever TI > 0.
+    """
+    if search.use_domain == 0:
+        return math.inf
+    radius = math.inf
+    p_c = clear if search.use_uncertainty == 1 else 1.0
+    if blocked == 1 or p_c < search.certain:
+        radius = search.k_clear * p_c * search.domain
+    if level > 0.0:
+        radius = min(radius, search.domain / (search.k_threat * level))
+    return min(radius, search.domain) if blocked == 1 else radius
+
+
+@kernel
+def child_by(tree: Tree, i: int, w: float, wp: float) -> int:
+    """The child node ``i`` already has by the same control, or -1."""
+    if tree.children[i] > 0:
+        for c in range(i + 1, tree.count[0]):
+            if tree.parent[c] == i and abs(tree.rate[c, 0] - w) < 1e-6 and abs(tree.rate[c, 1] - wp) < 1e-6:
+                return c
+    return -1
+
+
+@kernel
+def extend(
+    tree: Tree, i: int, q_s: FloatArray, centre: FloatArray, horizon: float, obstacles: Obstacles,
+    limits: Limits, step: Step, stats: IntArray,
+) -> int:  # fmt: skip
+    """One step from node ``i`` towards ``q_s`` (3,) [m]: ``EXTENDED``, or why not.
+
+    It stays within ``horizon`` metres of ``centre`` (3,) [m]. ``stats`` (4,): the first counts collision
+    checks (NCDC).
+    """
+    control, out = step.control, step.state
+    state = tree.state[i]
+    a, w, wp = steer(state, tree.turn[i], tree.straight[i], q_s[0], q_s[1], q_s[2], limits)
+    control[0], control[1], control[2] = a, w, wp
+    if child_by(tree, i, w, wp) >= 0:
+        return REPEATED
+    advance(state, a, w, wp, limits.tau, out)
+    if state_status(out, limits) != OK:
+        return BLOCKED
+    away = (out[0] - centre[0]) ** 2 + (out[1] - centre[1]) ** 2 + (out[2] - centre[2]) ** 2
+    if away > horizon * horizon:
+        return LEFT_HORIZON
+    stats[0] += 1
+    return EXTENDED if is_edge_clear(state, out, w, obstacles, limits) else BLOCKED
+
+
+@kernel
+def is_edge_clear(state: FloatArray, out: FloatArray, w: float, obstacles: Obstacles, limits: Limits) -> bool:
+    """Whether one step keeps the margin: its chord does, widened by the arc's sagitta.
+
+    It leads from ``state`` (6,) to ``out`` (6,) at the turn rate ``w``.
+    """
+    sagitta = 0.125 * distance_to(state, out) * abs(w) * limits.tau
+    return segment_clear(
+        state[0], state[1], state[2], out[0], out[1], out[2], obstacles, limits.margin + sagitta
+    )
+
+
+@kernel
+def extend_or_descend(
+    tree: Tree, q_n: int, q_s: FloatArray, centre: FloatArray, horizon: float, obstacles: Obstacles,
+    limits: Limits, step: Step, stats: IntArray,
+) -> tuple[int, int]:  # fmt: skip
+    """:func:`extend`, following children that were made by the same control; the node and the outcome.
+
+    ``q_s`` (3,) the sample and ``centre`` (3,) of the horizon [m]; ``stats`` (4,) as there.
+    """
+    outcome = REPEATED
+    for _ in range(MAX_DESCENT + 1):
+        outcome = extend(tree, q_n, q_s, centre, horizon, obstacles, limits, step, stats)
+        if outcome != REPEATED:
+            break
+        child = child_by(tree, q_n, step.control[1], step.control[2])
+        if tree.active[child] == 0 or distance_to(tree.state[child], q_s) > tree.domain[child]:
+            break
+        q_n = child
+    return q_n, outcome
+
+
+@kernel
+def assess(
+    tree: Tree, i: int, dimension: int, search: Search, normals: FloatArray, threats: ThreatScene,
+    factor: FloatArray, levels: FloatArray,
+) -> None:  # fmt: skip
+    """Threat level and TUDD of a node, from its covariance and the DTs' present estimate.
+
+    ``normals`` (M, 3) the common standard-normal points; ``factor`` (3, 3) and ``levels`` (M,) are used up.
+    """
+    here = threats_when(tree, i, threats)
+    if search.use_uncertainty == 1:
+        position_factor(tree.cov_error[i], tree.cov_estimate[i], dimension, factor)
+        tree.level[i] = node_threat(tree.state[i], factor, tree.delta[i], normals, levels, here)
+    else:
+        factor[:] = 0.0
+        tree.level[i] = node_threat(tree.state[i], factor, 0.0, normals[:1], levels, here)
+    tree.domain[i] = domain_radius(tree.clear[i], tree.level[i], tree.blocked[i], search)
+    if search.no_fly == 1:
+        for d in range(threats.reach.shape[0]):
+            if tree.threat_point[i, d, 3] > 0.0:
+                tree.domain[i] = 0.0
+
+
+@kernel
+def renew_covariance(
+    tree: Tree, parent: int, i: int, control: tuple[float, float, float], dt: float, tables: Uncertainty,
+    dimension: int, unit: float, scratch: FilterScratch,
+) -> float:  # fmt: skip
+    """P, Λ and δ_q of node ``i``, ``dt`` seconds after its parent; the largest standard deviation [m].
+
+    ``control`` a, w, wp; ``unit`` metres in a planning unit.
+    """
+    propagate(
+        tree.state[parent], control, dt, tables, tree.cov_error[parent], tree.cov_estimate[parent],
+        tree.cov_error[i], tree.cov_estimate[i], scratch,
+    )  # fmt: skip
+    deviation = position_deviation(tree.cov_error[i], tree.cov_estimate[i], dimension)
+    tree.delta[i] = deviation / unit
+    return deviation
+
+
+@kernel
+def add_node(
+    tree: Tree, parent: int, state: FloatArray, control: FloatArray, dt: float, scene: Scene,
+    scratch: FilterScratch,
+) -> int:  # fmt: skip
+    """Append a node with its time, turn rule, covariance and clearance; returns its row.
+
+    ``state`` (6,) of the node, reached by ``control`` (3,) a, w, wp, which acts for ``dt`` seconds.
+    """
+    dimension = scene.limits.dimension
+    i = tree.count[0]
+    tree.count[0] = i + 1
+    tree.state[i] = state
+    tree.parent[i] = parent
+    tree.children[parent] += 1
+    tree.children[i] = 0
+    tree.time[i] = tree.time[parent] + dt
+    tree.rate[i, 0], tree.rate[i, 1] = control[1], control[2]
+    length = dt * 0.5 * (state[5] + tree.state[parent, 5])
+    tree.turn[i], tree.straight[i] = straight_after(
+        tree.turn[parent], tree.straight[parent], control[1], length
+    )
+    flown = (control[0], control[1], control[2])
+    deviation = renew_covariance(
+        tree, parent, i, flown, dt, scene.tables, dimension, scene.search.unit, scratch
+    )
+    free = clearance(state[0], state[1], state[2], scene.obstacles, FAR)
+    tree.clear[i] = collision_free(free, deviation, dimension)
+    tree.blocked[i] = 0
+    tree.active[i] = 1
+    tree.threat_point[i] = 0.0
+    return int(i)
+
+
+@kernel
+def drop_last(tree: Tree, parent: int) -> None:
+    """Take back the node added last."""
+    tree.count[0] -= 1
+    tree.active[tree.count[0]] = 0
+    tree.children[parent] -= 1
+
+
+@kernel
+def inherit_threats(tree: Tree, i: int, parent: int, walls: Obstacles) -> None:
+    """A DT that could be somewhere for the parent can wait there for the child, if it sees it."""
+    state, prisms = tree.state[i], prisms_of(walls)
+    for d in range(tree.threat_point.shape[1]):
+        point = tree.threat_point[parent, d]
+        if point[3] > 0.0 and not line_blocked(
+            point[0], point[1], point[2] + EYE_M, state[0], state[1], state[2], prisms
+        ):
+            tree.threat_point[i, d] = point
+
+
+@kernel
+def grow(
+    tree: Tree, scene: Scene, q_n: int, state: FloatArray, control: FloatArray, dt: float, draws: FloatArray,
+    scratch: GrowthScratch, stats: IntArray,
+) -> int:  # fmt: skip
+    """Add a node below ``q_n`` and all that is known of it (Algorithm 2, lines 9 to 16).
+
+    Returns its row, or -1 where its threat level passes ``level_max``; ways out of a threat already
+    entered stay open. ``state`` (6,) of the node, reached by ``control`` (3,) a, w, wp, which acts for
+    ``dt`` seconds; ``draws`` (≥ 7,) uniform numbers; ``stats`` (4,): the third counts failed extensions.
+    """
+    search, dimension, normals = scene.search, scene.limits.dimension, scene.tables.normals
+    factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
+    i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
+    inherit_threats(tree, i, q_n, scene.walls)
+    num = estimate_reachability(
+        tree, scene.pursuers, i, Estimator(search.estimator, search.p_tid, search.k_pursuer),
+        scene.limits.bounds, draws[4:7], scene.walls, scratch.reach,
+    )  # fmt: skip
+    threats = threats_at(scene, tree.threat_point[i], scratch.threat)
+    assess(tree, i, dimension, search, normals, threats, factor, levels)
+    if tree.level[i] > search.level_max and tree.level[i] >= tree.level[q_n]:
+        drop_last(tree, q_n)
+        stats[2] += 1
+        return -1
+    for c in range(num):
+        if changed[c] != i:
+            assess(tree, changed[c], dimension, search, normals, threats, factor, levels)
+    tree.cost[i] = tree.cost[q_n] + cost_distance(tree, q_n, state[0], state[1], state[2], search, threats)
+    tree.to_go[i] = distance_to_go(scene.guide, state[0], state[1])
+    return i

@@ -1,0 +1,229 @@
+"""Scratch arrays that a plan makes once, so that nothing is allocated where a tree grows.
+
+A kernel that is handed one of these writes into it whatever it needs for a moment: nothing in it is kept
+from one call to the next, but for ``stats``, which counts, and what a docstring says is returned there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.kernels.arrays import FloatArray, IntArray, ThreatModel, Threats
+
+MAX_THREATS = 32  # felt at one point
+MAX_NEAR = 16  # nodes of a query by the reachability estimator
+MAX_K = 64  # nodes of a query by the search
+PATH_PICKS = 4  # waypoints of the path that RRT* joins each new node with, beside its k nearest
+MAX_STRAIGHT = 64  # steps of a greedy connection to the sub goal
+MAX_ROWS = 128  # of one Dubins edge
+MAX_PATH = 4096  # nodes of a path
+
+
+class KNearest(NamedTuple):
+    """The answer to a query for near nodes, nearest first.
+
+    ``squares`` (K,) squared distances [m²]; ``rows`` (≥ K,) the nodes.
+    """
+
+    squares: FloatArray
+    rows: IntArray
+
+
+class PathRows(NamedTuple):
+    """A path as rows: ``states`` (N, 6) x y z theta phi v, ``times`` (N,) of arrival [s], and for each row
+    but the first ``rates`` (N, 2), the turn rate w and climb rate wp of the edge that ends there [rad/s].
+    """  # noqa: D205
+
+    states: FloatArray
+    times: FloatArray
+    rates: FloatArray
+
+
+class ThreatScratch(NamedTuple):
+    """``pairs`` (MAX_THREATS, 2) μ and ν of each threat felt; ``course`` (3,) the velocity's unit vector."""
+
+    pairs: FloatArray
+    course: FloatArray
+
+
+class ThreatScene(NamedTuple):
+    """What threatens at one time, as the threat model reads it.
+
+    ``threats`` the static ones; ``points`` (D, 4) where each DT is taken to be [m] and 1 where that
+    counts; ``reach`` (D,) the DTs' RD_max [m]; ``model`` the A-IFS parameters; ``scratch`` for both.
+    """
+
+    threats: Threats
+    points: FloatArray
+    reach: FloatArray
+    model: ThreatModel
+    scratch: ThreatScratch
+
+
+class FilterScratch(NamedTuple):
+    """Matrices of one LQG-MP step.
+
+    ``motion`` (6, 6) A, then A + B·L; ``control`` (6, 3) B; ``gain`` (3, 6) L; ``product`` (6, 6);
+    ``taken`` (6, 5) what a measurement takes out of P; ``factor`` (5, 5) of the innovation's covariance.
+    """
+
+    motion: FloatArray
+    control: FloatArray
+    gain: FloatArray
+    product: FloatArray
+    taken: FloatArray
+    factor: FloatArray
+
+
+class ReachScratch(NamedTuple):
+    """What the reachability estimator needs.
+
+    ``near``, ``targets`` nodes found; ``spot`` (6,) q_B and the DT's nearest position [m]; ``sample`` (3,)
+    [m]; ``changed`` (4·MAX_NEAR,) nodes whose DT position is news; ``everything`` (0,) stands for "all
+    nodes are searched".
+    """
+
+    near: KNearest
+    targets: KNearest
+    spot: FloatArray
+    sample: FloatArray
+    changed: IntArray
+    everything: IntArray
+
+
+class Step(NamedTuple):
+    """One step of the aircraft: ``control`` (3,) a, w, wp and ``state`` (6,) at its end."""
+
+    control: FloatArray
+    state: FloatArray
+
+
+class Straight(NamedTuple):
+    """Steps of a greedy connection: ``states`` (MAX_STRAIGHT, 6) and ``controls`` (MAX_STRAIGHT, 3)."""
+
+    states: FloatArray
+    controls: FloatArray
+    threat: ThreatScratch
+
+
+class GrowthScratch(NamedTuple):
+    """What a new node needs.
+
+    ``factor`` (3, 3) Cholesky factor of its position covariance [m]; ``levels`` (M,) TI of each particle;
+    ``threat``, ``lqg`` and ``reach`` of those kernels.
+    """
+
+    factor: FloatArray
+    levels: FloatArray
+    threat: ThreatScratch
+    lqg: FilterScratch
+    reach: ReachScratch
+
+
+class EdgeScratch(NamedTuple):
+    """A Dubins edge between two nodes: its ``rows``, and ``segments`` (3,) of a Dubins word."""
+
+    rows: PathRows
+    segments: FloatArray
+    threat: ThreatScratch
+
+
+class Walk(NamedTuple):
+    """A walk down the tree: ``stack``, ``felt``, ``turns`` (N,) and ``lengths`` (N,) [m]."""
+
+    stack: IntArray
+    felt: IntArray
+    turns: IntArray
+    lengths: FloatArray
+
+
+class Workspace(NamedTuple):
+    """Scratch of one plan's search.
+
+    In parts, each for the kernels that need it: numba hands over a tuple array by array, so that a kernel
+    which is called for every near node takes its part alone.
+
+    ``sample`` (3,) q_s [m]; ``near`` of the search; ``points`` (D, 4) DTs' positions [m]; ``path``
+    (MAX_PATH,) nodes from the goal back. ``stats`` (4,) counts collision checks, samples dropped by TUDD,
+    failed extensions and iterations.
+    """
+
+    sample: FloatArray
+    step: Step
+    near: KNearest
+    straight: Straight
+    growth: GrowthScratch
+    edge: EdgeScratch
+    walk: Walk
+    points: FloatArray
+    path: IntArray
+    stats: IntArray
+
+
+def empty_nearest(capacity: int) -> KNearest:
+    """Room for the answer of a query for up to ``capacity`` nodes."""
+    return KNearest(np.empty(capacity), np.empty(capacity, dtype=np.int64))
+
+
+def empty_rows(capacity: int) -> PathRows:
+    """Room for a path of ``capacity`` rows."""
+    return PathRows(np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2)))
+
+
+def threat_scene(threats: Threats, points: FloatArray, reach: FloatArray, model: ThreatModel) -> ThreatScene:
+    """What threatens; ``points`` (D, 4) and ``reach`` (D,) as in :class:`ThreatScene` [m]."""
+    return ThreatScene(threats, points, reach, model, threat_scratch())
+
+
+def threat_scratch() -> ThreatScratch:
+    """Scratch of the threat model."""
+    return ThreatScratch(np.empty((MAX_THREATS, 2)), np.empty(3))
+
+
+def filter_scratch() -> FilterScratch:
+    """Matrices of one LQG-MP step."""
+    empty = np.empty
+    return FilterScratch(
+        motion=empty((6, 6)),
+        control=empty((6, 3)),
+        gain=empty((3, 6)),
+        product=empty((6, 6)),
+        taken=empty((6, 5)),
+        factor=empty((5, 5)),
+    )
+
+
+def reach_scratch() -> ReachScratch:
+    """Scratch of the reachability estimator."""
+    return ReachScratch(
+        near=empty_nearest(MAX_NEAR),
+        targets=empty_nearest(MAX_NEAR),
+        spot=np.empty(6),
+        sample=np.empty(3),
+        changed=np.empty(4 * MAX_NEAR, dtype=np.int64),
+        everything=np.empty(0, dtype=np.int64),
+    )
+
+
+def workspace(capacity: int, num_threats: int, num_particles: int) -> Workspace:
+    """Scratch for a tree of ``capacity`` nodes, so many DTs and so many particles about a node."""
+    empty, threat = np.empty, threat_scratch()
+    return Workspace(
+        sample=empty(3),
+        step=Step(empty(3), empty(6)),
+        near=KNearest(empty(MAX_K), empty(MAX_K + 2 * PATH_PICKS, dtype=np.int64)),
+        straight=Straight(empty((MAX_STRAIGHT, 6)), empty((MAX_STRAIGHT, 3)), threat),
+        growth=GrowthScratch(empty((3, 3)), empty(num_particles), threat, filter_scratch(), reach_scratch()),
+        edge=EdgeScratch(empty_rows(MAX_ROWS), empty(3), threat),
+        walk=Walk(
+            stack=empty(capacity, dtype=np.int64),
+            felt=empty(capacity, dtype=np.int64),
+            turns=empty(capacity, dtype=np.int64),
+            lengths=empty(capacity),
+        ),
+        points=np.zeros((max(num_threats, 1), 4)),
+        path=empty(MAX_PATH, dtype=np.int64),
+        stats=np.zeros(4, dtype=np.int64),
+    )
