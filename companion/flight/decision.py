@@ -50,7 +50,7 @@ class DecisionKind(Enum):
     def __new__(cls, value: str, severity: int) -> DecisionKind:
         """A member with its severity."""
         member = object.__new__(cls)
-        member._value_ = value
+        member._value_ = value  # of which Enum makes ``value``
         member.severity = severity
         return member
 

@@ -35,7 +35,7 @@ def _without_owner(context: _Typed, builder: _Typed, kind: _Typed, value: _Typed
     return value
 
 
-def _borrowed(typing_context: _Typed, values: _Typed) -> _Typed:
+def _borrowed(_typing_context: _Typed, values: _Typed) -> _Typed:
     """An array or a tuple of arrays and numbers, of the same type and memory, without an owner."""
 
     def generate(context: _Typed, builder: _Typed, signature: _Typed, arguments: _Typed) -> _Typed:

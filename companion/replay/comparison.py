@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TypeVar
@@ -126,15 +126,6 @@ def item_line(item: MissionItem) -> str:
     place = f"{item.latitude_e7 * 1e-7:.7f} {item.longitude_e7 * 1e-7:.7f} {item.altitude_m:.9g} m"
     mark = " current" if item.is_current else ""
     return f"item {item.sequence}: command {item.command} frame {item.frame} ({parameters}) {place}{mark}"
-
-
-def lines_of(decisions: Iterable[Decision], uploads: Sequence[Upload]) -> list[str]:
-    """Decisions and missions as text, for people and for references."""
-    lines = [f"{entry.stamp_s:9.2f} s  {entry.kind}: {entry.text}" for entry in decisions]
-    for number, upload in enumerate(uploads, 1):
-        lines += ["", f"mission {number}, sent by {upload.stamp_s:.2f} s, {len(upload.items)} items"]
-        lines += [f"  {item_line(item)}" for item in upload.items]
-    return lines
 
 
 def document_of(recording: Recording, result: Replayed) -> dict[str, object]:

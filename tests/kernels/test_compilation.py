@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import companion.kernels as kernels
+from companion import kernels
 from companion.kernels import _cache_folder
 
 SOURCES = sorted(

@@ -51,6 +51,39 @@ def module_of(path):
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
+class Meanings:
+    """What names mean in the modules of the program."""
+
+    def __init__(self, trees):
+        self.defined = {
+            (module, name): node for module, tree in trees.items() for name, node in definitions_of(tree)
+        }
+        self.known = {}
+        for module, tree in trees.items():
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("companion"):
+                    for alias in node.names:
+                        self.known.setdefault((module, alias.asname or alias.name), (node.module, alias.name))
+        self.imported = {}  # modules whose attributes a module uses, as in ``dubins.sample``
+        for (module, _), (source, name) in self.known.items():
+            if f"{source}.{name}" in trees:
+                self.imported.setdefault(module, set()).add(f"{source}.{name}")
+
+    def meant(self, module, names):
+        for name in names:
+            places = [(module, name), *((other, name) for other in self.imported.get(module, ()))]
+            yield from (place for place in places if place in self.defined)
+            if (module, name) in self.known:
+                yield self.known[module, name]
+
+    def behind(self, place):
+        """What a used place uses in turn; what a package hands on is defined elsewhere."""
+        if place in self.defined:
+            yield from self.meant(place[0], names_in(self.defined[place]))
+        elif place in self.known:
+            yield self.known[place]
+
+
 def flown():
     """Functions and classes that the program comes to, as (module, name), from its command line on.
 
@@ -58,42 +91,18 @@ def flown():
     where it is defined, or defines it. What runs on import is used. Methods belong to their class.
     """
     trees = {module_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
-    defined = {(module, name): node for module, tree in trees.items() for name, node in definitions_of(tree)}
-    known = {}  # what a name means in a module
-    for module, tree in trees.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("companion"):
-                for alias in node.names:
-                    known.setdefault((module, alias.asname or alias.name), (node.module, alias.name))
-    imported = {}  # modules whose attributes a module uses, as in ``dubins.sample``
-    for (module, _), (source, name) in known.items():
-        if f"{source}.{name}" in trees:
-            imported.setdefault(module, set()).add(f"{source}.{name}")
-
-    def meant(module, names):
-        for name in names:
-            if (module, name) in defined:
-                yield module, name
-            if (module, name) in known:
-                yield known[module, name]
-            yield from ((other, name) for other in imported.get(module, ()) if (other, name) in defined)
-
-    entry = "companion.cli"
-    waiting = [place for place in defined if place[0] == entry]
+    meanings = Meanings(trees)
+    waiting = [place for place in meanings.defined if place[0] == "companion.cli"]
+    only_defined = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.ImportFrom
     for module, tree in trees.items():
         for node in tree.body:
-            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                waiting += meant(module, names_in(node) if not isinstance(node, ast.ImportFrom) else ())
+            waiting += [] if isinstance(node, only_defined) else meanings.meant(module, names_in(node))
     found = set()
     while waiting:
         place = waiting.pop()
-        if place in found:
-            continue
-        found.add(place)
-        if place in defined:
-            waiting += meant(place[0], names_in(defined[place]))
-        elif place in known:
-            waiting.append(known[place])  # handed on by a package
+        if place not in found:
+            found.add(place)
+            waiting += meanings.behind(place)
     return found
 
 

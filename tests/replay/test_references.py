@@ -14,7 +14,7 @@ import pytest
 from companion.config import load_mission
 from companion.link.wire.tlog import read_tlog
 from companion.recording.reader import load_recording
-from companion.replay.comparison import lines_of
+from companion.replay.comparison import item_line
 from companion.replay.engine import Replay
 from tests.replay.corruptions import DATA, RECORDINGS
 from tests.replay.renew import FLIGHTS, FOLDER
@@ -36,6 +36,15 @@ def part_of(name, file):
         )
     )
     return file
+
+
+def lines_of(decisions, uploads):
+    """Decisions and missions as text, for people and for references."""
+    lines = [f"{entry.stamp_s:9.2f} s  {entry.kind}: {entry.text}" for entry in decisions]
+    for number, upload in enumerate(uploads, 1):
+        lines += ["", f"mission {number}, sent by {upload.stamp_s:.2f} s, {len(upload.items)} items"]
+        lines += [f"  {item_line(item)}" for item in upload.items]
+    return lines
 
 
 @pytest.mark.parametrize("name", [*FLIGHTS, *PARTS_S])
