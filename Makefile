@@ -75,8 +75,9 @@ hostile: $(STAMP) ## an hour of hostile traffic into the service, and what becam
 soak: $(STAMP) ## MINUTES of flights back to back, faults on: what grows?
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
-docs: $(STAMP) ## write docs/mission-file.md anew
+docs: $(STAMP) ## write docs/mission-file.md and the pictures of docs/architecture.md anew
 	$(BIN)/python -m companion.config.reference docs/mission-file.md
+	$(BIN)/python -m tests.docs.draw_architecture
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
 	$(BIN)/python -m tests.replay.corruptions -n $(N)

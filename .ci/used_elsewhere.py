@@ -41,3 +41,6 @@ _.use_signing, _.trim_elevator_rad
 
 # The measures of Table 2 of the paper, for the campaign that will fly them.
 _.pursuit_measures, _.estimated_share, _.first_pursued_share, _.num_reachable
+
+# Of Enum's own protocol; and the value of a form that is neither of the two that code asks for.
+_._value_, _.FORM_LITERAL
