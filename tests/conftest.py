@@ -1,9 +1,13 @@
 """How Hypothesis searches, the command line, and which tests stay together when processes share the suite."""
 
+import functools
 import os
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.cli.calls import Caller
 
@@ -12,6 +16,7 @@ settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "seeded"))
 
 
+ROOT = Path(__file__).parents[1]
 # Tests that need compiled kernels, by how their names begin, and why: `make coverage` leaves them
 # out where it runs kernels as Python.
 NO_INTRINSICS = "kernels that borrow arrays use an intrinsic, which only compiled code has"
@@ -34,27 +39,32 @@ def companion_command(monkeypatch, capsys):
     return Caller(monkeypatch, capsys)
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for the marks
-def pytest_collection_modifyitems(items):
-    """Mark what needs compiled kernels, and keep together what shares things made once a process.
+def pytest_itemcollected(item):
+    """Mark what needs compiled kernels."""
+    if item.nodeid.startswith(tuple(COMPILED)):
+        item.add_marker("compiled")
 
-    No flight is flown twice so. Fixtures of a module say themselves that they are shared. What a cached
-    function makes does not: modules that use one name their group, as
-    ``pytestmark = pytest.mark.xdist_group("recorded flights")``.
+
+def pytest_xdist_make_scheduler(config, log):
+    """Share tests out one by one, but those together that share what is made once a process.
+
+    pytest-xdist 3.8 does so by itself with ``--dist loadgroup``, but not under pytest 9.2, which no longer
+    lets it write a group into a test's name.
     """
-    for item in items:
-        if item.nodeid.startswith(tuple(COMPILED)):
-            item.add_marker("compiled")
-        if item.get_closest_marker("xdist_group") is None and (shared := _shared(item)):
-            item.add_marker(pytest.mark.xdist_group(shared))
+
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.partition("::")[0]
+            return _group_of(ROOT / file) or nodeid
+
+    return Together(config, log)
 
 
-def _shared(item):
-    """Name of the widest fixture of the tests' own that an item shares with others, '' without one."""
-    for name, definitions in getattr(item, "_fixtureinfo").name2fixturedefs.items():  # noqa: B009
-        definition = definitions[-1]
-        if definition.scope == "module" and definition.baseid:
-            parameters = getattr(item, "callspec", None)
-            value = "" if parameters is None else parameters.params.get(name, "")
-            return f"{definition.baseid}:{name}:{value}"
-    return ""
+@functools.cache
+def _group_of(file):
+    """The group that a file's ``pytestmark`` names; the file itself if it has fixtures of the module."""
+    text = file.read_text(encoding="utf-8")
+    named = re.search(r"^pytestmark = pytest\.mark\.xdist_group\(\"(.+)\"\)", text, flags=re.M)
+    if named is not None:
+        return named[1]
+    return str(file) if 'scope="module"' in text else ""
