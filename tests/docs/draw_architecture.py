@@ -27,7 +27,7 @@ def first_sentence(room):
     folder = ROOT / "companion" / room
     source = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
     told = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8")))
-    return re.split(r"[.:;](?:\s|$)", told.replace("``", ""), maxsplit=1)[0]
+    return re.split(r"[.;](?:\s|$)", told.replace("``", ""), maxsplit=1)[0]
 
 
 def stays():
@@ -60,7 +60,7 @@ def lines_of(words, most):
             line = ""
         line = f"{line} {word}".strip()
     lines.append(line)
-    return lines[:2] if len(lines) <= 2 else [lines[0], lines[1] + " …"]
+    return lines[:2] if len(lines) <= 2 else [lines[0], f"{lines[1]} …"]
 
 
 def rooms_svg():
