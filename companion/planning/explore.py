@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -11,26 +10,21 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
-from companion.kernels.arrays import Guide, IntArray, Scene, Tree, Uncertainty, empty_tree
-from companion.kernels.geometry.distance_field import fill_distance_field
+from companion.kernels.arrays import Guide, IntArray, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.branches import activate
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
 from companion.kernels.search.growth import FAR, assess
 from companion.kernels.workspace import workspace
+from companion.planning.guides import NO_GUIDE, distances_to_go, guide_home, guide_to
 from companion.planning.problem import Problem
 from companion.planning.settings import Estimator
 from companion.planning.sub_goal import choose_sub_goal
-from companion.vehicle.lqg import uncertainty_tables
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.vehicle.lqg import tables_once
 from companion.world.pursuer_trees import threat_trees
-from companion.world.threats import known_within
 
 ShouldStop = Callable[[], bool]
-FIELD_CELLS = 97  # each way, of the grid about a sub goal
-CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
-NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
 
 
@@ -74,7 +68,7 @@ class Exploration:
         self.limits = problem.vehicle.limits(
             snapshot.dimension, snapshot.bounds, settings.clearance_min_m, settings.tau_s
         )
-        self.tables = _tables(problem.vehicle, settings.tau_s, snapshot.dimension)
+        self.tables = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
             snapshot.tracks,
@@ -147,7 +141,7 @@ class Exploration:
             Centre of the sensing horizon [m].
         """
         snapshot = self.problem.snapshot
-        near = known_within(snapshot.threats, centre[0], centre[1], self.problem.settings.sensing_horizon_m)
+        near = snapshot.sensed(centre[0], centre[1], self.problem.settings.sensing_horizon_m)
         self.threats = self.threats._replace(known=np.maximum(self.threats.known, near))
 
     def run_sub_task(
@@ -238,14 +232,7 @@ class Exploration:
         point : ndarray, shape (3,)
             A sub goal [m].
         """
-        settings, le = self.problem.settings, self.limits.v_cruise * self.limits.tau
-        radius = 2.0 * settings.sensing_horizon_m
-        cell = 2.0 * radius / (FIELD_CELLS - 1)
-        share = settings.guided_share if settings.strategies.follow_field else 0.0
-        empty = np.empty((FIELD_CELLS, FIELD_CELLS))
-        guide = Guide(empty, point[:2] - radius, cell, share, settings.guided_steps * le)
-        self._fill(point, radius, guide)
-        return guide
+        return guide_to(point, self.limits, self.problem.settings, self.problem.snapshot.obstacles)
 
     def guide_home(self, goal: FloatArray) -> Guide:
         """The distance field of a goal, over everything within the bounds.
@@ -255,27 +242,7 @@ class Exploration:
         goal : ndarray, shape (3,)
             Centre of a goal region [m].
         """
-        b = self.limits.bounds
-        cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
-        empty = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
-        guide = Guide(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
-        self._fill(goal, np.inf, guide)
-        return guide
-
-    def _fill(self, point: FloatArray, radius_m: float, guide: Guide) -> None:
-        """Fill the distance field of a point.
-
-        Parameters
-        ----------
-        point : ndarray, shape (3,)
-            Where distances are 0 [m].
-        radius_m : float
-            How far from it the field reaches.
-        guide : Guide
-            The field and its grid.
-        """
-        limits, obstacles = self.limits, self.problem.snapshot.obstacles
-        fill_distance_field(point, radius_m, limits.margin, limits.bounds, obstacles, guide)
+        return guide_home(goal, self.limits, self.problem.snapshot.obstacles)
 
     def nearest_to_go(self, point: FloatArray) -> int:
         """The searched node with the least distance to go to a point, round obstacles.
@@ -289,9 +256,7 @@ class Exploration:
             A sub goal [m].
         """
         guide, n = self.guide_to(point), int(self.tree.count[0])
-        index = np.rint((self.tree.state[:n, :2] - guide.origin) / guide.cell).astype(np.int64)
-        index = np.clip(index, 0, FIELD_CELLS - 1)
-        to_go = np.where(self.tree.active[:n] == 1, guide.field[index[:, 0], index[:, 1]], np.inf)
+        to_go = np.where(self.tree.active[:n] == 1, distances_to_go(guide, self.tree.state[:n, :2]), np.inf)
         return int(np.argmin(to_go)) if np.isfinite(to_go).any() else self.nearest_node(point)
 
     def reach_goal(
@@ -387,9 +352,3 @@ class Exploration:
         if chosen.note and chosen.note not in self.notes:
             self.notes.append(chosen.note)
         return chosen.position_enu_m
-
-
-@functools.cache
-def _tables(vehicle: VehicleModel, tau_s: float, dimension: int) -> Uncertainty:
-    """LQG-MP tables of a vehicle, made once: the paper's "off-line" part."""
-    return uncertainty_tables(vehicle, tau_s, dimension)

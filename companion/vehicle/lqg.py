@@ -8,6 +8,8 @@ van den Berg, Abbeel, Goldberg, "LQG-MP", IJRR 30(7), 2011.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
@@ -90,3 +92,9 @@ def uncertainty_tables(
         axes=np.array([[axis[0], axis[1] - axis[0]] for axis in (speeds, rates, climbs)]),
         normals=np.ascontiguousarray(normals),
     )
+
+
+@functools.cache
+def tables_once(vehicle: VehicleModel, tau_s: float, dimension: int) -> Uncertainty:
+    """:func:`uncertainty_tables`, made once a vehicle: the paper's "off-line" part."""
+    return uncertainty_tables(vehicle, tau_s, dimension)
