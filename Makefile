@@ -15,7 +15,7 @@ JOBS ?= logical
 QUICK := not slow and not bench
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
-COVERAGE_MIN ?= 83
+COVERAGE_MIN ?= 92
 PINS ?= -c constraints.txt
 
 help: ## show this list
