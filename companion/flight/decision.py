@@ -16,38 +16,38 @@ from functools import cached_property
 from companion.assurance.violation import Violation
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
+from companion.types.mavlink_enums import Severity
 from companion.types.path import Path
 from companion.types.plan import Plan
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
-_NOTICE, _WARNING, _CRITICAL, _INFO = 5, 4, 2, 6  # MAV_SEVERITY
 
 
 class DecisionKind(Enum):
-    """What is decided, recorded and told to the pilot, and with which MAV_SEVERITY."""
+    """What is decided, recorded and told to the pilot, and how loudly."""
 
-    SWAP = "swap", _NOTICE
-    KEEP = "keep", _INFO
-    NO_PLAN = "no plan", _WARNING
-    REJECTED = "rejected", _WARNING
-    EMERGENCY = "emergency", _CRITICAL
-    MODE = "mode", _INFO
-    SUSPENDED = "suspended", _WARNING
-    ARRIVED = "arrived", _NOTICE
-    LANDED = "landed", _INFO
-    LANDING = "landing", _WARNING
-    MISSION = "mission", _INFO
-    RESTART = "restart", _INFO
-    FENCE = "fence", _INFO
-    RELOAD = "reload", _NOTICE
-    PARAMETERS = "parameters", _WARNING
-    RECORDING = "recording", _INFO
-    STOPPED = "stopped", _WARNING
+    SWAP = "swap", Severity.NOTICE
+    KEEP = "keep", Severity.INFO
+    NO_PLAN = "no plan", Severity.WARNING
+    REJECTED = "rejected", Severity.WARNING
+    EMERGENCY = "emergency", Severity.CRITICAL
+    MODE = "mode", Severity.INFO
+    SUSPENDED = "suspended", Severity.WARNING
+    ARRIVED = "arrived", Severity.NOTICE
+    LANDED = "landed", Severity.INFO
+    LANDING = "landing", Severity.WARNING
+    MISSION = "mission", Severity.INFO
+    RESTART = "restart", Severity.INFO
+    FENCE = "fence", Severity.INFO
+    RELOAD = "reload", Severity.NOTICE
+    PARAMETERS = "parameters", Severity.WARNING
+    RECORDING = "recording", Severity.INFO
+    STOPPED = "stopped", Severity.WARNING
 
-    severity: int
+    severity: Severity
 
-    def __new__(cls, value: str, severity: int) -> DecisionKind:
+    def __new__(cls, value: str, severity: Severity) -> DecisionKind:
         """A member with its severity."""
         member = object.__new__(cls)
         member._value_ = value  # of which Enum makes ``value``

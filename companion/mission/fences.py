@@ -20,10 +20,15 @@ import numpy as np
 import shapely
 
 from companion.frames import FloatArray, LocalFrame
-from companion.types.mission import MissionItem
+from companion.types.mission import Command, MissionItem
 from companion.types.threat import Obstacle
 
-RETURN_POINT, POLYGON_IN, POLYGON_OUT, CIRCLE_IN, CIRCLE_OUT = 5000, 5001, 5002, 5003, 5004
+RETURN_POINT = Command.NAV_FENCE_RETURN_POINT
+POLYGON_IN, POLYGON_OUT = (
+    Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+)
+CIRCLE_IN, CIRCLE_OUT = Command.NAV_FENCE_CIRCLE_INCLUSION, Command.NAV_FENCE_CIRCLE_EXCLUSION
 CIRCLE_SIDES = 24
 AREA_MIN_M2 = 1.0
 ABOVE_AND_BELOW_M = 1000.0  # of the bounds: a fence has no top
@@ -69,21 +74,32 @@ def fences_of(items: Sequence[MissionItem], frame: LocalFrame) -> Fences:
             zones[is_inside].append(_circle(item, frame, is_inside=is_inside))
             index += 1
         elif item.command in (POLYGON_IN, POLYGON_OUT):
-            count = int(item.parameters[0] or 0.0)
-            corners = items[index : index + max(count, 1)]
-            is_whole = len(corners) == count and all(
-                corner.command == item.command and int(corner.parameters[0] or 0.0) == count
-                for corner in corners
-            )
-            if count < 3 or not is_whole:
-                raise FenceError(f"item {index}: a polygon of {count} vertices is not complete")
+            corners = _corners_at(items, index)
             zones[item.command == POLYGON_IN].append(_polygon(corners, frame, index))
-            index += count
+            index += len(corners)
         elif item.command == RETURN_POINT:
             index += 1
         else:
             raise FenceError(f"item {index}: command {item.command} is no fence")
     return Fences(tuple(zones[False]), tuple(zones[True]))
+
+
+def _corners_at(items: Sequence[MissionItem], index: int) -> Sequence[MissionItem]:
+    """Items of the polygon that begins at an index.
+
+    Raises
+    ------
+    FenceError
+        If it has not the vertices it announces.
+    """
+    command, count = items[index].command, int(items[index].parameters[0] or 0.0)
+    corners = items[index : index + max(count, 1)]
+    is_whole = len(corners) == count and all(
+        corner.command == command and int(corner.parameters[0] or 0.0) == count for corner in corners
+    )
+    if count < 3 or not is_whole:
+        raise FenceError(f"item {index}: a polygon of {count} vertices is not complete")
+    return corners
 
 
 def _place(item: MissionItem, frame: LocalFrame) -> tuple[float, float]:

@@ -11,12 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from companion.frames import LocalFrame
-from companion.types.mission import Command, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 
-GOALS = frozenset({16, 17, 18, 19, 31, 82})
+GOALS = frozenset(
+    {
+        Command.NAV_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME,
+        Command.NAV_LOITER_TO_ALT, Command.NAV_SPLINE_WAYPOINT,
+    }
+)  # fmt: skip
 FIRST_WITHOUT_PLACE = 100
-RELATIVE_FRAMES = frozenset({3, 6})
-ABSOLUTE_FRAMES = frozenset({0, 5})
+RELATIVE_FRAMES = frozenset({MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT})
+ABSOLUTE_FRAMES = frozenset({MavFrame.GLOBAL, MavFrame.GLOBAL_INT})
 BANK_ITEMS_LIMITS = (20, 60)
 SAME_PLACE_M = 1.0
 

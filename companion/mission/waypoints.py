@@ -94,12 +94,16 @@ def waypoints_from_path(
     chosen = _without_slight_corners([*chosen, marks[-1]])
     for length in marked_m:
         row = int(np.argmin(np.abs(travelled - length)))
-        is_straight = 0 < row < len(points) - 1 and not np.diff(courses[row - 1 : row + 2]).any()
-        if is_straight and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
+        if _is_straight(courses, row) and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
             chosen.append((float(travelled[row]), points[row]))
     chosen.sort(key=lambda mark: mark[0])
     positions, distances = np.array([at[1] for at in chosen]), np.array([at[0] for at in chosen])
     return Waypoints(positions, distances, airspeed_m_s)
+
+
+def _is_straight(courses: FloatArray, row: int) -> bool:
+    """Whether a path of ``courses`` (N,) [rad] flies straight before and behind a row."""
+    return 0 < row < len(courses) - 1 and not np.diff(courses[row - 1 : row + 2]).any()
 
 
 def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:

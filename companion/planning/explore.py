@@ -19,7 +19,6 @@ from companion.kernels.search.growth import FAR, assess
 from companion.kernels.workspace import workspace
 from companion.planning.guides import NO_GUIDE, distances_to_go, guide_home, guide_to
 from companion.planning.problem import Problem
-from companion.planning.settings import Estimator
 from companion.planning.sub_goal import choose_sub_goal
 from companion.vehicle.lqg import tables_once
 from companion.world.pursuer_trees import threat_trees
@@ -76,7 +75,7 @@ class Exploration:
             self.plane_up_m,
             snapshot.bounds,
             snapshot.threat_trees,
-            with_corners=settings.strategies.estimator is Estimator.EX_RRT,
+            with_corners=settings.strategies.uses_corners,
         )
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))

@@ -58,6 +58,11 @@ class Strategies:
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
 
+    @property
+    def uses_corners(self) -> bool:
+        """Whether threat trees begin with the shortest ways round the obstacles' corners (ours)."""
+        return self.estimator is Estimator.EX_RRT
+
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:

@@ -76,14 +76,9 @@ def solve(
     searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
     trace = trace_of(exploration)
     notes = list(exploration.notes)
-    if reached:
-        route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
-    if reached and problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
-        route = _optimised(exploration, route, end, should_stop, notes)
     assessment: Assessment | None = None
-    if reached and problem.settings.strategies.use_safety_adjustment:
-        route, moved, assessment = adjusted_route(exploration, route)
-        notes.append(f"{moved} waypoints adjusted")
+    if reached:
+        route, assessment = _finished(exploration, route, end, should_stop, notes)
     flown_cost, flown_threat = None, None
     if flown is not None and len(flown) >= MIN_ROWS:
         flown_route = route_from_path(flown)
@@ -113,6 +108,21 @@ def solve(
         flown_threat=flown_threat,
         threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
     )
+
+
+def _finished(
+    exploration: Exploration, route: Route, end: int, should_stop: Callable[[], bool], notes: list[str]
+) -> tuple[Route, Assessment | None]:
+    """A route that reached the goal, joined to it, optimised and adjusted; and what is known along it."""
+    problem = exploration.problem
+    route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
+    if problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
+        route = _optimised(exploration, route, end, should_stop, notes)
+    if not problem.settings.strategies.use_safety_adjustment:
+        return route, None
+    route, moved, assessment = adjusted_route(exploration, route)
+    notes.append(f"{moved} waypoints adjusted")
+    return route, assessment
 
 
 def _shortfall(route: Route, problem: Problem, num_nodes: int) -> str:

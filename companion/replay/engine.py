@@ -11,7 +11,6 @@ there on is what would have been decided had it been where it was.
 from __future__ import annotations
 
 import asyncio
-import math
 import shutil
 import tempfile
 import time
@@ -28,23 +27,17 @@ from companion.link.missions.mission_sniffer import MissionSniffer, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.transport import MemoryTransport
 from companion.recording.reader import RecordedFrame, Recording
-from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
+from companion.replay.arrivals import Arrivals, is_told, message_name
+from companion.replay.lockstep import TURN_TIMEOUT_S, step
 from companion.replay.recorded_link import ReplayLink
 from companion.replay.replayed_app import replayed_app
 from companion.tasks.app import stop
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
-_COMMAND, _TEXT, _CURRENT, _REACHED, _COMMAND_ACK = 76, 253, 42, 46, 77
-_COMMANDS = frozenset({176, 224})  # DO_SET_MODE, DO_SET_MISSION_CURRENT
-_TRANSFERS = frozenset({38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
-_ANSWERS = _TRANSFERS | {_COMMAND_ACK}
-_STORED = b"Flight plan received"
 _LATE_S = 3.0  # by a wall clock, MAVSDK's threads take their time
 _TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
-_FOREIGN_STEP_S = 0.1
 _TOLD_STEPS = 50
-_SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
 
 
 def _unheard(_done_s: float) -> None:
@@ -104,8 +97,9 @@ class Replay:
         self._clock = ManualClock(recording.start_us / 1e6)
         self._ours, self._theirs = MemoryTransport.pair()
         self._flown, self._now = MissionSniffer(), MissionSniffer()
-        self._expected = deque(heard for heard in recording.frames if heard.is_ours and _is_told(heard.frame))
+        self._expected = deque(heard for heard in recording.frames if heard.is_ours and is_told(heard.frame))
         self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
+        self._arrivals = Arrivals(recording, self._late_us)
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
         self._reloads = deque(recording.reloads)
@@ -156,40 +150,18 @@ class Replay:
         return self._summed_up(time.perf_counter() - began)
 
     def _steps(self) -> Iterator[tuple[bytes, int]]:
-        """What arrives at each instant, and the next instant [µs].
-
-        By a wall clock the service may ask a little later than it did: an answer waits for its question.
-        """
-        frames = self._recording.frames
-        step_us = round(1e6 * (STEP_S if self._recording.is_ours else _FOREIGN_STEP_S))
-        is_exact = self._recording.is_ours
-        now, index = self._recording.start_us, 0
-        instants = deque(self._instants_us())
-        num_told, num_expected = 0, len(self._expected)
-        waiting: deque[tuple[int, RawFrame]] = deque()
-        while index < len(frames):
+        """What arrives at each instant, and the next instant [µs]."""
+        arrivals, num_expected = self._arrivals, len(self._expected)
+        while not arrivals.is_over:
             num_said = num_expected - len(self._expected)
-            arrived = []
-            while waiting and (waiting[0][0] <= num_said or self._is_apart):
-                arrived += [raw for raw in [waiting.popleft()[1]] if not self._is_kept_back(raw)]
-            while index < len(frames) and frames[index].at_us <= now:
-                heard = frames[index]
+            arrived = arrivals.waited_for(num_said, has_diverged=self._is_apart)
+            arrived = [raw for raw in arrived if not self._is_kept_back(raw)]
+            for heard in arrivals.due():
                 self._follow(heard)
-                index += 1
-                if heard.is_ours:
-                    num_told += _is_told(heard.frame)
-                elif self._late_us and num_told > num_said and self._is_answer(heard.frame):
-                    waiting.append((num_told, heard.frame))
-                elif not self._is_kept_back(heard.frame):
+                if not arrivals.keeps(heard, num_said) and not self._is_kept_back(heard.frame):
                     arrived.append(heard.frame)
-            is_silent = index < len(frames) and frames[index].at_us - now > _SILENCE_US
-            grid = now + _SILENT_STEP_US if is_silent else (now // step_us + 1) * step_us
-            until = min(grid, frames[index].at_us) if is_exact and index < len(frames) else grid
-            while instants and instants[0] <= now:
-                instants.popleft()
-            until = min(until, instants[0]) if instants else until
+            until = arrivals.move_on()
             yield b"".join(frame.raw for frame in arrived), until
-            now = until
 
     def _reload(self, now_us: int) -> None:
         """Go by the mission file that was read again by now; one that is none any more is passed over."""
@@ -202,15 +174,6 @@ class Replay:
             else:
                 self._app.reload(mission, text)
 
-    def _instants_us(self) -> list[int]:
-        """When plans were due and begun by a wall clock: the replay looks at just these instants, too."""
-        if self._recording.is_simulated:
-            return []
-        taken = self._recording.taken.values()
-        found = {at for entry in taken for at in (entry.due_s, entry.seen_s) if at is not None}
-        found |= {stamp_s for stamp_s, _ in self._recording.reloads}
-        return sorted(math.ceil(1e6 * at - 1e-3) for at in found)
-
     def _follow(self, heard: RecordedFrame) -> None:
         """Keep up what the recorded autopilot holds."""
         if self._link is not None:
@@ -221,19 +184,12 @@ class Replay:
         """Whether a recorded answer fits no more."""
         if self._link is None or not self._link.has_diverged:
             return False
-        is_news = frame.message_id in (_CURRENT, _REACHED) and self._is_autopilots(frame)
-        is_text = frame.message_id == _TEXT and _STORED in frame.payload
-        return self._is_answer(frame) or (self._link.has_stored and (is_news or is_text))
+        is_news = self._link.has_stored and self._arrivals.is_news(frame)
+        return self._arrivals.is_answer(frame) or is_news
 
     @property
     def _is_apart(self) -> bool:
         return self._link is not None and self._link.has_diverged
-
-    def _is_autopilots(self, frame: RawFrame) -> bool:
-        return (frame.system_id, frame.component_id) == (self._recording.vehicle, 1)
-
-    def _is_answer(self, frame: RawFrame) -> bool:
-        return frame.message_id in _ANSWERS and self._is_autopilots(frame)
 
     def _heard(self, data: bytes) -> None:
         """Hold what the service sends against what it sent."""
@@ -242,19 +198,23 @@ class Replay:
             frame = raw_frame(raw)
             self._now.speaks(None if self._link is None else self._link.dialect)
             self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
-            if self._link is None or self._link.has_diverged or not _is_told(frame):
+            if self._link is None or self._link.has_diverged or not is_told(frame):
                 continue
-            said = frame.message_id, frame.payload
-            if said == self._last and not self._recording.is_simulated:
-                continue  # a repetition, for which a wall clock gave occasion
-            while self._expected and self._late_us and _said(self._expected[0]) == self._last:
-                self._expected.popleft()
-            wanted = self._expected[0] if self._expected else None
-            if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _said(wanted) != said:
-                self._part(now_us, f"{_named(frame)} is sent, {_instead(wanted, now_us, self._late_us)}")
-                continue
-            self._last = said
+            self._compare(frame, now_us)
+
+    def _compare(self, frame: RawFrame, now_us: int) -> None:
+        """Hold what is sent now against what was to be sent next."""
+        said = frame.message_id, frame.payload
+        if said == self._last and not self._recording.is_simulated:
+            return  # a repetition, for which a wall clock gave occasion
+        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
             self._expected.popleft()
+        wanted = self._expected[0] if self._expected else None
+        if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _said(wanted) != said:
+            self._part(now_us, f"{message_name(frame)} is sent, {_instead(wanted, now_us, self._late_us)}")
+            return
+        self._last = said
+        self._expected.popleft()
 
     def _note_missing(self, now_us: int) -> None:
         """Notice what was sent by now, and is not."""
@@ -263,7 +223,9 @@ class Replay:
         while self._expected and self._late_us and _said(self._expected[0]) == self._last:
             self._expected.popleft()
         if self._expected and self._expected[0].at_us < now_us - self._late_us:
-            self._part(self._expected[0].at_us, f"{_named(self._expected[0].frame)} was sent, and is not now")
+            self._part(
+                self._expected[0].at_us, f"{message_name(self._expected[0].frame)} was sent, and is not now"
+            )
 
     def _part(self, at_us: int, why: str) -> None:
         assert self._link is not None
@@ -292,31 +254,13 @@ def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
     return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
 
 
-def _is_told(frame: RawFrame) -> bool:
-    """Whether a frame of ours asks the autopilot for, or to do, something about missions."""
-    if frame.message_id == _COMMAND:
-        return int.from_bytes(frame.payload.ljust(30, b"\0")[28:30], "little") in _COMMANDS
-    return frame.message_id in _TRANSFERS
-
-
 def _said(heard: RecordedFrame) -> tuple[int, bytes]:
     return heard.frame.message_id, heard.frame.payload
-
-
-_NAMES = {
-    38: "MISSION_WRITE_PARTIAL_LIST", 39: "MISSION_ITEM", 40: "MISSION_REQUEST", 41: "MISSION_SET_CURRENT",
-    43: "MISSION_REQUEST_LIST", 44: "MISSION_COUNT", 45: "MISSION_CLEAR_ALL", 47: "MISSION_ACK",
-    51: "MISSION_REQUEST_INT", 73: "MISSION_ITEM_INT", 76: "COMMAND_LONG",
-}  # fmt: skip
-
-
-def _named(frame: RawFrame) -> str:
-    return _NAMES.get(frame.message_id, f"message {frame.message_id}")
 
 
 def _instead(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
     if wanted is None or wanted.at_us > now_us + late_us:
         return "where nothing was"
     if wanted.at_us < now_us - late_us:
-        return f"later than {_named(wanted.frame)} was"
-    return f"where {_named(wanted.frame)} with other content was"
+        return f"later than {message_name(wanted.frame)} was"
+    return f"where {message_name(wanted.frame)} with other content was"

@@ -16,10 +16,10 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.missions.mission_items import as_sent
 from companion.mission.mission_id import mission_id
 from companion.types.events import MissionCurrent
+from companion.types.mavlink_enums import MissionState
 from companion.types.mission import Command, MavFrame, MissionItem
 
 ITEM_S = 0.02  # as measured on ArduPlane
-_ACTIVE = 3  # MISSION_STATE_ACTIVE
 _HOME = MissionItem(0, Command.NAV_WAYPOINT, MavFrame.GLOBAL, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
 
 Items = tuple[MissionItem, ...]
@@ -190,4 +190,4 @@ class ReplayLink(AutopilotLink):
         items = self._stored()
         total = len(items) - (0 if self._swaps_whole_lists else 1)
         name = mission_id(items) if self._swaps_whole_lists else 0
-        self._current = MissionCurrent(self._clock.now_s(), sequence, total, name, _ACTIVE)
+        self._current = MissionCurrent(self._clock.now_s(), sequence, total, name, MissionState.ACTIVE)

@@ -20,12 +20,12 @@ from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator, span_in, without_span
 from companion.mission.swap import MissionLink, SwapOutcome, enter, entry_now, is_still_ahead
 from companion.swapping.swap_protocol import SwapOrder, SwapParts
+from companion.types.mavlink_enums import MissionState
 from companion.types.mission import Mission, MissionItem
 
 UPLOAD_MAX_S = 60.0
 TURNS = 3  # of the event loop, in which an upload that was acknowledged in the same breath ends
 CONFIRM_S = 2.5  # PX4 tells its mission once a second, and checks a new one within a tenth of that
-_ACTIVE = 3  # MISSION_STATE_ACTIVE
 
 
 class _Entry:
@@ -139,7 +139,7 @@ async def replace_whole(
             return SwapOutcome.WITHDRAWN, "the mode was changed"
         # A lost last acknowledgement ends in an error although all is flown: what it flies tells.
         if await link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state == _ACTIVE, CONFIRM_S
+            lambda told: told.mission_id == identity and told.state == MissionState.ACTIVE, CONFIRM_S
         ):
             return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
         if not may_finish():
@@ -157,7 +157,7 @@ async def _uploaded(
     upload = asyncio.create_task(link.upload(items, may_finish))
     seen = asyncio.create_task(
         link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state == _ACTIVE, UPLOAD_MAX_S
+            lambda told: told.mission_id == identity and told.state == MissionState.ACTIVE, UPLOAD_MAX_S
         )
     )
     try:
@@ -188,7 +188,7 @@ async def _confirmed(
         lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
     )
     current = link.current
-    if is_told and current is not None and current.state in (0, _ACTIVE):
+    if is_told and current is not None and current.state in (MissionState.UNKNOWN, MissionState.ACTIVE):
         return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
     state = "nothing" if current is None else f"state {current.state}, item {current.sequence}"
     return SwapOutcome.REFUSED, f"accepted, but not flown: the autopilot tells {state}"

@@ -63,12 +63,18 @@ class Command(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     NAV_LOITER_TO_ALT = 31
+    NAV_SPLINE_WAYPOINT = 82
     DO_SET_MODE = 176
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
     DO_LAND_START = 189
     DO_SET_MISSION_CURRENT = 224
     REQUEST_MESSAGE = 512
+    NAV_FENCE_RETURN_POINT = 5000
+    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
+    NAV_FENCE_CIRCLE_INCLUSION = 5003
+    NAV_FENCE_CIRCLE_EXCLUSION = 5004
 
 
 class MavFrame(IntEnum):
@@ -112,6 +118,13 @@ class MissionResult(IntEnum):
     INVALID_SEQUENCE = 13
     DENIED = 14
     OPERATION_CANCELLED = 15
+
+
+class MissionState(IntEnum):
+    """MISSION_STATE: what MISSION_CURRENT tells of the mission; 0 where an autopilot does not tell."""
+
+    UNKNOWN = 0
+    ACTIVE = 3
 
 
 class MissionType(IntEnum):

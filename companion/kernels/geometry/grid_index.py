@@ -116,6 +116,27 @@ def least_distance(value: float, low: float, size: float, cell: int) -> float:
 
 
 @kernel_numpy_errors
+def keep_chain(
+    index: GridIndex, row: int, rows: FloatArray, active: IntArray, x: float, y: float, found: int, k: int,
+    near: KNearest,
+) -> int:  # fmt: skip
+    """Keep of one cell's rows, from ``row`` on, those nearest to a place; -1 where one is stale.
+
+    ``rows`` (N, ≥ 2) the tree's places [m]; ``active`` (N,) marks those that count, empty: all do.
+    """
+    chain, places, squares = index.chain, index.places, near.squares
+    while row >= 0:
+        if active.shape[0] == 0 or active[row] == 1:
+            d2 = (places[row, 0] - x) ** 2 + (places[row, 1] - y) ** 2
+            if found < k or d2 <= squares[k - 1]:
+                if places[row, 0] != rows[row, 0] or places[row, 1] != rows[row, 1]:
+                    return -1
+                found = keep(near, found, k, d2, row)
+        row = chain[row]
+    return found
+
+
+@kernel_numpy_errors
 def nearest_by_cells(
     index: GridIndex, rows: FloatArray, bounds: FloatArray, active: IntArray, x: float, y: float, k: int,
     near: KNearest,
@@ -129,8 +150,7 @@ def nearest_by_cells(
     ``rows`` (N, ≥ 2) the tree's places [m]; ``bounds`` (4,) of the cells [m]; ``active`` (N,) marks those
     that count, empty: all do.
     """
-    cells, chain, places, extent = index.cells, index.chain, index.places, index.extent
-    squares = near.squares
+    cells, extent, squares = index.cells, index.extent, near.squares
     size = cell_size(bounds)
     i0, j0 = cell_along(x, bounds[0], size), cell_along(y, bounds[2], size)
     first = max(extent[0] - i0, i0 - extent[1], extent[2] - j0, j0 - extent[3], 0)
@@ -151,14 +171,9 @@ def nearest_by_cells(
                 dy = least_distance(y, bounds[2], size, j)
                 if found == k and dx * dx + dy * dy > squares[k - 1]:
                     continue
-                while row >= 0:
-                    if active.shape[0] == 0 or active[row] == 1:
-                        d2 = (places[row, 0] - x) ** 2 + (places[row, 1] - y) ** 2
-                        if found < k or d2 <= squares[k - 1]:
-                            if places[row, 0] != rows[row, 0] or places[row, 1] != rows[row, 1]:
-                                return -1
-                            found = keep(near, found, k, d2, row)
-                    row = chain[row]
+                found = keep_chain(index, row, rows, active, x, y, found, k, near)
+                if found < 0:
+                    return -1
     return found
 
 
