@@ -63,7 +63,7 @@ def returns_shape(docstring, kind):
 
 def _without_arguments(docstring):
     """The docstring without the shapes of what is named, which say nothing of what is returned."""
-    return re.sub(rf"``\w+`` {PLAIN_SHAPE}", "", docstring)
+    return re.sub(rf"``\w+``,?(?: shape)? {PLAIN_SHAPE}", "", docstring)
 
 
 def silent_functions(path):
@@ -121,6 +121,7 @@ def test_an_aside_in_brackets_and_the_shape_of_another_are_no_shape_of_what_is_r
     assert not says("``a`` (east, north, up) of a place [m].", "a", "short")
     assert not returns_shape("Places (east, north, up) [m].", "short")
     assert not returns_shape("How far ``a`` (N, 3) is from there [m].", "short")
+    assert not returns_shape("How far ``a``, shape (N, 3), is from there [m].", "short")
 
 
 def test_public_functions_above_the_kernels_have_sections():
