@@ -111,7 +111,7 @@ class _Edges:
 
 
 def _wrapped(angles: FloatArray) -> FloatArray:
-    """Turn ``angles`` (N,) into ones in [-π, π), (N,) [rad]."""
+    """Same directions as ``angles`` (N,), in [-π, π), (N,) [rad]."""
     result: FloatArray = (angles + math.pi) % (2.0 * math.pi) - math.pi
     return result
 
@@ -411,7 +411,7 @@ class Checker:
     def _ending_violations(
         self, points: FloatArray, centre: FloatArray, ends_in_loiter: bool, loiter_radius_m: float | None
     ) -> Iterator[Violation]:
-        """Whether the loiter about ``centre`` (3,) after ``points`` (K, 3) [m] can be flown, and is clear."""
+        """Whether a loiter about ``centre`` (3,) after ``points`` (K, 3) [m] is flyable, clear, in bounds."""
         last, smallest = len(points) - 1, self.limits.turn_radius_min_m
         if not ends_in_loiter:
             yield Violation("ending", last, 0.0, 1.0, "the mission does not end in a loiter")

@@ -129,7 +129,7 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
 
 
 def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[FloatArray]:
-    """What of the bounds, with a rim, is outside any of ``inclusions`` (N, 2): polygons (M, 2) [m]."""
+    """What of the bounds, with a rim, is not inside all ``inclusions`` (N, 2): polygons (M, 2) [m]."""
     if not inclusions:
         return
     rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
