@@ -18,9 +18,9 @@ _METRES_PER_DEGREE = 111_000.0
 
 
 def _terms(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Monomials up to the third degree of two columns, shape (N,) each.
+    """Monomials (N, 10) up to the third degree of ``first`` (N,) and ``second`` (N,).
 
-    Shape (N, 10), in the order in which :func:`_value` reads them.
+    In the order in which :func:`_value` reads them.
     """
     a, b = first, second
     columns = [np.ones_like(a), a, b, a * a, a * b, b * b, a * a * a, a * a * b, a * b * b, b * b * b]

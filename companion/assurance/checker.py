@@ -64,7 +64,7 @@ class CheckLimits:
     deviations : float
         Standard deviations of position added to the margin.
     turn_radius_min_m, straight_length_min_m : float
-        Of turns, and of straight flight between two turns [m].
+        Smallest radius of a turn, and shortest straight flight between two turns [m].
     climb_angle_max_rad, descent_angle_max_rad : float
         Both positive [rad].
     airspeed_min_m_s, airspeed_max_m_s : float
@@ -93,7 +93,11 @@ class CheckLimits:
 
 @dataclass(frozen=True, slots=True)
 class _Edges:
-    """What follows from the rows alone: arrays of one number an edge, edge k from row k to row k + 1."""
+    """What follows from the N rows alone: one number an edge, edge k from row k to row k + 1.
+
+    Time ``steps_s`` (N - 1,), lengths ``chords_m``, ``flat_chords_m``, ``lengths_m``, ``rises_m`` (N - 1,)
+    and angles ``turns_rad``, ``offsets_rad`` (N - 1,); ``rows``, ``usable`` (N - 1,) tell which they are.
+    """
 
     rows: NDArray[np.int64]  # row at the end of each
     usable: BoolArray  # both ends have numbers
@@ -107,13 +111,13 @@ class _Edges:
 
 
 def _wrapped(angles: FloatArray) -> FloatArray:
-    """Angles in [-π, π)."""
+    """Same directions as ``angles`` (N,), in [-π, π), (N,) [rad]."""
     result: FloatArray = (angles + math.pi) % (2.0 * math.pi) - math.pi
     return result
 
 
 def _edges(path: Path, usable_rows: BoolArray) -> _Edges:
-    """Differences between rows; the numbers of unusable rows are taken as 0."""
+    """Differences between rows; the numbers of rows not in ``usable_rows`` (N,) are taken as 0."""
     positions = np.where(usable_rows[:, None], path.positions_enu_m, 0.0)
     courses = np.where(usable_rows, path.courses_rad, 0.0)
     times = np.where(usable_rows, path.times_s, 0.0)
@@ -221,7 +225,7 @@ class Checker:
         )
 
     def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
-        """Bounds, speeds, stated climb angles, threat levels and quality."""
+        """Bounds, speeds, stated climb angles of ``usable`` (N,) rows; threat levels and quality of all."""
         limits, ahead = self.limits, np.arange(len(usable)) >= first
         ready = usable & ahead
         yield from self._bounds_violations(path.positions_enu_m, ready, POINT_TOLERANCE_M)
@@ -251,7 +255,7 @@ class Checker:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
 
     def _edge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
-        """Time stamps, agreement of speed, course and positions, turn radius, climb by geometry."""
+        """Times, agreement of speeds, courses, positions; radii, climb of edges ``ahead`` (N - 1,)."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
         yield from listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
@@ -283,7 +287,7 @@ class Checker:
         )
 
     def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
-        """Bounds of the arcs' middles, which lie outside the chords by the sagitta."""
+        """Bounds of the arcs' middles, off their chords by the sagitta; of edges ``ahead`` (N - 1,)."""
         turns = edges.turns_rad
         sagitta = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
         course = path.courses_rad[:-1] + 0.5 * turns
@@ -298,7 +302,7 @@ class Checker:
     def _bounds_violations(
         self, points: FloatArray, ready: BoolArray, tolerance_m: float, row: int | None = None
     ) -> Iterator[Violation]:
-        """Points outside the bounds; ``row`` names them all where given."""
+        """Those ``points`` (N, 3) [m] out of bounds where ``ready`` (N,); ``row``, if given, names all."""
         widen = (tolerance_m, tolerance_m, POINT_TOLERANCE_M + self.limits.altitude_tolerance_m)
         rows = np.arange(len(points)) if row is None else np.full(len(points), row)
         for axis, name in enumerate(("east", "north", "up")):
@@ -321,7 +325,10 @@ class Checker:
         bulges: FloatArray,
         rows: NDArray[np.int64],
     ) -> Iterator[Violation]:
-        """Segments that come too near to a prism: their distance less the bulge, against the margin."""
+        """Segments that come too near to a prism: their distance less the bulge, against the margin.
+
+        ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) is what to name each by.
+        """
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
             yield Violation(
                 "clearance", int(rows[segment]), clear, float(margins[segment]), f"distance to {name} [m]"
@@ -340,9 +347,9 @@ class Checker:
         ends_in_loiter : bool
             Whether the last is a loiter; it breaks the rule ``ending`` if not.
         loiter_radius_m : float or None
-            Its radius; the sign (direction) does not matter [m].
+            Radius of that loiter; the sign (direction) does not matter [m].
         loiter_centre_enu_m : ndarray, shape (3,), optional
-            Its centre, where that is not the last waypoint but a point beside it [m].
+            Centre of the loiter, where that is not the last waypoint but a point beside it [m].
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
@@ -360,7 +367,7 @@ class Checker:
         return tuple(found)
 
     def _leg_violations(self, points: FloatArray) -> Iterator[Violation]:
-        """Bounds, clearance, climb and corners of the legs."""
+        """Bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
         yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
         rows = np.arange(1, len(points))
         none = np.zeros(len(rows))
@@ -379,7 +386,7 @@ class Checker:
             yield from self._corner_violations(points[kept], kept)
 
     def _corner_violations(self, points: FloatArray, rows: NDArray[np.int64]) -> Iterator[Violation]:
-        """Whether turns at the corners fit on their legs, and clear obstacles on the inside."""
+        """Whether turns at ``points`` (K, 3) [m] of ``rows`` (K,) fit on their legs and clear obstacles."""
         away = np.diff(points[:, :2], axis=0)
         lengths = np.hypot(away[:, 0], away[:, 1])
         courses = np.arctan2(away[:, 0], away[:, 1])
@@ -404,7 +411,7 @@ class Checker:
     def _ending_violations(
         self, points: FloatArray, centre: FloatArray, ends_in_loiter: bool, loiter_radius_m: float | None
     ) -> Iterator[Violation]:
-        """Whether the loiter at the end can be flown, clear of obstacles and inside the bounds."""
+        """Whether a loiter about ``centre`` (3,) after ``points`` (K, 3) [m] is flyable, clear, in bounds."""
         last, smallest = len(points) - 1, self.limits.turn_radius_min_m
         if not ends_in_loiter:
             yield Violation("ending", last, 0.0, 1.0, "the mission does not end in a loiter")
@@ -430,7 +437,7 @@ class Checker:
 
 
 def _position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Largest standard deviation of each covariance (N, 3, 3) [m], and whether it is one at all."""
+    """Largest deviation (N,) [m] of each of ``covariances`` (N, 3, 3) [m²], and whether it is one (N,)."""
     finite: BoolArray = np.all(np.abs(covariances) <= NUMBER_MAX, axis=(1, 2))
     safe = np.where(finite[:, None, None], covariances, 0.0)
     eigenvalues = np.linalg.eigvalsh(0.5 * (safe + np.swapaxes(safe, 1, 2)))
@@ -441,7 +448,7 @@ def _position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray
 
 
 def _bulges(edges: _Edges, radius_m: float) -> FloatArray:
-    """How far the curves may leave their chords (see the module's docstring) [m]."""
+    """How far the curves may leave their chords (see the module's docstring), (N - 1,) [m]."""
     turns = np.abs(edges.turns_rad)
     spread: FloatArray = 0.25 * edges.lengths_m * turns - 0.125 * radius_m * turns**2
     sagitta: FloatArray = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
@@ -478,7 +485,7 @@ def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -
 
 
 def _fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tuple[FloatArray, float]:
-    """Points of the arc that leaves a leg ``cut_m`` before its corner, and the sagitta between them [m]."""
+    """Points (S, 3) of the arc from ``cut_m`` before the middle of ``corner`` (3, 3), and the sagitta [m]."""
     into, out = corner[1] - corner[0], corner[2] - corner[1]
     before = corner[1] - into * (cut_m / float(np.hypot(into[0], into[1])))
     behind = corner[1] + out * (cut_m / float(np.hypot(out[0], out[1])))

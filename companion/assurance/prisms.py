@@ -78,7 +78,10 @@ class Prisms:
     def _distances(
         self, starts: FloatArray, ends: FloatArray, prisms: NDArray[np.int64], limit: FloatArray
     ) -> FloatArray:
-        """Distance of segments to prisms where it is less than a limit, else the limit.
+        """Distance (N,) of segments to prisms where it is less than a limit, else the limit [m].
+
+        Segments go from ``starts`` (N, 3) to ``ends`` (N, 3) [m]; ``prisms`` (N,) is the number of the
+        prism that each is paired with, ``limit`` (N,) the limit [m].
 
         Branch and bound along the segment: level distance and height gap of a piece bound its distance
         from below, and are exact where the height gap does not change.
@@ -112,12 +115,15 @@ class Prisms:
 
 
 def _height_gap(heights: FloatArray, prisms: FloatArray) -> FloatArray:
-    """Height of points above or below prisms (base, top), 0 between [m]."""
+    """Height (N,) of points above or below prisms, 0 between [m].
+
+    ``heights`` (N,) are those of the points, ``prisms`` (N, 2) base and top of each one's prism [m].
+    """
     gap: FloatArray = np.maximum(np.maximum(prisms[:, 0] - heights, heights - prisms[:, 1]), 0.0)
     return gap
 
 
 def _lines(starts: FloatArray, ends: FloatArray) -> NDArray[np.object_]:
-    """Level projections of segments."""
+    """Level projections, (N,) lines, of segments from ``starts`` (N, 3) to ``ends`` (N, 3) [m]."""
     lines: NDArray[np.object_] = shapely.linestrings(np.stack([starts[:, :2], ends[:, :2]], axis=1))
     return lines

@@ -35,7 +35,23 @@ def listed(
     limit: float | FloatArray,
     detail: str,
 ) -> Iterator[Violation]:
-    """One violation for every element that is broken."""
+    """One violation for every element that is broken.
+
+    Parameters
+    ----------
+    rule : str
+        Name of the rule.
+    rows : ndarray, shape (N,)
+        Row that each element is reported at.
+    broken : ndarray, shape (N,)
+        Whether the rule is broken there.
+    values : ndarray, shape (N,)
+        What was found, in the unit that ``detail`` names.
+    limit : float or ndarray, shape (N,)
+        What is allowed, in the same unit: one for all, or one for each.
+    detail : str
+        What the values are, with their unit.
+    """
     limits = np.broadcast_to(limit, np.shape(values))
     for index in np.flatnonzero(broken):
         yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
@@ -51,7 +67,25 @@ def outside(
     tolerance: float,
     detail: str,
 ) -> Iterator[Violation]:
-    """One violation for every element below or above its limits, where it is ready to be judged."""
+    """One violation for every element below or above its limits, where it is ready to be judged.
+
+    Parameters
+    ----------
+    rule : str
+        Name of the rule.
+    rows : ndarray, shape (N,)
+        Row that each element is reported at.
+    ready : ndarray, shape (N,)
+        Whether the element is to be judged.
+    values : ndarray, shape (N,)
+        What was found, in the unit that ``detail`` names.
+    limits : tuple of float
+        Lowest and highest value allowed, in the same unit.
+    tolerance : float
+        By how much a value may pass them, in the same unit.
+    detail : str
+        What the values are, with their unit.
+    """
     low, high = limits
     yield from listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
     yield from listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")

@@ -71,7 +71,7 @@ class Announcer:
         Parameters
         ----------
         positions_enu_m : ndarray, shape (K, 3)
-            Its waypoints [m].
+            Waypoints of the mission [m].
         reason : str
             Why it was wanted.
         latency_ms : float, optional

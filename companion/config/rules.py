@@ -33,11 +33,12 @@ class Rules:
     vehicle : VehicleModel
         What the aircraft can do.
     settings : PlannerSettings
-        Of a plan where nothing is flown that could be improved on.
+        How to make a plan where nothing is flown that could be improved on.
     replan_settings : PlannerSettings
-        Of a plan beside a flown path: a search that finds nothing better is not worth the whole budget.
+        How to make a plan beside a flown path: a search that finds nothing better is not worth the whole
+        budget.
     least_threat_settings : PlannerSettings
-        Of an emergency plan: threats weigh most, and have no limit.
+        How to make an emergency plan: threats weigh most, and have no limit.
     checker : Checker
         The independent check.
     """

@@ -177,7 +177,7 @@ def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[
 
 
 def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
-    """Whether the operator's items that follow the goal can be flown to from the last waypoint, (3,) [m]."""
+    """Whether the operator's items behind the goal can be flown to from ``last_enu_m`` (3,) [m]."""
     if state.tail_enu_m is None:
         return False
     legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])

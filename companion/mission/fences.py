@@ -110,6 +110,7 @@ def _place(item: MissionItem, frame: LocalFrame) -> tuple[float, float]:
 
 
 def _polygon(corners: Sequence[MissionItem], frame: LocalFrame, index: int) -> FloatArray:
+    """East and north of a polygon's corners, (N, 2) [m]."""
     points = np.array([_place(corner, frame) for corner in corners])
     shape = shapely.Polygon(points)
     if not shape.is_valid or shape.area < AREA_MIN_M2:
@@ -118,7 +119,7 @@ def _polygon(corners: Sequence[MissionItem], frame: LocalFrame, index: int) -> F
 
 
 def _circle(item: MissionItem, frame: LocalFrame, *, is_inside: bool) -> FloatArray:
-    """Polygon about a circle to stay out of, or inside one to stay in."""
+    """Polygon (N, 2) about a circle to stay out of, or inside one to stay in: east and north [m]."""
     radius = item.parameters[0] or 0.0
     if not 0.0 < radius < 1e6:
         raise FenceError(f"item {item.sequence}: a circle of radius {radius:g} m")
@@ -133,7 +134,7 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
     Parameters
     ----------
     fences : Fences
-        Of the autopilot.
+        Zones of the autopilot's fence list.
     bounds : tuple of float
         East, north, up of the mission's bounds, each low and high [m].
     """
@@ -144,7 +145,7 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
 
 
 def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[FloatArray]:
-    """What of the bounds, with a rim, lies outside of any inclusion zone."""
+    """What of the bounds, with a rim, is not inside all ``inclusions`` (N, 2): polygons (M, 2) [m]."""
     if not inclusions:
         return
     rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
@@ -154,7 +155,7 @@ def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[Float
 
 
 def _simple(shape: shapely.Geometry) -> Iterator[FloatArray]:
-    """A shape as polygons without holes: itself if it is one, else in triangles."""
+    """A shape as polygons (N, 2) [m] without holes: itself if it is one, else in triangles."""
     for part in shapely.get_parts(shape):
         if part.area < AREA_MIN_M2:
             continue

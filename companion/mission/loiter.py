@@ -32,12 +32,12 @@ def loiter_beside(
     course_rad : float
         Course there if there is one waypoint only, clockwise from north.
     radius_m : float
-        Of the circle.
+        Radius of the circle [m].
 
     Returns
     -------
     ndarray, shape (3,)
-        Centre.
+        Centre of the circle [m].
     float
         +1 clockwise (to the right), -1 counter-clockwise: the sign ArduPlane wants on the radius.
     """
@@ -62,7 +62,7 @@ def loiter_beside(
 def _room_about(
     centre: FloatArray, obstacles: Sequence[Obstacle], bounds: tuple[float, float, float, float, float, float]
 ) -> float:
-    """Distance of a point to the nearest obstacle at its height and to the bounds [m]."""
+    """Distance of ``centre`` (3,) to the nearest obstacle at its height and to the bounds [m]."""
     x, y, z = (float(value) for value in centre)
     room = min(x - bounds[0], bounds[1] - x, y - bounds[2], bounds[3] - y)
     for obstacle in obstacles:

@@ -89,7 +89,7 @@ def operator_of(
     items : sequence of MissionItem
         As read, ours taken out.
     frame : LocalFrame
-        Of the mission file.
+        The mission file's frame.
     home_amsl_m : float or None
         Height that relative altitudes count from, where it is known.
     goal : tuple of float, optional

@@ -102,7 +102,7 @@ def way_to(
     target_enu_m : ndarray, shape (3,)
         Where it is sent [m].
     radius_m : float
-        Of its turns [m].
+        Radius of the aircraft's turns [m].
 
     Returns
     -------

@@ -107,7 +107,11 @@ def _is_straight(courses: FloatArray, row: int) -> bool:
 
 
 def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
-    """Drop inner marks that lie within :data:`SLIGHT_M` of the line between their neighbours."""
+    """Marks without inner ones that lie within :data:`SLIGHT_M` of the line between their neighbours.
+
+    ``marks`` are pairs of a length of path flown and a place (3,) [m], and so is what is returned:
+    pairs of a length and a place (3,) [m].
+    """
     kept = marks[:1]
     for mark, after in itertools.pairwise(marks[1:]):
         along, offset = after[1] - kept[-1][1], mark[1] - kept[-1][1]
@@ -122,7 +126,9 @@ def _corners(
 ) -> list[tuple[float, FloatArray]]:
     """Corners of all turns: where the tangents at the ends of each part of an arc meet.
 
-    Each comes with the length of path flown to the middle of its part.
+    Each, (3,) [m], comes with the length of path flown to the middle of its part [m]. ``points`` (N, 3) are
+    the path's places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) the level
+    length flown to each [m].
     """
     signs = np.sign(np.where(np.abs(np.diff(courses)) > STRAIGHT_RAD, np.diff(courses), 0.0))
     found, edge = [], 0
@@ -152,6 +158,10 @@ def _chords(points: FloatArray, courses: FloatArray, travelled: FloatArray) -> l
 
     All but the first of a turn are moved inwards by :data:`INSET_M`: who turns only when a waypoint is
     reached flies a turn that much too wide.
+
+    Each place, (3,) [m], comes with the length of path flown to it [m]. ``points`` (N, 3) are the path's
+    places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) the level length flown
+    to each [m].
     """
     steps = np.diff(courses)
     signs = np.sign(np.where(np.abs(steps) > STRAIGHT_RAD, steps, 0.0))
@@ -180,7 +190,12 @@ def _chords(points: FloatArray, courses: FloatArray, travelled: FloatArray) -> l
 def _with_heights(
     marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray
 ) -> list[tuple[float, FloatArray]]:
-    """Add rows of the path where the height between two marks leaves their line."""
+    """Marks, and rows of the path where the height between two marks leaves their line.
+
+    ``marks`` are pairs of a length of path flown and a place (3,) [m], and so is what is returned: pairs
+    of a length and a place (3,) [m]. ``points`` (N, 3) are the path's places [m], ``travelled`` (N,) the
+    level length flown to each [m].
+    """
     result = [marks[0]]
     for after in marks[1:]:
         before = result[-1]
@@ -316,6 +331,7 @@ def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> flo
 
 
 def _item(command: Command, position_enu_m: FloatArray, frame: LocalFrame) -> MissionItem:
+    """A command at ``position_enu_m`` (3,) [m] as a mission item."""
     latitude, longitude, altitude = frame.global_from_local(*(float(value) for value in position_enu_m))
     return MissionItem(
         sequence=0,

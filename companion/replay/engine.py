@@ -88,7 +88,7 @@ class Replay:
     mission : MissionConfig
         The mission file; it need not be the flown one.
     seed : int, optional
-        Of plans and filters; left out, the recorded one, else the mission file's.
+        Seed of plans and filters; left out, the recorded one, else the mission file's.
     """
 
     def __init__(self, recording: Recording, mission: MissionConfig, seed: int | None = None) -> None:

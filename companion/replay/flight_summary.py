@@ -152,6 +152,7 @@ def _summary(
     about: Document, plan_ms: tuple[float, ...], swaps: list[Document], flown: FloatArray,
     counters: Counter[str],
 ) -> dict[str, float | int | bool | str]:  # fmt: skip
+    """Figures of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
     times = np.array(plan_ms or [np.nan])
     versions = about.get("versions")
     program = versions.get("companion", "") if isinstance(versions, dict) else ""
@@ -176,7 +177,7 @@ def _uploaded(row: Document) -> UploadedMission:
 
 
 def _tracks(rows: list[Document]) -> tuple[FloatArray, ...]:
-    """Time, east and north of each tracked vehicle."""
+    """Time [s], east and north [m] of each tracked vehicle, (M, 3)."""
     found: dict[str, list[list[float]]] = {}
     for row in rows:
         tracks = row.get("tracks")
@@ -197,6 +198,7 @@ def _floats(value: object, count: int) -> list[float]:
 
 
 def _table(rows: object, columns: int) -> FloatArray:
+    """Lists of numbers as rows, (N, C) with as many ``columns``; NaN where a number is missing."""
     listed = rows if isinstance(rows, list) else []
     table = [_floats(row, columns) for row in listed]
     return np.array(table, dtype=np.float64).reshape(-1, columns)

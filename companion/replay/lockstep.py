@@ -35,7 +35,7 @@ async def step(
     app : App
         The service.
     clock : ManualClock
-        Its clock.
+        The clock that the service reads.
     theirs : MemoryTransport
         The other end of its link.
     data : bytes

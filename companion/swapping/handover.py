@@ -109,7 +109,7 @@ class Handover:
         shaped : ShapedPath
             What is to be flown.
         plan_number : int
-            Of the plan behind it.
+            Number of the plan behind it.
         plan_ms : float
             The computer's time for it [ms].
         track_s : float
@@ -149,7 +149,7 @@ class Handover:
         enter_s : float
             When the aircraft is where the path begins, by the clock [s].
         plan_number : int
-            Of the plan behind it.
+            Number of the plan behind it.
         """
         layout = self._flight.listed.layout
         if layout is None:

@@ -89,7 +89,7 @@ async def store(
     mission : Mission
         The whole list.
     part : slice, optional
-        Of its items, what alone is sent, since the rest is stored already.
+        Which of its items are sent, the rest being stored already; left out, all.
     """
     reason = ""
     try:

@@ -83,8 +83,8 @@ def composed(
     link : VehicleLink
         To the vehicle.
     clock : Clock
-        Its time. With an ``InlineRunner`` it must be one that others move: a plan then takes the mission
-        file's ``planning_budget_s`` of it, however long the computer needs.
+        The service's time. With an ``InlineRunner`` it must be one that others move: a plan then takes the
+        mission file's ``planning_budget_s`` of it, however long the computer needs.
     recorder : Recorder
         Listens.
     seed : int

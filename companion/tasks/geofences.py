@@ -25,7 +25,7 @@ class Geofences:
     flight : StateOwner
         The flight's state, whose rules are to have them.
     situation : Situation
-        Whose snapshots are to have them.
+        The situation, with the snapshots that are to have them.
     link : AutopilotLink
         To the autopilot.
     announcer : Announcer

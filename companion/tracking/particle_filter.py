@@ -98,10 +98,22 @@ def transition(elapsed_s: float) -> FloatArray:
 
 
 def process_noise(elapsed_s: float, acceleration_std_m_s2: float) -> FloatArray:
-    """Covariance, shape (4, 4), gathered over a time; over a negative one, that of the retrodicted state.
+    """Covariance gathered over a time; over a negative one, that of the retrodicted state.
 
     A state in the past is ``x − v·lag`` less what noise did meanwhile: the same variances, and
     position and velocity correlated with the other sign.
+
+    Parameters
+    ----------
+    elapsed_s : float
+        The time; negative for retrodiction [s].
+    acceleration_std_m_s2 : float
+        Acceleration noise, as in :class:`FilterSettings` [m/s²].
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Covariance of the state, each entry in the product of its two units.
     """
     span = abs(elapsed_s)
     cross = 0.5 * elapsed_s * span
@@ -180,7 +192,7 @@ class ParticleFilter:
         return step @ self.mean, 0.5 * (covariance + covariance.T)
 
     def squared_distance(self, stamp_s: float, position_m: FloatArray, position_std_m: float) -> float:
-        """Squared Mahalanobis distance of a detected position, shape (2,) [m], from the one expected then."""
+        """Squared Mahalanobis distance of a detected ``position_m`` (2,) [m] from the one expected then."""
         mean, covariance = self.moments(stamp_s)
         innovation = position_m - POSITION_ROWS @ mean
         innovation_covariance = POSITION_ROWS @ covariance @ POSITION_ROWS.T + position_std_m**2 * np.eye(2)
@@ -234,7 +246,8 @@ class ParticleFilter:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Observation matrix, shape (M, 4), what was observed and its variances, shape (M,) each.
 
-        Both arguments have shape (2,); M is 4 where a velocity was reported, else 2.
+        ``position_m`` (2,) [m] and ``velocity_m_s`` (2,) [m/s] are east and north. M is 4 where a velocity
+        was reported and counts as observed, else 2.
         """
         if velocity_m_s is None or not self._settings.use_reported_velocity:
             return POSITION_ROWS, position_m, np.full(2, position_std_m**2)
@@ -279,10 +292,9 @@ class ParticleFilter:
 
 
 def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Gaussian likelihood, shape (N,), of innovations, shape (N, M), scaled to a sum of 1.
+    """Gaussian likelihood, shape (N,), of ``innovations`` (N, M), scaled to a sum of 1.
 
     ``covariance``, shape (M, M), is that of the innovations.
-
 
     Logarithms are shifted by the largest, so that however far the detection lies, one weight is 1
     before scaling and none is NaN.
@@ -293,20 +305,20 @@ def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _covariance(particles: FloatArray, weights: FloatArray) -> FloatArray:
-    """Covariance, shape (4, 4), of particles, shape (N, 4), by weights, shape (N,); the floor is added."""
+    """Covariance (4, 4) of ``particles`` (N, 4) by ``weights`` (N,); the floor is added."""
     away = particles - weights @ particles
     covariance = (weights[:, None] * away).T @ away
     return np.asarray(0.5 * (covariance + covariance.T) + VARIANCE_FLOOR * np.eye(4))
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Square root, shape (4, 4), of a covariance, shape (4, 4), that may be singular."""
+    """Square root (4, 4) of a ``covariance`` (4, 4) that may be singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _systematic(weights: FloatArray, generator: np.random.Generator) -> NDArray[np.intp]:
-    """Return the indices, shape (N,), of systematic resampling by weights, shape (N,), drawn by filterpy.
+    """Return the indices (N,) of systematic resampling by ``weights`` (N,), drawn by filterpy.
 
     filterpy draws from NumPy's process-wide generator. It is seeded for this one call and put back,
     so that a track depends on its own seed alone and nobody else's numbers change.

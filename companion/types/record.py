@@ -87,7 +87,10 @@ class PlanRecord:
 
 @dataclass(frozen=True, slots=True)
 class SwapRecord:
-    """A mission handed to the autopilot: how that ended, and when it began and ended by the clock."""
+    """A mission handed to the autopilot: how that ended, and when it began and ended by the clock.
+
+    ``waypoints_enu_m`` (K, 3) are its waypoints [m].
+    """
 
     outcome: str
     reason: str

@@ -56,7 +56,17 @@ def threat_field(
 
 
 def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:
-    """Return the height to section the world at [m]: the median of ``ups_m``, shape (N,), or the fallback."""
+    """Return the height to section the world at, inside the bounds [m].
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The world, with its bounds.
+    ups_m : ndarray, shape (N,)
+        Up coordinates of a path, whose median is taken; what is not finite is left out [m].
+    fallback_m : float
+        Height taken where none is finite [m].
+    """
     finite = ups_m[np.isfinite(ups_m)]
     height = float(np.median(finite)) if finite.size else fallback_m
     return min(max(height, snapshot.bounds[4]), snapshot.bounds[5])

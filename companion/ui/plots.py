@@ -104,8 +104,8 @@ def closest_approach(flown: FloatArray, dt_path: FloatArray) -> tuple[float, Flo
 
     Returns
     -------
-    tuple or None
-        Stamp [s], aircraft (2,) and threat (2,) [m]; None where the two share no time.
+    tuple of float, ndarray, shape (2,), and ndarray, shape (2,), or None
+        Stamp [s], east and north of the aircraft and of the threat [m]; None where the two share no time.
     """
     if len(flown) == 0 or len(dt_path) == 0:
         return None
@@ -207,7 +207,7 @@ def _draw_search(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot, pl
 
 
 def _draw_reach(sheet: MapSheet, circles: FloatArray) -> None:
-    """Draw the circles, shape (K, 3), about directly reachable nodes; of very many an even sample."""
+    """Draw ``circles`` (K, 3), east, north, radius [m], about reachable nodes; of many an even sample."""
     if len(circles) == 0:
         return
     step = -(-len(circles) // NUM_REACH_CIRCLES_MAX)
@@ -287,7 +287,7 @@ def _draw_moving(sheet: MapSheet, record: FlightRecord) -> None:
 
 
 def _mark_times(sheet: MapSheet, line: FloatArray, start_s: float, step_s: float, colour: str) -> None:
-    """Mark time, east, north, shape (K, 3), at whole steps; with the time beside, where there is room."""
+    """Mark ``line`` (K, 3), time [s], east, north [m], at whole steps; with the time, where there is room."""
     if len(line) == 0:
         return
     first = np.ceil((line[0, 0] - start_s) / step_s) * step_s

@@ -124,13 +124,36 @@ def clock_axis(axes: Axes, start_s: float, end_s: float) -> None:
 
 
 def tree_lines(nodes: FloatArray, parents: np.ndarray) -> FloatArray:
-    """Edges, shape (E, 2, D), of a tree: nodes, shape (N, D), and parents, shape (N,), -1 at roots."""
+    """Edges of a tree, as lines to draw.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (N, D)
+        Places of the nodes, in D dimensions [m].
+    parents : ndarray, shape (N,)
+        Number of each one's parent, -1 at roots.
+
+    Returns
+    -------
+    ndarray, shape (E, 2, D)
+        Each node that has a parent, and that parent [m].
+    """
     child = np.nonzero(parents >= 0)[0]
     return np.stack([nodes[child], nodes[parents[child]]], axis=1)
 
 
 def add_lines(axes: Axes, segments: FloatArray, **look: Any) -> LineCollection:  # noqa: ANN401
-    """Draw many segments, shape (E, 2, 2), as one artist: thousands of lines stay fast."""
+    """Draw many segments as one artist: thousands of lines stay fast.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes that are drawn in; their limits stay.
+    segments : ndarray, shape (E, 2, 2)
+        Both ends of each, in the units of the axes.
+    **look
+        How they look, as ``LineCollection`` takes it.
+    """
     collection = LineCollection(list(segments), **look)
     axes.add_collection(collection, autolim=False)
     return collection
@@ -158,7 +181,7 @@ class Labels:
         self._taken.append((x - radius_pt, y - radius_pt, x + radius_pt, y + radius_pt))
 
     def reserve_line(self, line_m: FloatArray) -> None:
-        """Keep texts off a path, shape (K, 2), as long as they find another place."""
+        """Keep texts off the path ``line_m`` (K, 2) [m], as long as they find another place."""
         if len(line_m) == 0:
             return
         points = self.axes.transData.transform(line_m) * (72.0 / self._dpi())

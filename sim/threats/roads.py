@@ -57,11 +57,11 @@ class Roads:
         return not bool(shapely.intersects_xy(self.walls, east_m, north_m))
 
     def is_clear(self, points: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which points, shape (N, 2), keep the clearance: shape (N,)."""
+        """Which of ``points`` (N, 2) [m] keep the clearance, (N,)."""
         return ~np.asarray(shapely.intersects_xy(self._blocked, points[:, 0], points[:, 1]))
 
     def distances(self, origin: FloatArray, points: FloatArray) -> FloatArray:
-        """Straight distances [m], shape (N,), from a point, shape (2,), to others, shape (N, 2).
+        """Straight distances (N,) from ``origin`` (2,) to ``points`` (N, 2) [m].
 
         Infinite where a wall lies between.
         """
@@ -74,7 +74,7 @@ class Roads:
         return np.where(is_blocked, np.inf, lengths)
 
     def reach(self, origin: FloatArray) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-        """Distances [m] of all corners from a point, shape (2,), and those first driven to: shape (C,)."""
+        """Distances of all corners from ``origin`` (2,), (C,) [m], and the corners first driven to, (C,)."""
         if len(self.corners) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64)
         first = self.distances(origin, self.corners)
@@ -97,7 +97,7 @@ class Roads:
 
 
 def polyline_points(corners: list[tuple[float, float]], spacing_m: float) -> FloatArray:
-    """Points along a polyline at most a spacing apart, shape (N, 2), its corners among them."""
+    """Points along a polyline at most a spacing apart, (N, 2) [m], its corners among them."""
     points = [corners[0]]
     for start, end in itertools.pairwise(corners):
         count = max(1, math.ceil(math.dist(start, end) / spacing_m))
