@@ -4,4 +4,4 @@ Here are the command line, and what every room stands on: time, frames, errors. 
 simulator.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
