@@ -19,16 +19,10 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "seeded"))
 ROOT = Path(__file__).parents[1]
 # Tests that need compiled kernels, by how their names begin, and why: `make coverage` leaves them
 # out where it runs kernels as Python.
-NO_INTRINSICS = "kernels that borrow arrays use an intrinsic, which only compiled code has"
 COMPILED = {
-    "tests/kernels/test_borrowed.py": NO_INTRINSICS,
-    "tests/kernels/search/test_rrt_star.py": NO_INTRINSICS,
-    "tests/kernels/threat/test_reachability.py::test_every_estimator_finds": NO_INTRINSICS,
-    "tests/kernels/threat/test_reachability.py::test_what_a_threat_reaches_by_driving": NO_INTRINSICS,
-    "tests/kernels/threat/test_reachability.py::test_several_threats_are_told_apart": NO_INTRINSICS,
-    "tests/kernels/threat/test_reachability.py::test_positions_along_a_path": NO_INTRINSICS,
+    "tests/kernels/test_borrowed.py": "what is borrowed is compiled code's; as Python nobody counts",
+    "tests/kernels/search/test_rrt_star.py": "takes minutes as Python",
     "tests/kernels/threat/test_threat_tree.py": "takes many minutes as Python",
-    "tests/kernels/aircraft/test_motion.py::test_controls_keep": "subtracts booleans, as numba may",
     "tests/kernels/geometry/test_prism_distance.py::test_boxes_crossed": "numpy warns where numba goes on",
 }
 
