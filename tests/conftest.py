@@ -23,6 +23,7 @@ COMPILED = {
     "tests/kernels/test_borrowed.py": "what is borrowed is compiled code's; as Python nobody counts",
     "tests/kernels/search/test_rrt_star.py": "takes minutes as Python",
     "tests/kernels/threat/test_threat_tree.py": "takes many minutes as Python",
+    "tests/kernels/geometry/test_line_of_sight.py::test_lines_agree": "numpy warns where numba goes on",
     "tests/kernels/geometry/test_prism_distance.py::test_boxes_crossed": "numpy warns where numba goes on",
 }
 
