@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.vehicle.attitude import Airframe, AttitudeController
 from sim.vehicle.fdm import STEP_S, FlightDynamics
-from sim.vehicle.guidance import EnergyControl, LateralGuidance, Point, bank_for
+from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from sim.vehicle.sensors import Estimate, Sensors
 
 FDM_STEPS_A_TICK = 2

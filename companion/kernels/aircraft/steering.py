@@ -1,0 +1,198 @@
+"""How an autopilot steers, and where that brings the aircraft: L1 guidance, bank by bank, in the wind.
+
+Symbols: ``e, n`` the place east and north; ``psi`` the heading of the air velocity, clockwise from north;
+``phi`` bank, positive to the right; ``v`` airspeed, level; ``vg`` ground speed; ``l1`` the L1 distance.
+
+References
+----------
+Park, Deyst, How, "A New Nonlinear Guidance Logic for Trajectory Tracking", AIAA GNC 2004, equation 3, in
+the form of ArduPilot's ``AP_L1_Control.cpp`` (period and damping for the distance), with its loiter law.
+Beard, McLain, *Small Unmanned Aircraft*, 2012, eq. (9.14): the coordinated turn.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from companion.kernels.arrays import FloatArray
+from companion.kernels.jit import kernel
+
+GRAVITY = 9.80665
+STEP = 0.05  # of the integration [s]
+SLOWEST = 3.0  # ground speed by which guidance reckons at least [m/s]
+SHORTEST = 1.0  # a leg below it has no direction [m]
+HALF_PI = 0.5 * math.pi
+SIN_45 = 0.7071  # sine of the angle at which a leg far off is met
+
+
+class SteeringLaw(NamedTuple):
+    """Parameters of an autopilot's guidance.
+
+    ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
+    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``; ``slope_min`` the change of
+    height from which it is spread over its leg.
+    """
+
+    period: float
+    damping: float
+    bank_max: float
+    roll_rate_max: float
+    roll_time: float
+    acceptance: float
+    height_acceptance: float
+    climb_rate_max: float
+    slope_min: float
+
+
+@kernel
+def _pull(angle: float, speed: float, law: SteeringLaw) -> float:
+    """Acceleration to the right that turns by an angle to the point at the L1 distance [m/s²]."""
+    turn = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    l1 = max(law.damping * law.period * speed / math.pi, 1.0)
+    return 4.0 * law.damping**2 * speed * speed / l1 * math.sin(max(-HALF_PI, min(HALF_PI, turn)))
+
+
+@kernel
+def leg_acceleration(
+    e: float, n: float, ve: float, vn: float, begin: FloatArray, end: FloatArray, law: SteeringLaw
+) -> float:
+    """Acceleration to the right along a leg [m/s²], from ``begin`` (3,) to ``end`` (3,).
+
+    ``ve``, ``vn``: velocity over the ground. Far before the leg it is begun at its start; far past its
+    end it is turned back to that.
+    """
+    speed = max(math.sqrt(ve * ve + vn * vn), SLOWEST)
+    course = math.atan2(ve, vn)
+    l1 = max(law.damping * law.period * speed / math.pi, 1.0)
+    de, dn = end[0] - begin[0], end[1] - begin[1]
+    length = math.sqrt(de * de + dn * dn)
+    to_end = math.atan2(end[0] - e, end[1] - n)
+    if length < SHORTEST:
+        return _pull(to_end - course, speed, law)
+    ue, un = de / length, dn / length
+    ae, an = e - begin[0], n - begin[1]
+    progress, aside = ae * ue + an * un, ae * un - an * ue
+    gap = math.sqrt(ae * ae + an * an)
+    if gap > l1 and progress < -SIN_45 * gap:
+        return _pull(math.atan2(-ae, -an) - course, speed, law)
+    if progress > length + 3.0 * speed:
+        return _pull(to_end - course, speed, law)
+    intercept = math.asin(max(-SIN_45, min(SIN_45, aside / l1)))
+    return _pull(math.atan2(ue, un) - intercept - course, speed, law)
+
+
+@kernel
+def circle_acceleration(
+    e: float, n: float, ve: float, vn: float, circle: FloatArray, law: SteeringLaw
+) -> float:
+    """Acceleration to the right onto and round ``circle`` (4,) [m/s²]: its centre, and radius.
+
+    The radius is positive clockwise. Outside, the centre is steered for until the circle's own law turns
+    more strongly.
+    """
+    speed = max(math.sqrt(ve * ve + vn * vn), SLOWEST)
+    side = 1.0 if circle[3] >= 0.0 else -1.0
+    radius = max(abs(circle[3]), 1.0)
+    oe, on = e - circle[0], n - circle[1]
+    gap = max(math.sqrt(oe * oe + on * on), 1.0)
+    capture = _pull(math.atan2(-oe, -on) - math.atan2(ve, vn), speed, law)
+    outward = (ve * oe + vn * on) / gap
+    tangent = side * (ve * on - vn * oe) / gap
+    frequency = 2.0 * math.pi / law.period
+    spring = (gap - radius) * frequency**2 + outward * 2.0 * law.damping * frequency
+    if tangent < 0.0:
+        spring = max(spring, 0.0)
+    turning = side * (spring + tangent * tangent / max(0.5 * radius, gap))
+    if gap > radius and side * capture < side * turning:
+        return capture
+    return turning
+
+
+@kernel
+def moved(state: FloatArray, wind: tuple[float, float], acceleration: float, law: SteeringLaw) -> None:
+    """Fly one step: ``state`` (6,) e n up psi phi v is moved on; its height stays."""
+    wanted = max(-law.bank_max, min(law.bank_max, math.atan(acceleration / GRAVITY)))
+    rate = max(-law.roll_rate_max, min(law.roll_rate_max, (wanted - state[4]) / max(law.roll_time, STEP)))
+    bank = state[4] + rate * STEP
+    v = max(state[5], SLOWEST)
+    turn = GRAVITY * math.tan(0.5 * (state[4] + bank)) / v * STEP
+    middle = state[3] + 0.5 * turn
+    state[0] += (v * math.sin(middle) + wind[0]) * STEP
+    state[1] += (v * math.cos(middle) + wind[1]) * STEP
+    state[3] += turn
+    state[4] = bank
+
+
+@kernel
+def _share(state: FloatArray, begin: FloatArray, end: FloatArray) -> float:
+    """How much of the leg from ``begin`` (3,) to ``end`` (3,) lies behind ``state`` (6,): 1 at or abeam it."""
+    de, dn = end[0] - begin[0], end[1] - begin[1]
+    square = de * de + dn * dn
+    if square < SHORTEST * SHORTEST:
+        return 1.0
+    return ((state[0] - begin[0]) * de + (state[1] - begin[1]) * dn) / square
+
+
+@kernel
+def _height(share: float, begin: FloatArray, end: FloatArray, law: SteeringLaw) -> float:
+    """Height to be flown at a share of the leg from ``begin`` (3,) to ``end`` (3,) [m]."""
+    change = end[2] - begin[2]
+    if abs(change) < law.slope_min:
+        return end[2]
+    return begin[2] + change * max(0.0, min(1.0, share))
+
+
+@kernel
+def _is_reached(state: FloatArray, share: float, end: FloatArray, law: SteeringLaw) -> bool:
+    """Whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
+    if abs(state[2] - end[2]) > law.height_acceptance:
+        return False
+    away = math.sqrt((end[0] - state[0]) ** 2 + (end[1] - state[1]) ** 2)
+    return share >= 1.0 or away <= law.acceptance
+
+
+@kernel
+def fly_targets(
+    state: FloatArray, wind: tuple[float, float], places: FloatArray, circle: FloatArray,
+    law: SteeringLaw, every: int, rows: FloatArray,
+) -> None:  # fmt: skip
+    """Fly leg by leg, then round a circle; what is passed every so many steps goes to ``rows`` (K, 7).
+
+    ``state`` (6,) e n up psi phi v is used up. ``places`` (M + 1, 3) the start of the first leg, and the
+    targets. ``circle`` (4,) centre and signed radius of what follows the last; radius 0: its leg goes on.
+    A row is e, n, up, course over the ground, bank, climb angle, and the number of the target: M behind
+    the last.
+    """
+    target, begin = 1, places[0].copy()
+    last = len(places) - 1
+    climbed = 0.0
+    for row in range(len(rows)):
+        ve = state[5] * math.sin(state[3]) + wind[0]
+        vn = state[5] * math.cos(state[3]) + wind[1]
+        speed = math.sqrt(ve * ve + vn * vn)
+        rows[row, 0], rows[row, 1], rows[row, 2] = state[0], state[1], state[2]
+        rows[row, 3], rows[row, 4] = math.atan2(ve, vn), state[4]
+        rows[row, 5], rows[row, 6] = math.atan2(climbed, max(speed, SLOWEST)), float(target - 1)
+        for _ in range(every):
+            ve = state[5] * math.sin(state[3]) + wind[0]
+            vn = state[5] * math.cos(state[3]) + wind[1]
+            if target <= last:
+                share = _share(state, begin, places[target])
+                if _is_reached(state, share, places[target], law):
+                    if target < last or circle[3] != 0.0:
+                        begin = places[target].copy()
+                    target += 1
+            if target > last and circle[3] != 0.0:
+                wanted = circle[2]
+                pull = circle_acceleration(state[0], state[1], ve, vn, circle, law)
+            else:
+                end = places[min(target, last)].copy()
+                wanted = _height(_share(state, begin, end), begin, end, law)
+                if target > last:  # on along its line
+                    end[0] += 1e3 * (end[0] - begin[0])
+                    end[1] += 1e3 * (end[1] - begin[1])
+                pull = leg_acceleration(state[0], state[1], ve, vn, begin, end, law)
+            climbed = max(-law.climb_rate_max, min(law.climb_rate_max, (wanted - state[2]) / STEP))
+            state[2] += climbed * STEP
+            moved(state, wind, pull, law)

@@ -1,0 +1,99 @@
+"""Steering, step by step: where legs and circles pull to, and when a target counts as reached."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.kernels.aircraft.steering import (
+    SteeringLaw,
+    circle_acceleration,
+    fly_targets,
+    leg_acceleration,
+    moved,
+)
+
+LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0)
+BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
+CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
+
+
+@pytest.mark.parametrize(
+    ("place", "sign"),
+    [((0.0, 500.0), 0), ((20.0, 500.0), -1), ((-20.0, 500.0), 1), ((-300.0, 500.0), 1)],
+)
+def test_legs_pull_back_to_their_line(place, sign):
+    pull = leg_acceleration(*place, 0.0, 25.0, BEGIN, END, LAW)
+    assert pull == pytest.approx(0.0, abs=1e-9) if sign == 0 else sign * pull > 0.1
+
+
+def test_a_leg_far_ahead_is_begun_at_its_start_and_one_overshot_is_turned_back_to():
+    assert leg_acceleration(0.0, -500.0, 25.0, 0.0, BEGIN, END, LAW) < 0.0  # eastwards, the start is left
+    past = leg_acceleration(30.0, 1200.0, 0.0, 25.0, BEGIN, END, LAW)
+    assert past < leg_acceleration(30.0, 900.0, 0.0, 25.0, BEGIN, END, LAW) < 0.0
+
+
+def test_a_leg_without_length_is_flown_to():
+    assert leg_acceleration(-100.0, 0.0, 0.0, 25.0, BEGIN, BEGIN, LAW) > 1.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_on_the_circle_its_own_acceleration_is_asked_for(side):
+    circle = CIRCLE * (1.0, 1.0, 1.0, side)
+    assert circle_acceleration(-125.0, 0.0, 0.0, side * 25.0, circle, LAW) == pytest.approx(side * 5.0)
+    # Flown the wrong way round it is turned to the side where the right one lies.
+    assert side * circle_acceleration(-125.0, 0.0, 0.0, -side * 25.0, circle, LAW) > 0.0
+    # From afar the centre is steered for.
+    assert circle_acceleration(-900.0, 0.0, 25.0, 0.0, circle, LAW) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_step_rolls_no_faster_than_allowed_and_the_wind_carries():
+    state = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 20.0])
+    moved(state, (3.0, 0.0), 9.0, LAW)
+    assert state[4] == pytest.approx(0.05)
+    assert state[1] == pytest.approx(1.0, rel=1e-3)
+    assert state[0] == pytest.approx(0.15, abs=0.01)
+    assert state[2] == 100.0
+
+
+def test_targets_are_counted_and_the_circle_ends_them():
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 300.0, 110.0], [300.0, 600.0, 110.0]])
+    rows = np.empty((161, 7))
+    fly_targets(
+        np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places,
+        np.array([600.0, 600.0, 120.0, 100.0]), LAW, 5, rows,
+    )  # fmt: skip
+    assert sorted(set(rows[:, 6])) == [0.0, 1.0, 2.0]
+    assert (np.diff(rows[:, 6]) >= 0.0).all()
+    switch = rows[np.argmax(rows[:, 6] == 1.0)]
+    assert math.hypot(switch[0], switch[1] - 300.0) == pytest.approx(50.0, abs=7.0)
+    assert rows[-1, 2] == pytest.approx(120.0, abs=0.1)
+
+
+def test_without_a_circle_the_last_leg_goes_on():
+    rows = np.empty((81, 7))
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 200.0, 100.0]])
+    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), LAW, 5, rows)
+    assert rows[-1, 1] == pytest.approx(500.0, abs=1e-6)
+    assert rows[-1, 6] == 1.0
+
+
+def test_a_waypoint_missed_in_height_is_not_reached():
+    law = LAW._replace(height_acceptance=10.0, climb_rate_max=0.5)
+    rows = np.empty((161, 7))
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 200.0, 150.0], [500.0, 200.0, 150.0]])
+    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), law, 5, rows)
+    assert rows[:, 6].max() == 0.0
+
+
+def test_a_slight_change_of_height_is_made_at_once():
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 1000.0, 110.0]])
+    heights = []
+    for slope_min in (0.0, 15.0):
+        rows = np.empty((41, 7))
+        fly_targets(
+            np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4),
+            LAW._replace(slope_min=slope_min), 5, rows,
+        )  # fmt: skip
+        heights.append(rows[-1, 2])
+    assert heights == pytest.approx([102.5, 110.0], abs=0.1)
