@@ -126,7 +126,7 @@ def moved(state: FloatArray, wind: tuple[float, float], acceleration: float, law
 
 @kernel
 def _share(state: FloatArray, begin: FloatArray, end: FloatArray) -> float:
-    """How much of the leg from ``begin`` (3,) to ``end`` (3,) lies behind ``state`` (6,): 1 at or abeam it."""
+    """How much of the leg from ``begin`` (3,) to ``end`` (3,) lies behind ``state`` (6,); 1 abeam the end."""
     de, dn = end[0] - begin[0], end[1] - begin[1]
     square = de * de + dn * dn
     if square < SHORTEST * SHORTEST:
