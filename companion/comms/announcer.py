@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 
@@ -11,6 +12,8 @@ from companion.flight.decision import DecisionKind
 from companion.frames import FloatArray
 from companion.recording.recorder import Recorder
 from companion.types.record import UploadedMission
+
+REPEAT_S = 30.0  # the same words again within it are recorded, and not told
 
 
 class Announcer:
@@ -36,6 +39,7 @@ class Announcer:
         self._link = link
         self._recorder = recorder
         self._clock = clock
+        self._told: dict[str, float] = {}
 
     def decide(
         self,
@@ -45,7 +49,7 @@ class Announcer:
         latency_ms: float | None = None,
         why: Mapping[str, object] | None = None,
     ) -> None:
-        """Record a decision and tell the pilot.
+        """Record a decision and tell the pilot, unless the same words were told a moment ago.
 
         Parameters
         ----------
@@ -63,7 +67,11 @@ class Announcer:
         self.decided[kind.value] += 1
         now = self._clock.now_s()
         decision = self._recorder.decide(now, kind.value, text, plan_ms, latency_ms, why)
-        self._link.tell(kind.severity, decision.spoken)
+        spoken = decision.spoken
+        if now - self._told.get(spoken, -math.inf) >= REPEAT_S:
+            self._told = {text: at for text, at in self._told.items() if now - at < REPEAT_S}
+            self._told[spoken] = now
+            self._link.tell(kind.severity, spoken)
 
     def flown(self, positions_enu_m: FloatArray, reason: str, latency_ms: float | None = None) -> None:
         """Note for the report that a mission is flown.

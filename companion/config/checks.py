@@ -28,6 +28,19 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _obstacles(config)
     yield from _blocked(config)
     yield from _weather(config)
+    yield from _takeover(config)
+
+
+def _takeover(config: MissionConfig) -> Iterator[Finding]:
+    takeover = config.takeover
+    for key, when in (("item", "item"), ("up_m", "height")):
+        is_given, is_wanted = getattr(takeover, key) is not None, takeover.when == when
+        if is_given is not is_wanted:
+            expected = "given" if is_wanted else "left out"
+            yield ("takeover", key), f"{expected}, since takeover.when is {takeover.when}"
+    if takeover.up_m is not None and not config.bounds.up_m[0] <= takeover.up_m <= config.bounds.up_m[1]:
+        low, high = config.bounds.up_m
+        yield ("takeover", "up_m"), f"within bounds.up_m, {low:g} to {high:g}"
 
 
 def _bounds(config: MissionConfig) -> Iterator[Finding]:

@@ -255,13 +255,30 @@ class Authority(Section):
     """What the service may do without asking the pilot.
 
     ``resume`` tells whether it goes on after the pilot has left the mission mode and come back;
-    ``allow_rtl`` whether the last step of the emergency strategy may change the mode.
+    ``allow_rtl`` whether the last step of the emergency strategy may change the mode; ``keep_ready``
+    whether a mission is prepared in the autopilot while the pilot flies.
     """
 
     resume: Literal["auto", "never"] = "auto"
     """Whether the service goes on when the pilot, having left the mission mode, comes back to it."""
     allow_rtl: bool = False
     """Whether the last step of the emergency strategy may select return to launch."""
+    keep_ready: bool = False
+    """Whether, while the pilot flies, a checked mission is kept in the autopilot for the way back to AUTO."""
+
+
+class Takeover(Section):
+    """From when on, in the air, the service flies; until then the mission is the operator's.
+
+    ``item`` belongs to ``when: item``, ``up_m`` to ``when: height``.
+    """
+
+    when: Literal["takeoff", "item", "height", "holding"] = "takeoff"
+    """After the list's take-off item, after an item, above a height, or in the operator's holding circle."""
+    item: Annotated[int, Field(ge=1, le=65_534)] | None = None
+    """Number of the item that is flown by the operator to its end, as the ground station shows it."""
+    up_m: Vertical | None = None
+    """Height from which on it is taken over."""
 
 
 FROM_AUTOPILOT = "from_autopilot"
@@ -311,6 +328,8 @@ class MissionConfig(Section):
     """What is listened to."""
     authority: Authority = Authority()
     """What the service may do without asking the pilot."""
+    takeover: Takeover = Takeover()
+    """From when on, in the air, the service flies."""
 
     @property
     def goals_from_autopilot(self) -> bool:

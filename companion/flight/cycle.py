@@ -1,4 +1,4 @@
-"""One planning cycle without its waiting: where a plan begins, and what is done where none passes.
+"""One planning cycle without its waiting: whether a plan is of use, and what is done where none passes.
 
 Synchronous and without a clock, so that a replay decides the same.
 """
@@ -11,7 +11,7 @@ from companion.assurance.emergency import EmergencyStep
 from companion.flight.decision import Verdict
 from companion.flight.fallback import flown_violations, respond
 from companion.flight.flight_state import FlightState
-from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
+from companion.flight.progress import Start, is_on_last_leg, lead_s
 from companion.flight.shaping import ShapedPath
 from companion.mission.waypoints import mission_part
 from companion.types.plan import Plan
@@ -25,11 +25,6 @@ class EmergencyConclusion:
     step: EmergencyStep
     reason: str
     shaped: ShapedPath | None
-
-
-def begin(state: FlightState, ownship: Ownship) -> Start:
-    """Where a plan that is begun now takes effect."""
-    return start_after(state, ownship, lead_s(state.rules, state.mission_list.exchange_s))
 
 
 def is_over(state: FlightState, ownship: Ownship) -> bool:

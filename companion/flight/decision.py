@@ -38,6 +38,10 @@ class DecisionKind(Enum):
     LANDED = "landed", Severity.INFO
     LANDING = "landing", Severity.WARNING
     MISSION = "mission", Severity.INFO
+    TAKEOVER = "takeover", Severity.NOTICE
+    FAULT = "fault", Severity.WARNING
+    READY = "ready", Severity.INFO
+    HANDBACK = "handback", Severity.NOTICE
     RESTART = "restart", Severity.INFO
     FENCE = "fence", Severity.INFO
     RELOAD = "reload", Severity.NOTICE

@@ -8,12 +8,14 @@ or of :mod:`companion.flight.list_state`: each maps the state and one event to t
 event                 function
 ====================  ===================================================================
 the pilot takes over  :func:`after_mode_event`, and when he hands back
-armed, landed         :func:`after_armed_told`
+armed, disarmed       :func:`after_armed_told`
+off the ground        :func:`after_landed_told`, :func:`after_movement_told`
 mission file reloaded :func:`after_reload`
 restart in flight     :func:`after_restart`, once it is known what the autopilot flies
 fences read           :func:`after_fences`
 the list              :func:`after_list`, with a function of ``list_state``
 list laid out anew    :func:`after_list_adopted`
+taken over            :func:`after_takeover`
 a mission flown       :func:`after_swap`
 own position          :func:`after_position`
 ====================  ===================================================================
@@ -30,8 +32,20 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.config import MissionConfig
 from companion.config.rules import Rules, rules_of
-from companion.flight.flight_phase import FlightPhase, after_armed_state
-from companion.flight.list_state import FlownPath, ListState, after_other_goals, after_pause, after_taken
+from companion.flight.flight_phase import (
+    FlightPhase,
+    after_armed_state,
+    after_landed_state,
+    after_movement,
+)
+from companion.flight.list_state import (
+    FlownPath,
+    ListState,
+    after_landing,
+    after_other_goals,
+    after_pause,
+    after_taken,
+)
 from companion.flight.modes import Mode, ModeEvent, next_mode
 from companion.mission.list_layout import Layout
 from companion.mission.operator import OperatorGoal
@@ -66,6 +80,8 @@ class FlightState:
         To be reached in order: the mission file's, or the operator's waypoints.
     actions : tuple of tuple of MissionItem
         The operator's DO_ items to carry out at each goal.
+    goal_items : tuple of int
+        The operator's items that the goals are; empty where they are the mission file's.
     next_goal : int
         Index of the first goal that is not reached.
     flown : FlownPath or None
@@ -83,6 +99,7 @@ class FlightState:
     mode: Mode = Mode.WAITING
     goals: tuple[GoalRegion, ...] = ()
     actions: tuple[tuple[MissionItem, ...], ...] = ()
+    goal_items: tuple[int, ...] = ()
     next_goal: int = 0
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
@@ -98,6 +115,12 @@ class FlightState:
     def may_act(self) -> bool:
         """Whether the aircraft is left to us."""
         return self.mode is Mode.ACTIVE
+
+    @property
+    def may_write(self) -> bool:
+        """Whether the list may be changed: while the pilot flies, to keep a way back ready, too."""
+        is_kept_ready = self.mode is Mode.SUSPENDED and self.mission.authority.keep_ready
+        return self.may_act or (is_kept_ready and self.mission.authority.resume == "auto")
 
     @property
     def has_arrived(self) -> bool:
@@ -196,18 +219,42 @@ def first_state(mission: MissionConfig, now_s: float) -> FlightState:
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
     """The state after something that decides who flies; see the table in :mod:`companion.flight.modes`.
 
-    Whenever the aircraft is left to us anew, others may have used the pause: the list is read again.
+    Whenever the aircraft is left to us anew, others may have used the pause: the list is read again. With
+    a landing everything of the flight is forgotten: the next one begins with the list as it is then.
     """
     mode = next_mode(state.mode, event, may_resume=state.mission.authority.resume == "auto")
     if mode is state.mode:
         return state
-    listed = after_pause(state.mission_list) if mode is Mode.ACTIVE else state.mission_list
+    if event is ModeEvent.LANDED:
+        return replace(
+            state,
+            mode=mode,
+            next_goal=0,
+            flown=None,
+            tail_enu_m=None,
+            mission_list=after_landing(state.mission_list),
+        )
+    is_back = mode is Mode.ACTIVE and event is ModeEvent.MISSION_FLOWN
+    listed = after_pause(state.mission_list) if is_back else state.mission_list
     return replace(state, mode=mode, mission_list=listed)
 
 
 def after_armed_told(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
-    """The state after a heartbeat told whether the aircraft is armed; not being so for a while is landing."""
+    """The state after a heartbeat told whether the aircraft is armed; not to be so for a while is landing."""
     return replace(state, phase=after_armed_state(state.phase, now_s, is_armed=is_armed))
+
+
+def after_landed_told(state: FlightState, landed_state: int) -> FlightState:
+    """The state after the autopilot told whether it is on the ground, by MAV_LANDED_STATE."""
+    return replace(state, phase=after_landed_state(state.phase, landed_state))
+
+
+def after_movement_told(
+    state: FlightState, height_above_home_m: float, ground_speed_m_s: float
+) -> FlightState:
+    """The state after the autopilot told a position: height above home [m], speed over ground [m/s]."""
+    phase = after_movement(state.phase, height_above_home_m, ground_speed_m_s)
+    return state if phase is state.phase else replace(state, phase=phase)
 
 
 def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
@@ -259,8 +306,21 @@ def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> F
         state,
         goals=tuple(GoalRegion(place, GOAL_RADIUS_M) for place in places),
         actions=tuple(goal.actions for goal in goals),
+        goal_items=tuple(goal.sequence for goal in goals),
         next_goal=0,
     )
+
+
+def after_takeover(state: FlightState, sequence: int) -> FlightState:
+    """The state once the service takes over while an item is flown: goals before it are flown already.
+
+    The item itself, where the operator has the aircraft hold at it, is one of those.
+    """
+    if state.mission_list.found_flown:
+        return state
+    is_held = state.mission.takeover.when == "holding"
+    passed = sum(item < sequence or (is_held and item == sequence) for item in state.goal_items)
+    return replace(state, next_goal=max(state.next_goal, passed))
 
 
 def after_restart(

@@ -113,6 +113,8 @@ class ListState:
         restarted in flight.
     said_landing : bool
         Whether the pilot was told that there is no landing in the mission.
+    home_amsl_m : float or None
+        Height that relative altitudes count from, when it was taken [m].
     read_s : float
         When the list was read last [s].
     num_read : int
@@ -132,6 +134,7 @@ class ListState:
     is_exchanging: bool = False
     found_flown: bool = False
     said_landing: bool = False
+    home_amsl_m: float | None = None
     read_s: float = -math.inf
     num_read: int = 0
     lasted_s: tuple[float, ...] = ()
@@ -269,10 +272,12 @@ def after_adopted(
     layout: Layout,
     operator: Operator,
     current: MissionCurrent | None,
+    home_amsl_m: float | None = None,
 ) -> ListState:
     """The list after it was taken as the operator's, but for what in it is ours."""
     return replace(
         listed, layout=layout, operator=operator, stored=read, is_mixed=False, suspected="", pending=None,
+        home_amsl_m=home_amsl_m,
         identities=_known(frozenset({mission_id(read)}), current),
     )  # fmt: skip
 
@@ -344,3 +349,8 @@ def after_taken(
 def after_other_goals(listed: ListState) -> ListState:
     """The list where other goals are flown to: it is read and laid out anew."""
     return replace(listed, layout=None)
+
+
+def after_landing(listed: ListState) -> ListState:
+    """The list once the flight is over: nothing is known of it but how long exchanges take."""
+    return ListState(lasted_s=listed.lasted_s)

@@ -1,31 +1,42 @@
-"""Who flies: the service's states, and everything that changes them.
+"""The life of a flight: who flies when, and everything that changes it.
 
-Theory of operation. The service acts in ``ACTIVE`` only. It becomes active when the autopilot is
-armed and flies missions, and it leaves that state on the first heartbeat that says otherwise: the
-pilot always wins, and nothing the service does changes a mode. After such a change it is
-``SUSPENDED``; whether the return of the mission mode makes it active again is the mission file's
-``authority.resume``. ``ARRIVED`` is final for a flight: the last goal was reached.
+Theory of operation. One table from power-on to landing. Until the service takes over the list is the
+operator's: on the ground and during the climb every change of it is read and answered, and nothing that
+is done there suspends. ``DEPARTING`` is the operator's mission being flown, from arming on, up to the
+moment that the mission file's ``takeover`` names; only then the service is ``ACTIVE`` and uploads. It
+leaves that state on the first heartbeat that says that another mode is flown: the pilot always wins,
+and nothing the service does changes a mode. Then it is ``SUSPENDED``; whether the return of the mission
+mode makes it active again is the mission file's ``authority.resume``. ``ARRIVED`` holds until the
+aircraft has landed: what follows the goal is the operator's.
 
 An autopilot that fell silent while the service was active is waited for in ``LOST``: if it comes back
-in another mode, the pilot has taken over meanwhile. A mission that somebody else uploads is flown, not
-replaced, and so is an item that somebody else makes current: ``YIELDED`` until the pilot leaves the
-mission mode, which is where handing back begins.
+in another mode, the pilot has taken over meanwhile. A mission that somebody else uploads in flight is
+flown, not replaced, and so is an item that somebody else makes current: ``YIELDED`` until the pilot
+leaves the mission mode, which is where handing back begins.
 
 =============  ==================  =============
 state          event               next state
 =============  ==================  =============
-WAITING        mission flown       ACTIVE
+WAITING        mission flown       DEPARTING
 WAITING        mission not flown   STANDBY
-STANDBY        mission flown       ACTIVE
+STANDBY        mission flown       DEPARTING
+STANDBY        autopilot silent    WAITING
+DEPARTING      takeover due        ACTIVE
+DEPARTING      mission not flown   STANDBY
+DEPARTING      autopilot silent    WAITING
 ACTIVE         mission not flown   SUSPENDED
 ACTIVE         goal reached        ARRIVED
 ACTIVE         foreign mission     YIELDED
 ACTIVE         autopilot silent    LOST
+ACTIVE         landed              STANDBY
 LOST           mission flown       ACTIVE
 LOST           mission not flown   SUSPENDED
+LOST           landed              STANDBY
 YIELDED        mission not flown   SUSPENDED
+YIELDED        landed              STANDBY
 SUSPENDED      mission flown       ACTIVE (resume: auto), else SUSPENDED
-STANDBY        autopilot silent    WAITING
+SUSPENDED      landed              STANDBY
+ARRIVED        landed              STANDBY
 =============  ==================  =============
 """
 
@@ -39,11 +50,17 @@ class Mode(Enum):
 
     WAITING = "waiting for the autopilot"
     STANDBY = "standing by: no mission is flown"
+    DEPARTING = "the operator's mission is flown up to the takeover"
     ACTIVE = "planning"
     LOST = "waiting for the autopilot to come back"
     SUSPENDED = "suspended by the pilot"
     YIELDED = "suspended: another mission or item was chosen"
     ARRIVED = "arrived"
+
+    @property
+    def is_before_takeover(self) -> bool:
+        """Whether the list is still the operator's alone."""
+        return self in (Mode.STANDBY, Mode.DEPARTING)
 
 
 class ModeEvent(Enum):
@@ -51,16 +68,21 @@ class ModeEvent(Enum):
 
     MISSION_FLOWN = "mission flown"
     MISSION_NOT_FLOWN = "mission not flown"
+    TAKEOVER_DUE = "takeover due"
     GOAL_REACHED = "goal reached"
     AUTOPILOT_SILENT = "autopilot silent"
     OTHER_MISSION = "foreign mission"
+    LANDED = "landed"
 
 
 _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
-    (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.DEPARTING,
     (Mode.WAITING, ModeEvent.MISSION_NOT_FLOWN): Mode.STANDBY,
-    (Mode.STANDBY, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.STANDBY, ModeEvent.MISSION_FLOWN): Mode.DEPARTING,
     (Mode.STANDBY, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
+    (Mode.DEPARTING, ModeEvent.TAKEOVER_DUE): Mode.ACTIVE,
+    (Mode.DEPARTING, ModeEvent.MISSION_NOT_FLOWN): Mode.STANDBY,
+    (Mode.DEPARTING, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
@@ -69,11 +91,15 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    **{
+        (mode, ModeEvent.LANDED): Mode.STANDBY
+        for mode in (Mode.ACTIVE, Mode.LOST, Mode.YIELDED, Mode.SUSPENDED, Mode.ARRIVED)
+    },
 }
 
 
 def next_mode(mode: Mode, event: ModeEvent, *, may_resume: bool) -> Mode:
     """Mode after an event; events without a row change nothing."""
-    if mode is Mode.SUSPENDED and not may_resume:
+    if (mode, event) == (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN) and not may_resume:
         return mode
     return _TABLE.get((mode, event), mode)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
     rest = _rest_after(state, ownship, ahead_s)
     if rest is not None:
         east, north, up = (float(value) for value in rest.positions_enu_m[0])
-        begin = _begin(
+        begin = start_at(
             state.rules,
             ownship,
             float(rest.times_s[0]),
@@ -57,10 +57,15 @@ def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
             climb_rad=float(rest.climb_angles_rad[0]),
             airspeed_m_s=float(rest.speeds_m_s[0]),
         )
-        return Start(begin, rest)
+        return replace(begin, rest=rest)
+    return start_by_motion(state.rules, ownship, ahead_s)
+
+
+def start_by_motion(rules: Rules, ownship: Ownship, ahead_s: float) -> Start:
+    """Where the aircraft will be in ``ahead_s`` if it goes on turning and climbing as it does [s]."""
     ahead = predicted(ownship, ahead_s)
-    begin = _begin(
-        state.rules,
+    return start_at(
+        rules,
         ownship,
         ownship.stamp_s + ahead_s,
         ahead.position_enu_m,
@@ -68,7 +73,6 @@ def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
         climb_rad=ahead.flight_path_angle_rad,
         airspeed_m_s=ownship.airspeed_m_s,
     )
-    return Start(begin, None)
 
 
 def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | None:
@@ -83,7 +87,7 @@ def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | 
     return rest_of_path(path, time_at(path, progress) + ahead_s * share, ownship.stamp_s + ahead_s)
 
 
-def _begin(
+def start_at(
     rules: Rules,
     ownship: Ownship,
     stamp_s: float,
@@ -92,13 +96,29 @@ def _begin(
     course_rad: float,
     climb_rad: float,
     airspeed_m_s: float,
-) -> StartState:
-    """A start state within the aircraft's limits; in the plane on the mission's level."""
+) -> Start:
+    """A start within the aircraft's limits, off every path; in the plane on the mission's level.
+
+    Parameters
+    ----------
+    rules : Rules
+        Mission file and vehicle.
+    ownship : Ownship
+        As it is now, for how well it is known.
+    stamp_s : float
+        When the aircraft is there, by the clock [s].
+    position : tuple of float
+        East, north, up [m].
+    course_rad, climb_rad : float
+        Over the ground.
+    airspeed_m_s : float
+        True airspeed [m/s].
+    """
     vehicle = rules.vehicle
     if rules.mission.dimension == 2:
         position, climb_rad = (*position[:2], rules.level_m), 0.0
     climb = min(vehicle.climb_angle_max_rad, max(-vehicle.descent_angle_max_rad, climb_rad))
-    return StartState(
+    begin = StartState(
         stamp_s=stamp_s,
         position_enu_m=position,
         direction_rad=direction_from_course(course_rad),
@@ -107,3 +127,4 @@ def _begin(
         error_covariance=initial_covariances(vehicle, *ownship.position_std_m),
         estimate_covariance=np.zeros((6, 6)),
     )
+    return Start(begin, None)

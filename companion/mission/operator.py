@@ -36,10 +36,13 @@ class Operator:
         Numbered from 0; on ArduPlane item 0 is the home slot.
     tail : int
         Index of the first item that is flown after the last goal; the number of items if none is.
+    first : int
+        Index of the first item that is flown: 1 behind ArduPlane's home slot.
     """
 
     items: tuple[MissionItem, ...]
     tail: int
+    first: int = 0
 
     @property
     def has_landing(self) -> bool:
@@ -49,9 +52,10 @@ class Operator:
 
 @dataclass(frozen=True, slots=True)
 class OperatorGoal:
-    """A waypoint of the operator's, and the DO_ items to carry out on reaching it."""
+    """A waypoint of the operator's, its number in the list, and the DO_ items to carry out on reaching it."""
 
     position_enu_m: tuple[float, float, float]
+    sequence: int
     actions: tuple[MissionItem, ...] = ()
 
 
@@ -81,6 +85,8 @@ def operator_of(
     frame: LocalFrame,
     home_amsl_m: float | None,
     goal: tuple[float, float, float] | None = None,
+    *,
+    num_home_items: int = 0,
 ) -> Operator:
     """The operator's mission in a list without ours.
 
@@ -95,6 +101,8 @@ def operator_of(
     goal : tuple of float, optional
         East, north [m] of the mission file's last goal, and its acceptance radius: everything behind
         the operator's own waypoint there follows the goal.
+    num_home_items : int
+        Items at the list's beginning that are not flown: ArduPlane's home slot.
     """
     kept = renumbered(items)
     tail = landing_start(kept)
@@ -106,35 +114,36 @@ def operator_of(
             if (place[0] - goal[0]) ** 2 + (place[1] - goal[1]) ** 2 <= goal[2] ** 2:
                 tail = min(tail, item.sequence + 1)
                 break
-    return Operator(kept, tail)
+    return Operator(kept, tail, num_home_items)
 
 
 def position_of(
     item: MissionItem, frame: LocalFrame, home_amsl_m: float | None
 ) -> tuple[float, float, float] | None:
     """East, north, up of an item [m]; None if it has no place or its height is not known."""
-    if item.command >= FIRST_WITHOUT_PLACE or (item.latitude_e7 == 0 and item.longitude_e7 == 0):
+    altitude = altitude_amsl_of(item, home_amsl_m)
+    is_placed = item.command < FIRST_WITHOUT_PLACE and (item.latitude_e7 != 0 or item.longitude_e7 != 0)
+    if not is_placed or altitude is None:
         return None
-    if item.frame in RELATIVE_FRAMES:
-        if home_amsl_m is None:
-            return None
-        altitude = home_amsl_m + item.altitude_m
-    elif item.frame in ABSOLUTE_FRAMES:
-        altitude = item.altitude_m
-    else:
-        return None  # over terrain
     return frame.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, altitude)
 
 
+def altitude_amsl_of(item: MissionItem, home_amsl_m: float | None) -> float | None:
+    """Height of an item above the sea [m]; None over terrain, or where home's is not known."""
+    if item.frame in RELATIVE_FRAMES:
+        return None if home_amsl_m is None else home_amsl_m + item.altitude_m
+    return item.altitude_m if item.frame in ABSOLUTE_FRAMES else None
+
+
 def goals_of_operator(
-    operator: Operator, frame: LocalFrame, home_amsl_m: float | None, *, has_home_slot: bool
+    operator: Operator, frame: LocalFrame, home_amsl_m: float | None
 ) -> tuple[OperatorGoal, ...]:
     """The operator's waypoints before the landing as goals, each with the DO_ items behind it.
 
     Waypoints at one place in a row are one goal; jumps are left out, since a route is flown once.
     """
     goals: list[OperatorGoal] = []
-    for item in operator.items[1 if has_home_slot else 0 : operator.tail]:
+    for item in operator.items[operator.first : operator.tail]:
         if item.command >= FIRST_WITHOUT_PLACE:
             if goals and item.command != Command.DO_JUMP:
                 goals[-1] = replace(goals[-1], actions=(*goals[-1].actions, item))
@@ -144,7 +153,7 @@ def goals_of_operator(
             continue
         if goals and _apart(goals[-1].position_enu_m, place) < SAME_PLACE_M:
             continue
-        goals.append(OperatorGoal(place))
+        goals.append(OperatorGoal(place, item.sequence))
     return tuple(goals)
 
 

@@ -117,8 +117,8 @@ class Handover:
         occasion : str
             Why it was made.
         """
-        is_flying_ours = self._flight.state.flown is not None
-        enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_flying_ours else 0.0
+        is_acting = self._flight.state.may_act
+        enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
         outcome, reason = await self._unless_withdrawn(self.swap(shaped, enter_s, plan_number))
         self._observer.exchanged(outcome)
@@ -134,9 +134,10 @@ class Handover:
             self._announcer.decide(DecisionKind.REJECTED, f"{outcome.value}: {reason}", plan_ms, why=facts)
             return outcome
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
-        self._announcer.flown(places, shaped.verdict.value, latency)
+        self._announcer.flown(places, shaped.verdict.value if is_acting else "ready", latency)
         text = f"{shaped.verdict.value}, {shaped.text}; {reason}"
-        self._announcer.decide(DecisionKind.SWAP, text, plan_ms, latency, facts)
+        kind = DecisionKind.SWAP if is_acting else DecisionKind.READY
+        self._announcer.decide(kind, text, plan_ms, latency, facts)
         return outcome
 
     async def swap(self, shaped: ShapedPath, enter_s: float, plan_number: int) -> tuple[SwapOutcome, str]:
@@ -171,7 +172,7 @@ class Handover:
         self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
     ) -> tuple[SwapOutcome, str]:
         """Carry out an exchange; :meth:`break_off` ends it where it stands."""
-        if not self._flight.state.may_act:  # since the plan was made
+        if not self._flight.state.may_write:  # since the plan was made
             exchange.close()
             return WITHDRAWN
         self._exchanging = asyncio.create_task(exchange)

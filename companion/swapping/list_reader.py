@@ -5,10 +5,12 @@ from __future__ import annotations
 from enum import Enum
 
 from companion.comms.announcer import Announcer
+from companion.config import MissionConfig
 from companion.errors import CompanionError
 from companion.flight.checkpoint import Checkpoint, key_of
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import (
+    StateOwner,
     after_list_adopted,
     after_operator_goals,
     after_restart,
@@ -65,6 +67,11 @@ class ListReader:
         """Where in its list the autopilot is."""
         return self._flight.listed.position(self._link.current)
 
+    @property
+    def current(self) -> MissionCurrent | None:
+        """The item that the autopilot flies."""
+        return self._link.current
+
     def note(self, event: MissionCurrent | StatusText) -> None:
         """Watch for missions that we did not send, and for items that we did not choose."""
         if isinstance(event, StatusText):
@@ -97,10 +104,17 @@ class ListReader:
             layout = self._protocols.now.layout_as_flown(layout, read[slice(*span)])
             self._flight.apply_to_list(after_found_flown, layout)
             self._recover(read, span)
+            reached = self._checkpoint.reached([goal.position_enu_m for goal in self._flight.state.goals])
+            self._flight.apply(after_restart, num_goals_reached=reached)
+            self._announcer.decide(
+                DecisionKind.RESTART, f"the autopilot flies a mission of ours; {reached} goals reached"
+            )
         return ListReadResult.OURS if is_first else ListReadResult.FOREIGN
 
     def _span_flown(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
-        """Where ours lie in a list as read, if the item being flown is one of them."""
+        """Where ours lie in a list as read, if the aircraft flies one of them."""
+        if not self._flight.state.phase.is_moving:  # on the ground they are the last flight's
+            return None
         current, span = self._link.current, self._protocols.now.span_of_ours(read, layout)
         if current is None or span is None or not span[0] <= current.sequence < span[1]:
             return None
@@ -118,35 +132,13 @@ class ListReader:
 
     def _adopt(self, read: tuple[MissionItem, ...]) -> Layout:
         """Take a list as the operator's, but for what in it is ours."""
-        protocol, current = self._protocols.now, self._link.current
-        mission, home = self._flight.state.mission, self._link.home_altitude_amsl_m
-        place = None
-        if mission.goals:
-            last = mission.goals[-1]
-            place = float(last.east_m), float(last.north_m), float(last.acceptance_radius_m)
-        operator = operator_of(protocol.without_ours(read), mission.frame, home, place)
-        layout = protocol.layout_of(read, operator, current.sequence if current is not None else 0)
-        listed = after_adopted(self._flight.listed, read, layout, operator, current)
-        self._flight.apply(after_list_adopted, listed, self._tail_position(operator, home))
-        if mission.goals_from_autopilot:
-            goals = goals_of_operator(
-                operator, mission.frame, home, has_home_slot=self._protocols.dialect.num_home_items > 0
-            )
-            self._flight.apply(after_operator_goals, goals)
-        if protocol.wants_landing and not operator.has_landing and not listed.said_landing:
+        layout = adopt(self._flight, self._protocols, read)
+        listed, operator = self._flight.listed, self._flight.listed.operator
+        is_missed = operator is not None and not operator.has_landing
+        if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
             self._flight.apply_to_list(after_landing_missed)
             self._announcer.decide(DecisionKind.LANDING, "no landing in the autopilot's mission")
         return layout
-
-    def _tail_position(
-        self, operator: Operator, home_amsl_m: float | None
-    ) -> tuple[float, float, float] | None:
-        """Where the operator goes on after the goal; None where that is not known."""
-        for item in operator.items[operator.tail :]:
-            place = position_of(item, self._flight.state.mission.frame, home_amsl_m)
-            if place is not None:
-                return place
-        return None
 
     async def knows_mission(self) -> tuple[bool, ModeEvent | None]:
         """Whether the autopilot's list is known and left to us; another uploader's is respected.
@@ -158,15 +150,7 @@ class ListReader:
         ModeEvent or None
             That somebody else's mission is flown.
         """
-        is_first = self._flight.listed.layout is None
         result = await self.prepare()
-        if is_first and self._flight.listed.found_flown:
-            places = [goal.position_enu_m for goal in self._flight.state.goals]
-            reached = self._checkpoint.reached(places)
-            self._flight.apply(after_restart, num_goals_reached=reached)
-            self._announcer.decide(
-                DecisionKind.RESTART, f"the autopilot flies a mission of ours; {reached} goals reached"
-            )
         if result is ListReadResult.UNREADABLE:
             return False, None
         state = self._flight.state
@@ -179,3 +163,44 @@ class ListReader:
         if not state.goals:
             self._announcer.decide(DecisionKind.NO_PLAN, "the autopilot's mission has no waypoint to fly to")
         return bool(state.goals), None
+
+
+def adopt(flight: StateOwner, protocols: SwapProtocols, read: tuple[MissionItem, ...]) -> Layout:
+    """Take a list as the operator's, but for what in it is ours; returns how ours are to stand in it.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    protocols : SwapProtocols
+        How lists are laid out.
+    read : tuple of MissionItem
+        The list as read.
+    """
+    protocol, link = protocols.now, protocols.parts.link
+    mission, current, home = flight.state.mission, link.current, link.home_altitude_amsl_m
+    place = None
+    if mission.goals:
+        last = mission.goals[-1]
+        place = float(last.east_m), float(last.north_m), float(last.acceptance_radius_m)
+    num_home_items = protocols.dialect.num_home_items
+    operator = operator_of(
+        protocol.without_ours(read), mission.frame, home, place, num_home_items=num_home_items
+    )
+    layout = protocol.layout_of(read, operator, current.sequence if current is not None else 0)
+    listed = after_adopted(flight.listed, read, layout, operator, current, home)
+    flight.apply(after_list_adopted, listed, _tail_position(mission, operator, home))
+    if mission.goals_from_autopilot:
+        flight.apply(after_operator_goals, goals_of_operator(operator, mission.frame, home))
+    return layout
+
+
+def _tail_position(
+    mission: MissionConfig, operator: Operator, home_amsl_m: float | None
+) -> tuple[float, float, float] | None:
+    """Where the operator goes on after the goal; None where that is not known."""
+    for item in operator.items[operator.tail :]:
+        place = position_of(item, mission.frame, home_amsl_m)
+        if place is not None:
+            return place
+    return None

@@ -95,8 +95,8 @@ class SwapParts:
         return self.ownship.state(self.clock.now_s())
 
     def may_act(self) -> bool:
-        """Whether the pilot leaves the aircraft to us now."""
-        return self.flight.state.may_act
+        """Whether the pilot leaves the list to us now."""
+        return self.flight.state.may_write
 
     def entry(self, order: SwapOrder, in_s: float) -> int | None:
         """Sequence at which a mission is entered from where the aircraft is, so many seconds from now."""

@@ -17,14 +17,23 @@ from companion.flight.flight_state import (
     FlightState,
     after_armed_told,
     after_autopilot_told,
+    after_landed_told,
     after_mode_event,
+    after_movement_told,
     after_position,
     after_reload,
 )
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
-from companion.types.events import Event, GlobalPosition, Heartbeat, MissionCurrent, StatusText
+from companion.types.events import (
+    Event,
+    GlobalPosition,
+    Heartbeat,
+    LandedTold,
+    MissionCurrent,
+    StatusText,
+)
 from companion.types.state import Ownship
 
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
@@ -33,8 +42,12 @@ STATE_S = 0.2
 FAREWELL_S = 0.2  # for the last words to leave before the link is closed
 TOLD = {
     Mode.SUSPENDED: (DecisionKind.SUSPENDED, "by the pilot"),
-    Mode.YIELDED: (DecisionKind.SUSPENDED, "another mission or item was chosen"),
+    Mode.YIELDED: (DecisionKind.SUSPENDED, "other mission or item"),
     Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal"),
+}
+BACK = {
+    Mode.SUSPENDED: "{mission} hands back",
+    Mode.YIELDED: "leave {mission} and return to hand back",
 }
 
 _log = logging.getLogger(__name__)
@@ -55,6 +68,7 @@ class App:
         self.autopilot_mode = ""
         self.situation, self.recorder, self.link = parts.situation, parts.recorder, parts.link
         self.replanning, self.announcer = parts.replanning, parts.announcer
+        self._departure = parts.departure
         self._flight, self._clock = parts.flight, parts.clock
         self._parameters, self._checkpoint, self._observer = (
             parts.parameters, parts.checkpoint, parts.observer,
@@ -147,6 +161,8 @@ class App:
             self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
+        elif isinstance(event, LandedTold):
+            self._flight.apply(after_landed_told, event.landed_state)
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
             self._follow(self.replanning.handover.reader.position)
@@ -155,6 +171,8 @@ class App:
         else:
             if isinstance(event, GlobalPosition):
                 self._note_boot(event.boot_s)
+                speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
+                self._flight.apply(after_movement_told, event.height_above_home_m, speed_m_s)
             self.situation.observe(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
@@ -170,6 +188,7 @@ class App:
             self._checkpoint.forget()
         if phase.is_over(now) and not self._said_landed:
             self.announcer.decide(DecisionKind.LANDED, "the flight is over")
+            self.change(ModeEvent.LANDED)
         self._said_landed = phase.is_over(now)
 
     def _follow(self, position: MissionPosition) -> None:
@@ -191,6 +210,8 @@ class App:
             self.replanning.break_off()
         kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
         self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
+        if mode in BACK and self.state.mission.authority.resume == "auto":
+            self.announcer.decide(DecisionKind.HANDBACK, BACK[mode].format(mission=self.link.mission_mode))
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             self.announcer.decide(DecisionKind.PARAMETERS, f"replanning is switched off by {ENABLE}")
 
@@ -231,21 +252,28 @@ class App:
     # --- tasks
 
     async def _plan(self) -> None:
-        """Plan whenever one is due and the aircraft is left to us."""
+        """Plan whenever one is due: where the aircraft is left to us, or will be."""
         while True:
             self._begin_round()
-            is_on_ground = self.mode is Mode.STANDBY and self.hears_autopilot
-            if is_on_ground and self.state.mission_list.layout is None:
-                await self.replanning.read_list()
-            if self._may_plan():
+            if self._may_plan() and self.mode is Mode.ACTIVE:
                 event = await self.replanning.plan_once()
                 if event is not None:
                     self.change(event)
+            elif self._may_plan() and self.mode in (Mode.DEPARTING, Mode.SUSPENDED):
+                await self.replanning.look_ahead()
             is_due = False
             while not is_due:
                 await self._clock.sleep_until(self.replanning.next_look_s())
                 self._begin_round()
+                await self._keep_up_list()
                 is_due = self.replanning.is_due()
+
+    async def _keep_up_list(self) -> None:
+        """Before the takeover the list is the operator's, and read whenever it changes."""
+        if self.mode.is_before_takeover and self.hears_autopilot:
+            await self._departure.keep_up()
+            if self.mode is Mode.DEPARTING and self._departure.take_over_if_due():
+                self.change(ModeEvent.TAKEOVER_DUE)
 
     def _begin_round(self) -> None:
         """Between plans and exchanges."""
@@ -254,7 +282,7 @@ class App:
 
     def _may_plan(self) -> bool:
         """Whether plans can be made, and are wanted."""
-        is_wanted = self._is_warm and self._parameters.is_replanning and self.state.may_act
+        is_wanted = self._is_warm and self._parameters.is_replanning
         return is_wanted and self.situation.ownship.state(self._clock.now_s()) is not None
 
     async def _housekeeping(self) -> None:

@@ -17,6 +17,7 @@ from companion.flight.situation import Situation
 from companion.recording.recorder import Recorder
 from companion.swapping.handover import Handover
 from companion.swapping.protocols import protocols_for
+from companion.tasks.departure import Departure
 from companion.tasks.geofences import Geofences
 from companion.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.tasks.replanning import Replanning, ReplanningParts
@@ -38,6 +39,8 @@ class Composition:
         To the vehicle.
     announcer : Announcer
         Told what is decided.
+    departure : Departure
+        Knows the operator's list up to the takeover.
     replanning : Replanning
         Plans, and hands missions over.
     checkpoint : Checkpoint
@@ -55,6 +58,7 @@ class Composition:
     situation: Situation
     link: VehicleLink
     announcer: Announcer
+    departure: Departure
     replanning: Replanning
     checkpoint: Checkpoint
     recorder: Recorder
@@ -103,11 +107,12 @@ def composed(
     situation = Situation(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
     protocols = protocols_for(flight, link.autopilot, situation.ownship, clock)
+    handover = Handover(protocols, announcer, checkpoint, recorder, observer)
     parts = ReplanningParts(
         flight=flight,
         situation=situation,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
-        handover=Handover(protocols, announcer, checkpoint, recorder, observer),
+        handover=handover,
         geofences=Geofences(flight, situation, link.autopilot, announcer),
         announcer=announcer,
         clock=clock,
@@ -118,6 +123,7 @@ def composed(
         situation=situation,
         link=link,
         announcer=announcer,
+        departure=Departure(flight, situation, handover.reader, protocols, announcer, clock),
         replanning=Replanning(parts),
         checkpoint=checkpoint,
         recorder=recorder,

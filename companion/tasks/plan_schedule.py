@@ -44,7 +44,7 @@ class PlanSchedule:
         self.due_s = 0.0
         self.planned_for = KnownThreats()
         self._last_s = -math.inf
-        self._retry = ""
+        self._retry, self._retry_s = "", math.inf
 
     def plan_at_once(self) -> None:
         """Whatever was flown meanwhile, plan from here at once."""
@@ -53,17 +53,16 @@ class PlanSchedule:
 
     def begin(self, now_s: float) -> None:
         """A plan is being made."""
-        self._last_s, self._retry = now_s, ""
+        self._last_s, self._retry, self._retry_s = now_s, "", math.inf
         self.due_s = now_s
 
     def knows(self, threats: KnownThreats) -> None:
         """The plan being made knows these threats."""
         self.planned_for = threats
 
-    def retry(self, now_s: float, horizon_s: float, in_s: float, why: str) -> None:
-        """Plan again in so many seconds, sooner than the time horizon says."""
-        self._retry = why
-        self._last_s = now_s - horizon_s + in_s
+    def retry(self, at_s: float, why: str) -> None:
+        """Plan again at an instant of the clock [s], whatever the time horizon says."""
+        self._retry, self._retry_s = why, at_s
 
     def is_due(
         self, now_s: float, horizon_s: float, known: KnownThreats, suspected: str, *, flies_to_goal: bool
@@ -92,8 +91,12 @@ class PlanSchedule:
             self.occasion = f"another uploader? {suspected}"
         elif news:
             self.occasion = news
+        elif self._retry:
+            if now_s < self._retry_s:
+                return False
+            self.occasion = self._retry
         elif since >= wanted:
-            self.occasion = self._retry or f"{wanted:g} s since the last plan"
+            self.occasion = f"{wanted:g} s since the last plan"
         else:
             return False
         return True

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from companion.assurance.emergency import EmergencyStep
 from companion.clock import Clock
 from companion.comms.announcer import Announcer
-from companion.flight.cycle import (
-    begin,
-    conclude_emergency,
-    flown_passes,
-    is_over,
-)
+from companion.departure.foresight import begin, start_at_takeover
+from companion.flight.cycle import conclude_emergency, flown_passes, is_over
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.flight_state import StateOwner
-from companion.flight.modes import ModeEvent
+from companion.flight.modes import Mode, ModeEvent
+from companion.flight.progress import Start, lead_s, start_by_motion
 from companion.flight.shaping import ShapedPath, conclude
 from companion.flight.situation import Situation
 from companion.swapping.handover import Handover, SwapOutcome
@@ -23,6 +20,7 @@ from companion.tasks.geofences import Geofences
 from companion.tasks.plan_maker import PlanMaker, PlanRequest, PlanRun, least_threat_request, plan_request
 from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S, KnownThreats
 
+PREPARED_EARLY_S, PREPARED_LATE_S = 8.0, 3.0  # of its start a plan made ahead is still handed over
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
 
 
@@ -82,6 +80,8 @@ class Replanning:
         self._announcer = parts.announcer
         self.handover, self.geofences = parts.handover, parts.geofences
         self._num_failed_swaps = 0
+        self._prepared: ShapedPath | None = None
+        self._said_prepared: DecisionKind | None = None
 
     @property
     def num_plans(self) -> int:
@@ -108,16 +108,12 @@ class Replanning:
             state.rules.time_horizon_s,
             self._known(),
             state.mission_list.suspected,
-            flies_to_goal=state.flies_to_goal,
+            flies_to_goal=state.flies_to_goal and state.may_act,
         )
 
     def _known(self) -> KnownThreats:
         tracks = self._situation.tracker.tracks(self._clock.now_s())
         return KnownThreats(self._situation.num_known_threats, tuple(track.identity for track in tracks))
-
-    async def read_list(self) -> None:
-        """Read the autopilot's list on the ground: what is wrong with the mission is said there."""
-        await self.handover.reader.prepare()
 
     async def plan_once(self) -> ModeEvent | None:
         """One cycle: plan, judge, and swap if it is worth it.
@@ -130,12 +126,13 @@ class Replanning:
         now = self._clock.now_s()
         self._schedule.begin(now)
         if not self.handover.is_settled():
-            horizon_s = self._flight.state.rules.time_horizon_s
-            self._schedule.retry(now, horizon_s, SUSPICION_S, "it was not known what is flown")
+            self._schedule.retry(now + SUSPICION_S, "it was not known what is flown")
             return None
         is_known, event = await self.handover.reader.knows_mission()
         if not is_known:
             return event
+        if await self._flew_prepared():
+            return None
         await self.geofences.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
@@ -146,8 +143,60 @@ class Replanning:
         self._schedule.knows(self._known())
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
-            await self._plan(plan_request(state, begin(state, ownship), snapshot), track_s)
+            start = begin(state, ownship, self.handover.reader.current)
+            await self._plan(plan_request(state, start, snapshot), track_s)
         return None
+
+    async def look_ahead(self) -> None:
+        """Plan for the moment at which the aircraft is left to us: the takeover, or the way back to it."""
+        self._schedule.begin(self._clock.now_s())
+        await self.geofences.renew()
+        await self._maker.until_begun()
+        now, state = self._clock.now_s(), self._flight.state
+        start = self._start_ahead(now)
+        if start is None or not state.goals_left:
+            return
+        snapshot, track_s = self._situation.snapshot(now), self._situation.newest_track_s
+        self._schedule.knows(self._known())
+        run = await self._maker.make(plan_request(state, start, snapshot))
+        state = self._flight.state
+        found = conclude(state, run.plan, start)
+        if found.shaped is None:
+            self._prepared = None
+            self._tell_prepared(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
+        elif state.mode is Mode.SUSPENDED and state.may_write and self.handover.is_settled():
+            await self._hand_over(found.shaped, run.plan_ms, track_s)
+        else:
+            self._prepared = found.shaped
+            count = len(found.shaped.waypoints.positions_enu_m)
+            self._tell_prepared(DecisionKind.READY, f"first plan, {count} waypoints")
+
+    def _start_ahead(self, now: float) -> Start | None:
+        """Where a plan begins that is made before the aircraft is left to us; None while none is of use."""
+        state, ownship = self._flight.state, self._situation.ownship.state(now)
+        current = self.handover.reader.current
+        if ownship is None or not state.phase.is_airborne:
+            return None
+        if state.mode is Mode.DEPARTING:
+            return None if current is None else start_at_takeover(state, current, ownship)
+        return start_by_motion(state.rules, ownship, lead_s(state.rules, state.mission_list.exchange_s))
+
+    def _tell_prepared(self, kind: DecisionKind, text: str) -> None:
+        """Say what planning ahead came to, once until it comes to something else."""
+        if kind is not self._said_prepared:
+            self._said_prepared = kind
+            self._announcer.decide(kind, text)
+
+    async def _flew_prepared(self) -> bool:
+        """Hand the plan over that was made ahead, if it begins where the aircraft is; whether it is flown."""
+        prepared, self._prepared, self._said_prepared = self._prepared, None, None
+        state, now = self._flight.state, self._clock.now_s()
+        if prepared is None or state.flown is not None or not state.may_act:
+            return False
+        since_s = now - prepared.start.state.stamp_s
+        if not -PREPARED_EARLY_S <= since_s <= PREPARED_LATE_S:
+            return False
+        return await self._hand_over(prepared, 0.0, self._situation.newest_track_s) is SwapOutcome.FLOWN
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
@@ -174,7 +223,7 @@ class Replanning:
         ownship, state = self._situation.ownship.state(self._clock.now_s()), self._flight.state
         if ownship is None:
             return
-        start = begin(state, ownship)
+        start = begin(state, ownship, self.handover.reader.current)
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
@@ -195,7 +244,7 @@ class Replanning:
             self.emergency = step
             self._announcer.decide(kind, f"{step.value}: {reason}")
 
-    async def _hand_over(self, shaped: ShapedPath, plan_ms: float, track_s: float) -> None:
+    async def _hand_over(self, shaped: ShapedPath, plan_ms: float, track_s: float) -> SwapOutcome:
         """Hand a mission over, and see what is flown then."""
         outcome = await self.handover.hand_over(
             shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
@@ -204,10 +253,10 @@ class Replanning:
             self._num_failed_swaps = 0
             if shaped.verdict is not Verdict.EMERGENCY:
                 self.emergency = None
-            return
+            return outcome
         self._note_failed_swap(shaped)
-        horizon_s = self._flight.state.rules.time_horizon_s
-        self._schedule.retry(self._clock.now_s(), horizon_s, RETRY_S, "the last mission was not entered")
+        self._schedule.retry(self._clock.now_s() + RETRY_S, "the last mission was not entered")
+        return outcome
 
     def _note_failed_swap(self, shaped: ShapedPath) -> None:
         """Say that the aircraft is left with what it flies, once that looks like lasting."""

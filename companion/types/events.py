@@ -154,6 +154,14 @@ class MissionItemReached:
 
 
 @dataclass(frozen=True, slots=True)
+class LandedTold:
+    """EXTENDED_SYS_STATE: MAV_LANDED_STATE, by its number."""
+
+    stamp_s: float
+    landed_state: int
+
+
+@dataclass(frozen=True, slots=True)
 class HomePosition:
     """HOME_POSITION."""
 
@@ -217,6 +225,7 @@ Event = (
     | EstimatorAccuracy
     | MissionCurrent
     | MissionItemReached
+    | LandedTold
     | HomePosition
     | StatusText
     | TrackReport

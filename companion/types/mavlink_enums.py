@@ -47,6 +47,7 @@ class MessageId(IntEnum):
     ESTIMATOR_STATUS = 230
     WIND_COV = 231
     HOME_POSITION = 242
+    EXTENDED_SYS_STATE = 245
     ADSB_VEHICLE = 246
     STATUSTEXT = 253
     SETUP_SIGNING = 256
@@ -64,6 +65,7 @@ class Command(IntEnum):
     NAV_TAKEOFF = 22
     NAV_LOITER_TO_ALT = 31
     NAV_SPLINE_WAYPOINT = 82
+    NAV_VTOL_TAKEOFF = 84
     DO_SET_MODE = 176
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
@@ -125,6 +127,16 @@ class MissionState(IntEnum):
 
     UNKNOWN = 0
     ACTIVE = 3
+
+
+class LandedState(IntEnum):
+    """MAV_LANDED_STATE of EXTENDED_SYS_STATE; UNDEFINED where an autopilot does not tell."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
 
 
 class MissionType(IntEnum):

@@ -158,7 +158,7 @@ def test_a_swap_broken_off_leaves_no_exchange_and_counts_what_is_pending_from_it
 
 
 def test_in_the_plane_the_operators_goals_lie_on_the_missions_level():
-    state = after_operator_goals(begun(), [OperatorGoal((900.0, 50.0, 340.0), (item(3),))])
+    state = after_operator_goals(begun(), [OperatorGoal((900.0, 50.0, 340.0), 3, (item(3),))])
     assert [goal.position_enu_m for goal in state.goals] == [(900.0, 50.0, 100.0)]
     assert (state.actions, state.next_goal) == (((item(3),),), 0)
 
@@ -220,7 +220,11 @@ def test_nobody_else_makes_or_replaces_the_state():
         for path, tree in trees()
         for node in calls(tree, FlightState.__name__, ListState.__name__, StateOwner.__name__)
     }
-    assert made == {("flight_state.py", "FlightState"), ("composition.py", "StateOwner")}
+    assert made == {
+        ("flight_state.py", "FlightState"),
+        ("list_state.py", "ListState"),
+        ("composition.py", "StateOwner"),
+    }
     fields = {
         field.name
         for kind in (FlightState, ListState)

@@ -9,19 +9,28 @@ from companion.flight import modes
 from companion.flight.modes import Mode, ModeEvent, next_mode
 
 ROWS = {
-    (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.DEPARTING,
     (Mode.WAITING, ModeEvent.MISSION_NOT_FLOWN): Mode.STANDBY,
-    (Mode.STANDBY, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.STANDBY, ModeEvent.MISSION_FLOWN): Mode.DEPARTING,
     (Mode.STANDBY, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
+    (Mode.DEPARTING, ModeEvent.TAKEOVER_DUE): Mode.ACTIVE,
+    (Mode.DEPARTING, ModeEvent.MISSION_NOT_FLOWN): Mode.STANDBY,
+    (Mode.DEPARTING, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
+    (Mode.ACTIVE, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
     (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.LOST, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
+    (Mode.YIELDED, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.SUSPENDED, ModeEvent.LANDED): Mode.STANDBY,
+    (Mode.ARRIVED, ModeEvent.LANDED): Mode.STANDBY,
 }
+BACK = (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN)
 EVERYTHING = list(itertools.product(Mode, ModeEvent))
 
 
@@ -40,7 +49,7 @@ def test_what_has_no_row_changes_nothing(pair, may_resume):
     assert next_mode(*pair, may_resume=may_resume) is pair[0]
 
 
-@pytest.mark.parametrize("pair", [pair for pair in ROWS if pair[0] is not Mode.SUSPENDED], ids=told)
+@pytest.mark.parametrize("pair", [pair for pair in ROWS if pair != BACK], ids=told)
 def test_only_suspension_asks_whether_it_may_resume(pair):
     assert next_mode(*pair, may_resume=False) is ROWS[pair]
 
@@ -49,8 +58,24 @@ def test_suspended_for_good():
     assert next_mode(Mode.SUSPENDED, ModeEvent.MISSION_FLOWN, may_resume=False) is Mode.SUSPENDED
 
 
-def test_arrival_is_final():
-    assert {next_mode(Mode.ARRIVED, event, may_resume=True) for event in ModeEvent} == {Mode.ARRIVED}
+def test_arrival_lasts_until_the_landing():
+    others = set(ModeEvent) - {ModeEvent.LANDED}
+    assert {next_mode(Mode.ARRIVED, event, may_resume=True) for event in others} == {Mode.ARRIVED}
+
+
+ON_THE_GROUND = [event for event in ModeEvent if event is not ModeEvent.TAKEOVER_DUE]
+
+
+@pytest.mark.parametrize("before", [Mode.WAITING, Mode.STANDBY, Mode.DEPARTING], ids=lambda mode: mode.name)
+def test_nothing_before_the_takeover_suspends(before):
+    """Whatever happens in whatever order: uploads, switches, arming and disarming."""
+    found = {before}
+    while True:
+        after = found | {next_mode(mode, event, may_resume=True) for mode in found for event in ON_THE_GROUND}
+        if after == found:
+            break
+        found = after
+    assert found <= {Mode.WAITING, Mode.STANDBY, Mode.DEPARTING}
 
 
 def test_the_docstring_has_the_same_rows():

@@ -150,7 +150,7 @@ def test_another_mission_is_respected_where_the_goals_are_the_files(dialect):
     assert harness.app.mode is Mode.YIELDED
     assert harness.changes(after_s=18.0) == []
     assert (900, -400) in places_of(harness, harness.simulator.autopilot.mission_items)
-    assert "another mission or item" in harness.texts("suspended")[-1]
+    assert "other mission or item" in harness.texts("suspended")[-1]
 
 
 @BOTH

@@ -85,8 +85,8 @@ def test_everything_behind_the_operators_waypoint_at_the_goal_follows_the_goal()
 
 
 def test_the_operators_waypoints_are_goals_with_what_is_done_there():
-    operator = operator_of(OPERATOR, FRAME, HOME_M)
-    goals = goals_of_operator(operator, FRAME, HOME_M, has_home_slot=True)
+    operator = operator_of(OPERATOR, FRAME, HOME_M, num_home_items=1)
+    goals = goals_of_operator(operator, FRAME, HOME_M)
     places = np.array([goal.position_enu_m for goal in goals])
     np.testing.assert_allclose(places, [[500.0, 0.0, 100.0], [900.0, 300.0, 100.0]], atol=0.02)
     assert [[entry.command for entry in goal.actions] for goal in goals] == [[CAMERA], []]
@@ -94,17 +94,18 @@ def test_the_operators_waypoints_are_goals_with_what_is_done_there():
 
 def test_relative_heights_count_from_home_and_unknown_ones_are_no_goals():
     relative = replace(ONE, frame=MavFrame.GLOBAL_RELATIVE_ALT, altitude_m=80.0)
-    operator = operator_of((HOME, relative), FRAME, HOME_M)
-    (goal,) = goals_of_operator(operator, FRAME, HOME_M + 10.0, has_home_slot=True)
+    operator = operator_of((HOME, relative), FRAME, HOME_M, num_home_items=1)
+    (goal,) = goals_of_operator(operator, FRAME, HOME_M + 10.0)
     assert goal.position_enu_m[2] == pytest.approx(90.0, abs=0.05)
-    assert goals_of_operator(operator, FRAME, None, has_home_slot=True) == ()
-    over_terrain = operator_of((HOME, replace(ONE, frame=10)), FRAME, HOME_M)
-    assert goals_of_operator(over_terrain, FRAME, HOME_M, has_home_slot=True) == ()
+    assert goals_of_operator(operator, FRAME, None) == ()
+    over_terrain = operator_of((HOME, replace(ONE, frame=10)), FRAME, HOME_M, num_home_items=1)
+    assert goals_of_operator(over_terrain, FRAME, HOME_M) == ()
 
 
 def test_a_waypoint_and_a_loiter_at_one_place_are_one_goal():
     twice = (HOME, ONE, replace(ONE, command=Command.NAV_LOITER_UNLIM))
-    assert len(goals_of_operator(operator_of(twice, FRAME, HOME_M), FRAME, HOME_M, has_home_slot=True)) == 1
+    operator = operator_of(twice, FRAME, HOME_M, num_home_items=1)
+    assert len(goals_of_operator(operator, FRAME, HOME_M)) == 1
 
 
 # --- ours in the list

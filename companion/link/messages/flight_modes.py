@@ -66,7 +66,7 @@ _PLANE_TYPES = frozenset(
     | {kind for kind in VehicleType if kind.name.startswith("VTOL_")}
 )
 DIALECTS = {Autopilot.ARDUPILOTMEGA: Dialect.ARDUPILOT, Autopilot.PX4: Dialect.PX4}
-_MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
+MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
 
 
 def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode: int) -> tuple[str, bool]:
@@ -80,7 +80,7 @@ def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode
             name = _px4_mode(custom_mode)
         elif vehicle_type in _PLANE_TYPES:
             name = ARDUPLANE_MODES.get(custom_mode)
-    return (name or f"MODE_{custom_mode}"), name is not None and name == _MISSION_MODES[dialect]
+    return (name or f"MODE_{custom_mode}"), name is not None and name == MISSION_MODES[dialect]
 
 
 def custom_mode_of(dialect: Dialect, mode: str) -> int | None:

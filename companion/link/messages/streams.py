@@ -101,6 +101,7 @@ class Streams:
             MessageId.VFR_HUD: (min(fast, 5.0), True),
             MessageId.MISSION_CURRENT: (min(fast, 5.0), True),
             wind: (slow, False),
+            MessageId.EXTENDED_SYS_STATE: (slow, False),
             MessageId.HOME_POSITION: (0.5, False),
             MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }

@@ -16,6 +16,7 @@ from companion.types.events import (
     GlobalPosition,
     Heartbeat,
     HomePosition,
+    LandedTold,
     MissionCurrent,
     MissionItemReached,
     Rebooted,
@@ -95,6 +96,7 @@ class Telemetry:
             "ESTIMATOR_STATUS": self._accuracy,
             "MISSION_CURRENT": self._mission_current,
             "MISSION_ITEM_REACHED": self._reached,
+            "EXTENDED_SYS_STATE": self._landed,
             "HOME_POSITION": self._home,
             "STATUSTEXT": self._text,
         }
@@ -223,6 +225,9 @@ class Telemetry:
 
     def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:
         return MissionItemReached(stamp_s, message.seq)
+
+    def _landed(self, message: Message, _frame: RawFrame, stamp_s: float) -> LandedTold:
+        return LandedTold(stamp_s, message.landed_state)
 
     def _home(self, message: Message, _frame: RawFrame, stamp_s: float) -> HomePosition:
         latitude, longitude = place(message.latitude, message.longitude, "home")

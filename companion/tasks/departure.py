@@ -1,0 +1,87 @@
+"""Before the takeover: the operator's list is read whenever it changes, and answered; nothing is uploaded."""
+
+from __future__ import annotations
+
+import math
+
+from companion.clock import Clock
+from companion.comms.announcer import Announcer
+from companion.departure.briefing import briefing_of
+from companion.departure.takeover import is_due
+from companion.flight.decision import DecisionKind
+from companion.flight.flight_state import StateOwner, after_takeover
+from companion.flight.situation import Situation
+from companion.swapping.list_reader import ListReader
+from companion.swapping.protocols import SwapProtocols
+from companion.types.mission import MissionItem
+
+READ_AGAIN_S = 2.0  # soonest after a reading, that failed perhaps
+
+
+class Departure:
+    """Keeps what is known of the operator's list up to date up to the takeover, and says what it comes to.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    situation : Situation
+        Where the aircraft is.
+    reader : ListReader
+        Reads the list.
+    protocols : SwapProtocols
+        Whose autopilot it is.
+    announcer : Announcer
+        Told what the list comes to.
+    clock : Clock
+        The service's.
+    """
+
+    def __init__(
+        self,
+        flight: StateOwner,
+        situation: Situation,
+        reader: ListReader,
+        protocols: SwapProtocols,
+        announcer: Announcer,
+        clock: Clock,
+    ) -> None:
+        self._flight, self._situation, self._reader = flight, situation, reader
+        self._protocols, self._announcer, self._clock = protocols, announcer, clock
+        self._read_s = -math.inf
+        self._briefed: tuple[MissionItem, ...] | None = None
+
+    async def keep_up(self) -> None:
+        """Read the list if it is not known or may have changed, and brief the pilot on what is new in it."""
+        listed, now = self._flight.listed, self._clock.now_s()
+        is_known = listed.layout is not None and not listed.suspected
+        # Whether a list's items are flown is told by where the aircraft is.
+        is_told = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
+        if not is_known and is_told and now - self._read_s >= READ_AGAIN_S:
+            await self._reader.prepare()
+            self._read_s = self._clock.now_s()
+        listed = self._flight.listed
+        if listed.layout is not None and listed.stored != self._briefed:
+            self._briefed = listed.stored
+            if not listed.found_flown:
+                self._brief()
+
+    def _brief(self) -> None:
+        """Tell the pilot what will be flown, from when on by the service, and what is wrong."""
+        ownship = self._situation.ownship.state(self._clock.now_s())
+        told = briefing_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
+        decide = self._announcer.decide
+        decide(DecisionKind.MISSION, told.plan)
+        decide(DecisionKind.TAKEOVER, told.takeover)
+        decide(DecisionKind.MISSION, told.landing)
+        for fault in told.faults:
+            decide(DecisionKind.FAULT, fault)
+
+    def take_over_if_due(self) -> bool:
+        """Whether the service takes over now."""
+        link, now = self._protocols.parts.link, self._clock.now_s()
+        current = link.current
+        if current is None or not is_due(self._flight.state, current, self._situation.ownship.state(now)):
+            return False
+        self._flight.apply(after_takeover, current.sequence)
+        return True
