@@ -9,15 +9,16 @@ import numpy as np
 from companion.config import MissionConfig
 from companion.config.models import Goal, ObstacleConfig, RadarConfig
 from companion.flight.decision import judge
-from companion.flight.flight_state import after_restart, first_state
+from companion.flight.flight_state import FlightState, after_restart, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import start_after
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
-from companion.tasks.plan_maker import Planner, plan_request
+from companion.tasks.plan_maker import Planner, least_threat_request, plan_request
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
 from companion.types.state import Ownship
+from companion.vehicle.guidance import default_guidance, track_of_circle, track_of_legs
 
 NUM_PLANS = 3
 GOAL_RADIUS_M = 60.0
@@ -26,7 +27,7 @@ AHEAD, ASIDE = 8.0, 15.0  # of goal and vehicles, in turn radii
 
 
 def warm_up(mission: MissionConfig) -> None:
-    """Follow two vehicles, plan, and plan anew: that compiles every kernel.
+    """Follow two vehicles, plan, plan anew and for an emergency, and foresee flights: all kernels compile.
 
     The first plan in flight is then as fast as the others. It is done in a small world around the mission's
     start, of a wall and a radar, in which a plan is found at once: the mission's own may have none. Kernels
@@ -49,6 +50,17 @@ def warm_up(mission: MissionConfig) -> None:
         for emitter, aside in ((Emitter.GROUND, -ASIDE), (Emitter.AIR, ASIDE)):
             situation.observe(_sighting(mission, now_s, emitter, aside), now_s)
         situation.threat_at(own, situation.tracker.tracks(now_s))
+    planner.plan(least_threat_request(state, start_after(state, own, LEAD_S), world), lambda: False)
+    _foresee(state, own)
+
+
+def _foresee(state: FlightState, own: Ownship) -> None:
+    """Fly ahead along a leg and round a circle, as starts and entries of plans are foreseen."""
+    guidance = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    ahead = np.array([own.position_enu_m])
+    circle = (ahead[0], guidance.loiter_radius_m)
+    track_of_legs(guidance, own, ahead, before_enu_m=ahead[0], loiter=circle, ends_s=LEAD_S)
+    track_of_circle(guidance, own, *circle, LEAD_S)
 
 
 def _in_small_world(mission: MissionConfig) -> MissionConfig:

@@ -1,4 +1,4 @@
-"""Flying days from power-on to landing, in the orders in which operators really do things, on both autopilots."""
+"""Flying days from power-on to landing, in the orders in which operators really do things."""
 
 import itertools
 import math
