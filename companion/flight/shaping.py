@@ -23,6 +23,7 @@ from companion.mission.waypoints import (
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.plan import Plan
+from companion.vehicle.guidance import Guidance, default_guidance
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 SHORTEST_ROWS = 12
@@ -98,6 +99,11 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
         plan.path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
     )
     return Conclusion(decision, shaped)
+
+
+def guidance_of(state: FlightState) -> Guidance:
+    """What the autopilot steers by."""
+    return default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
 
 
 def waypoints_of(
