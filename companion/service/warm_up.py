@@ -12,12 +12,14 @@ from companion.flight.decision import judge
 from companion.flight.flight_state import after_restart, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import start_after
+from companion.flight.shaping import guidance_of
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
 from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
 from companion.types.state import Ownship
+from companion.vehicle.guidance import track_of_circle
 
 NUM_PLANS = 3
 GOAL_RADIUS_M = 60.0
@@ -38,6 +40,7 @@ def warm_up(mission: MissionConfig) -> None:
     start, speed = mission.start, state.rules.vehicle.airspeed_cruise_m_s
     position = float(start.east_m), float(start.north_m), float(start.up_m)
     own = Ownship(0.0, position, math.radians(start.course_deg), 0.0, speed, speed)
+    track_of_circle(guidance_of(state), own, np.array(position), 0.0, LEAD_S)
     for now_s in map(float, range(NUM_PLANS)):
         begin, snapshot = start_after(state, own, LEAD_S), situation.snapshot(now_s)
         world = snapshot.with_known(np.ones_like(snapshot.threats.known))
