@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.flight.flight_state import FlightState
-from companion.flight.shaping import guidance_of
+from companion.flight.shaping import at_start, guidance_of
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints
@@ -128,21 +128,15 @@ def _moved_on(ownship: Ownship, path: Path, in_s: float) -> Ownship:
 
 def _at_start(ownship: Ownship, path: Path, before_s: float) -> Ownship:
     """The aircraft where a path begins, or so long before it [s]; wind and bank as they are now."""
-    course, (wind_east, wind_north) = float(path.courses_rad[0]), ownship.wind_enu_m_s
-    along = wind_east * math.sin(course) + wind_north * math.cos(course)
-    aside = wind_east * math.cos(course) - wind_north * math.sin(course)
-    airspeed = max(float(path.speeds_m_s[0]), 1.0)
-    speed = max(along + math.sqrt(max(airspeed**2 - aside**2, 0.0)), 1.0)
-    east, north, up = (float(value) for value in path.positions_enu_m[0])
-    back = before_s * speed
+    begin = at_start(path, ownship.wind_enu_m_s)
+    (east, north, up), back = begin.position_enu_m, before_s * begin.ground_speed_m_s
     return replace(
-        ownship,
-        position_enu_m=(east - back * math.sin(course), north - back * math.cos(course), up),
-        course_rad=course,
-        flight_path_angle_rad=float(path.climb_angles_rad[0]),
-        airspeed_m_s=airspeed,
-        ground_speed_m_s=speed,
-    )
+        begin,
+        position_enu_m=(
+            east - back * math.sin(begin.course_rad), north - back * math.cos(begin.course_rad), up
+        ),
+        bank_rad=ownship.bank_rad,
+    )  # fmt: skip
 
 
 def _is_harmless(
