@@ -9,16 +9,17 @@ import numpy as np
 from companion.config import MissionConfig
 from companion.config.models import Goal, ObstacleConfig, RadarConfig
 from companion.flight.decision import judge
-from companion.flight.flight_state import FlightState, after_restart, first_state
+from companion.flight.flight_state import after_restart, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import start_after
+from companion.flight.shaping import guidance_of
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
 from companion.tasks.plan_maker import Planner, least_threat_request, plan_request
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
 from companion.types.state import Ownship
-from companion.vehicle.guidance import default_guidance, track_of_circle, track_of_legs
+from companion.vehicle.guidance import track_of_circle
 
 NUM_PLANS = 3
 GOAL_RADIUS_M = 60.0
@@ -39,6 +40,7 @@ def warm_up(mission: MissionConfig) -> None:
     start, speed = mission.start, state.rules.vehicle.airspeed_cruise_m_s
     position = float(start.east_m), float(start.north_m), float(start.up_m)
     own = Ownship(0.0, position, math.radians(start.course_deg), 0.0, speed, speed)
+    track_of_circle(guidance_of(state), own, np.array(position), 0.0, LEAD_S)
     for now_s in map(float, range(NUM_PLANS)):
         begin, snapshot = start_after(state, own, LEAD_S), situation.snapshot(now_s)
         world = snapshot.with_known(np.ones_like(snapshot.threats.known))
@@ -51,16 +53,6 @@ def warm_up(mission: MissionConfig) -> None:
             situation.observe(_sighting(mission, now_s, emitter, aside), now_s)
         situation.threat_at(own, situation.tracker.tracks(now_s))
     planner.plan(least_threat_request(state, start_after(state, own, LEAD_S), world), lambda: False)
-    _foresee(state, own)
-
-
-def _foresee(state: FlightState, own: Ownship) -> None:
-    """Fly ahead along a leg and round a circle, as starts and entries of plans are foreseen."""
-    guidance = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
-    ahead = np.array([own.position_enu_m])
-    circle = (ahead[0], guidance.loiter_radius_m)
-    track_of_legs(guidance, own, ahead, before_enu_m=ahead[0], loiter=circle, ends_s=LEAD_S)
-    track_of_circle(guidance, own, *circle, LEAD_S)
 
 
 def _in_small_world(mission: MissionConfig) -> MissionConfig:
