@@ -32,6 +32,7 @@ from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 SHORTEST_ROWS = 12
+GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -161,7 +162,7 @@ def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[
     Those are taken whose track, as the autopilot will fly it, keeps its distance; where none does, those
     that keep most.
     """
-    clearance = float(state.mission.planning.clearance_min_m)
+    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
     usual, *others = FLY_BY_STYLES if state.flies_by else CHORD_STYLES
     best = _carried_in_style(state, path, end, usual)
     found = _room_flown(state, path, best, clearance)

@@ -72,7 +72,7 @@ class TurnStyle:
     turn_max_rad : float
         Change of course at one corner, or from one waypoint on an arc to the next, at most [rad].
     inset_m : float
-        How far inside the turn all but the first lie, where it is flown from point to point [m].
+        How far inside the turn they lie; where it is flown from point to point, all but the first [m].
     """
 
     turn_max_rad: float
@@ -80,7 +80,10 @@ class TurnStyle:
 
 
 # The usual styles first; the others are tried where those bring the aircraft too near to something.
-FLY_BY_STYLES = tuple(TurnStyle(share * CORNER_MAX_RAD) for share in (1.0, 1.6, 0.6, 2.2))
+FLY_BY_STYLES = tuple(
+    TurnStyle(share * CORNER_MAX_RAD, inset * INSET_M)
+    for share, inset in ((1.0, 0.0), (1.6, 0.0), (0.6, 0.0), (1.0, -2.0), (1.6, -2.0), (1.0, 2.0), (1.6, 2.0))
+)
 CHORD_STYLES = tuple(
     TurnStyle(share * CHORD_MAX_RAD, inset * INSET_M)
     for share, inset in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.5), (1.0, 0.0), (1.0, 4.0))
@@ -179,6 +182,8 @@ def _corners(
         half = 0.5 * np.linalg.norm(end[:2] - start[:2]) / math.cos(0.5 * turn)
         corner = 0.5 * (start + end)
         corner[:2] = start[:2] + half * np.array([math.sin(courses[first]), math.cos(courses[first])])
+        middle = 0.5 * float(courses[first] + courses[edge])
+        corner[:2] += signs[first] * style.inset_m * np.array([math.cos(middle), -math.sin(middle)])
         found.append((0.5 * float(travelled[first] + travelled[edge]), corner))
     return found
 
