@@ -15,10 +15,10 @@ from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import loiter_beside
 from companion.mission.waypoints import (
-    OTHER_CHORDS,
-    USUAL_CHORDS,
-    ChordStyle,
+    CHORD_STYLES,
+    FLY_BY_STYLES,
     MissionPart,
+    TurnStyle,
     Waypoints,
     merge_close_waypoints,
     mission_part,
@@ -32,6 +32,7 @@ from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 SHORTEST_ROWS = 12
+GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -158,13 +159,14 @@ def waypoints_of(
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
     """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them.
 
-    Of an autopilot that flies turns from point to point, those are taken whose flown track keeps its
-    distance; where none does, those that keep most.
+    Those are taken whose track, as the autopilot will fly it, keeps its distance; where none does, those
+    that keep most.
     """
-    clearance = float(state.mission.planning.clearance_min_m)
-    best = _carried_in_style(state, path, end, USUAL_CHORDS)
+    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
+    usual, *others = FLY_BY_STYLES if state.flies_by else CHORD_STYLES
+    best = _carried_in_style(state, path, end, usual)
     found = _room_flown(state, path, best, clearance)
-    for style in () if state.flies_by else OTHER_CHORDS:
+    for style in others:
         if found >= clearance:
             break
         other = _carried_in_style(state, path, end, style)
@@ -219,7 +221,7 @@ def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
 
 
 def _carried_in_style(
-    state: FlightState, path: Path, end: int, chords: ChordStyle
+    state: FlightState, path: Path, end: int, style: TurnStyle
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
     """As :func:`carried`, with turns in one style."""
     rules, part = state.rules, path.until(end)
@@ -229,7 +231,7 @@ def _carried_in_style(
         float(rules.vehicle.airspeed_cruise_m_s),
         flies_by=state.flies_by,
         marked_m=[length for length, _ in actions],
-        chords=chords,
+        style=style,
     )
     radius = rules.vehicle.turn_radius_min_m
     centre, direction = loiter_beside(
