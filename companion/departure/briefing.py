@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.departure.capability import shortfalls
 from companion.departure.takeover import described, last_item_of, takeoff_of
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
@@ -81,7 +82,7 @@ def _landing(operator: Operator) -> str:
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
     """What is wrong with a list, the gravest first."""
-    found: list[str] = []
+    found = list(shortfalls(state.mission, state.settings))
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
         found.append(f"the mission file's origin is {away:.0f} km from here")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from companion.departure.capability import shortfalls
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import Operator, position_of
 from companion.types.events import MissionCurrent
@@ -61,8 +62,10 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
 
 
 def _is_understood(state: FlightState) -> bool:
-    """Whether the aircraft flies by a list that is known."""
+    """Whether the aircraft flies by a list that is known, and can do what the mission file asks."""
     listed = state.mission_list
+    if shortfalls(state.mission, state.settings):
+        return False
     return state.phase.is_airborne and listed.layout is not None and not listed.suspected
 
 

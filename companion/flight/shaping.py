@@ -31,6 +31,7 @@ from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
+BANK_MAX_DEG = 80.0  # whatever the parameter says
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
@@ -109,8 +110,19 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
 
 
 def guidance_of(state: FlightState) -> Guidance:
-    """What the autopilot steers by."""
-    return default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    """What the autopilot steers by, as far as its parameters were told."""
+    usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    told = state.settings
+    bank = usual.bank_max_rad if not told.bank_max_deg else math.radians(min(told.bank_max_deg, BANK_MAX_DEG))
+    return replace(
+        usual,
+        acceptance_radius_m=told.acceptance_radius_m or usual.acceptance_radius_m,
+        l1_period_s=told.guidance_period_s or usual.l1_period_s,
+        l1_damping=told.guidance_damping or usual.l1_damping,
+        bank_max_rad=bank,
+        loiter_radius_m=told.loiter_radius_m or usual.loiter_radius_m,
+        climb_rate_max_m_s=min(told.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
+    )
 
 
 def waypoints_of(

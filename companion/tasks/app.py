@@ -22,6 +22,7 @@ from companion.flight.flight_state import (
     after_movement_told,
     after_position,
     after_reload,
+    after_settings_told,
 )
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
@@ -294,6 +295,9 @@ class App:
             self.link.keep_up(now, is_active=self.mode is Mode.ACTIVE)
             if not self.hears_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
+            settings = self.link.streams.settings
+            if settings != self.state.settings:
+                self._flight.apply(after_settings_told, settings)
             self._departure.handback.look()
             self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from companion.departure.briefing import briefing_of
+from companion.departure.capability import shortfalls
 from companion.departure.takeover import is_due
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_takeover
@@ -35,7 +36,7 @@ class Departure:
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
         self._read_s = -math.inf
-        self._briefed: tuple[MissionItem, ...] | None = None
+        self._briefed: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot on what is new in it."""
@@ -47,8 +48,10 @@ class Departure:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
         listed = self._flight.listed
-        if listed.layout is not None and listed.stored != self._briefed:
-            self._briefed = listed.stored
+        # Said again, too, when a parameter changes what is wrong.
+        news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
+        if listed.layout is not None and news != self._briefed:
+            self._briefed = news
             if not listed.found_flown:
                 self._brief()
 
