@@ -108,11 +108,15 @@ class Replanning:
         return None
 
     async def _flew_prepared(self) -> bool:
-        """Hand the plan over that was made ahead, if it begins where the aircraft is; whether it is flown."""
+        """Hand the plan over that was made ahead, if it begins where the aircraft is.
+
+        Whether that is all for now: it is flown, or the list is not as it was believed to be.
+        """
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
-        return await self._hand_over(prepared, 0.0, self._situation.newest_track_s) is SwapOutcome.FLOWN
+        outcome = await self._hand_over(prepared, 0.0, self._situation.newest_track_s)
+        return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
