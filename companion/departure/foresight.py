@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -94,6 +95,9 @@ def list_track(
     """
     legs, circle = _legs_ahead(state, current, ownship)
     guidance = guidance_of(state)
+    climb_m_s = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
+    if climb_m_s > guidance.climb_rate_max_m_s:  # in a take-off it does what missions do not ask for
+        guidance = replace(guidance, climb_rate_max_m_s=climb_m_s)
     if circle is not None and not legs:
         return track_of_circle(guidance, ownship, circle[0], circle[1], FORESEEN_MAX_S, STEP_S)
     if not legs:

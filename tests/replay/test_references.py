@@ -47,9 +47,13 @@ def lines_of(decisions, uploads):
     return lines
 
 
-@pytest.mark.parametrize("name", [*FLIGHTS, *PARTS_S])
+# Of the service beside real autopilots, from power-on to landing: see tests/data/README.md.
+REAL = ("real-arduplane", "real-px4")
+
+
+@pytest.mark.parametrize("name", [*FLIGHTS, *REAL, *PARTS_S])
 def test_replays_as_before(name, request, tmp_path):
-    is_ours = name in FLIGHTS
+    is_ours = name not in PARTS_S
     log = FOLDER / f"{name}.tlog" if is_ours else part_of(name, tmp_path / "part.tlog")
     mission = load_mission(FOLDER / f"{name}.yaml" if is_ours else DATA / RECORDINGS[f"{name}.tlog"])
     result = asyncio.run(Replay(load_recording(log), mission).run())

@@ -72,6 +72,7 @@ class Px4(MissionPilot):
             del builders[absent]
         builders[mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS] = self.telemetry.estimator_status
         builders[mavlink.MAVLINK_MSG_ID_WIND_COV] = self.telemetry.wind_covariance
+        builders[mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE] = self._extended_state
         self._lists = {kind: StoredList() for kind in MissionKind}
         self._revision = 0
         self.runner = Px4Runner(self)
@@ -117,6 +118,17 @@ class Px4(MissionPilot):
     def mission_revision(self) -> int:
         """Changes whenever a stored list does."""
         return self._revision
+
+    def _extended_state(self) -> Message:
+        """EXTENDED_SYS_STATE: a take-off until its item is done, a landing from the descent on (measured)."""
+        landed = mavlink.MAV_LANDED_STATE_IN_AIR
+        if self.flight.is_standing:
+            landed = mavlink.MAV_LANDED_STATE_ON_GROUND
+        elif self.active_command == Command.NAV_TAKEOFF:
+            landed = mavlink.MAV_LANDED_STATE_TAKEOFF
+        elif self.active_command == Command.NAV_LAND:
+            landed = mavlink.MAV_LANDED_STATE_LANDING
+        return mavlink.MAVLink_extended_sys_state_message(0, landed)
 
     @property
     def active_command(self) -> int | None:

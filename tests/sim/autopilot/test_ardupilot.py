@@ -364,6 +364,17 @@ def test_a_partial_list_overwrites_in_place(flying):
     assert len(autopilot(flying).mission_items) == 5
 
 
+def test_a_second_partial_list_and_a_reading_are_denied_while_one_is_open(flying):
+    """To whoever asks, the uploader too; the first goes on (4.6.3)."""
+    flying.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 1, 1, 0))
+    flying.step(0.1)
+    flying.clear()
+    flying.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 1, 1, 0))
+    flying.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    flying.step(0.1)
+    assert [ack.type for ack in flying.all("MISSION_ACK")] == [DENIED, DENIED]
+
+
 def test_a_partial_list_may_add_one_item_and_not_start_beyond_the_end(flying):
     items = [None] * 4 + [item(WAYPOINT, 2400.0, 50.0), item(LOITER, 2500.0, 0.0, p3=125.0)]
     assert partial(flying, 4, 5, items) == ACCEPTED
