@@ -56,8 +56,11 @@ def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     return parameters
 
 
-def build(mission: MissionConfig, seed: int, dialect: Dialect) -> Scenario:
-    """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission."""
+def build(mission: MissionConfig, seed: int, dialect: Dialect, *, on_ground: bool = False) -> Scenario:
+    """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission.
+
+    With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission.
+    """
     frame = mission.frame
     projection = FastProjection(frame)
     sensing, tracking = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
@@ -81,10 +84,15 @@ def build(mission: MissionConfig, seed: int, dialect: Dialect) -> Scenario:
     autopilot: Autopilot
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)
-        plane.start(operator_mission(home, projection, centre, start.up_m, radius), "AUTO")
+        items = operator_mission(home, projection, centre, start.up_m, radius)
+        plane.start(items[:1] if on_ground else items, "LOITER" if on_ground else "AUTO")
     else:
         autopilot = px4 = Px4(flight, projection, parameters, home)
-        px4.start(px4_operator_mission(home, projection, centre, start.up_m, radius), "MISSION", 1)
+        items = px4_operator_mission(home, projection, centre, start.up_m, radius)
+        px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)
+    if on_ground:
+        flight.stand(home.up_m)
+        autopilot.is_armed = False
     pursuers = pursuers_of(mission)
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
     return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list))

@@ -33,6 +33,8 @@ class Simulator:
         Seed of all randomness: turbulence, sensors, tracks.
     dialect : Dialect
         Which autopilot flies.
+    on_ground : bool
+        Whether it begins on the ground, disarmed and without a mission.
 
     Attributes
     ----------
@@ -42,8 +44,15 @@ class Simulator:
         What really happened.
     """
 
-    def __init__(self, mission: MissionConfig, *, seed: int, dialect: Dialect = Dialect.ARDUPILOT) -> None:
-        scenario = build(mission, seed, dialect)
+    def __init__(
+        self,
+        mission: MissionConfig,
+        *,
+        seed: int,
+        dialect: Dialect = Dialect.ARDUPILOT,
+        on_ground: bool = False,
+    ) -> None:
+        scenario = build(mission, seed, dialect, on_ground=on_ground)
         self._scenario = scenario
         self.autopilot: Autopilot = scenario.autopilot
         self.truth: Truth = scenario.truth

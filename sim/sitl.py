@@ -57,6 +57,8 @@ class Flight:
         How long MAVSDK is waited for, by the computer's clock.
     mission_text : str
         The mission file, for the recording.
+    on_ground : bool
+        Whether it begins on the ground, disarmed and without a mission.
 
     Attributes
     ----------
@@ -72,6 +74,7 @@ class Flight:
     wall_s: float = 0.0
     turn_timeout_s: float = TURN_TIMEOUT_S
     mission_text: str = ""
+    on_ground: bool = False
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
@@ -80,7 +83,9 @@ class Flight:
     def __post_init__(self) -> None:
         about = About(self.mission, self.seed, self.mission_text, STEP_S)
         self.recorder = Recorder(self.folder, EPOCH_S, about)
-        self.simulator = Simulator(self.mission, seed=self.seed, dialect=self.dialect)
+        self.simulator = Simulator(
+            self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground
+        )
         self.wire = self.simulator
 
     @property

@@ -27,6 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.assurance import curves
+from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.violation import Violation, listed, outside
 from companion.frames import FloatArray
@@ -38,6 +40,8 @@ __all__ = ["CheckLimits", "Checker", "Violation"]
 BoolArray = NDArray[np.bool_]
 
 POINT_TOLERANCE_M = 0.01  # of bounds and goals
+EAST_M = np.array([0.01, 0.0, 0.0])  # a line without length is near to nothing
+NEARER_M = 0.5  # noise of a position that is within the margin already
 BULGE_TOLERANCE_M = 2.0  # by which an arc between two rows inside the bounds may pass them
 SPEED_TOLERANCE_M_S = 0.01
 CLIMB_TOLERANCE_RAD = math.radians(0.1)
@@ -46,8 +50,7 @@ RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
 CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
 STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
 CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
-NUMBER_MAX = 1e8  # anything larger is no position, time or speed
-LOITER_SIDES, CORNER_SIDES = 72, 8
+LOITER_SIDES = 72
 BETWEEN_ROWS = "climb angle between rows [rad]"
 
 
@@ -110,12 +113,6 @@ class _Edges:
     rises_m: FloatArray
 
 
-def _wrapped(angles: FloatArray) -> FloatArray:
-    """Same directions as ``angles`` (N,), in [-π, π), (N,) [rad]."""
-    result: FloatArray = (angles + math.pi) % (2.0 * math.pi) - math.pi
-    return result
-
-
 def _edges(path: Path, usable_rows: BoolArray) -> _Edges:
     """Differences between rows; the numbers of rows not in ``usable_rows`` (N,) are taken as 0."""
     positions = np.where(usable_rows[:, None], path.positions_enu_m, 0.0)
@@ -123,9 +120,9 @@ def _edges(path: Path, usable_rows: BoolArray) -> _Edges:
     times = np.where(usable_rows, path.times_s, 0.0)
     away = np.diff(positions, axis=0)
     flat = np.hypot(away[:, 0], away[:, 1])
-    turns = _wrapped(np.diff(courses))
+    turns = curves.wrapped(np.diff(courses))
     half = 0.5 * np.abs(turns)
-    offsets = _wrapped(np.arctan2(away[:, 0], away[:, 1]) - (courses[:-1] + 0.5 * turns))
+    offsets = curves.wrapped(np.arctan2(away[:, 0], away[:, 1]) - (courses[:-1] + 0.5 * turns))
     return _Edges(
         rows=np.arange(1, len(courses)),
         usable=usable_rows[:-1] & usable_rows[1:],
@@ -199,7 +196,7 @@ class Checker:
 
     def _path_violations(self, path: Path, first: int) -> Iterator[Violation]:
         """Violations of all rows; edges that end at or before ``first`` are left out."""
-        deviations, well_formed = _position_deviations(path.position_covariances_m2)
+        deviations, well_formed = curves.position_deviations(path.position_covariances_m2)
         numbers = np.column_stack(
             [path.times_s, path.positions_enu_m, path.courses_rad, path.climb_angles_rad, path.speeds_m_s]
         )
@@ -366,6 +363,34 @@ class Checker:
             found += self._ending_violations(points, centre, ends_in_loiter, loiter_radius_m)
         return tuple(found)
 
+    def check_track(self, positions_enu_m: FloatArray, margin_m: float) -> tuple[Violation, ...]:
+        """Clearance and bounds of a track as it is flown from where the aircraft is.
+
+        Where the aircraft begins nearer to something it has to come away, and out of bounds to go no
+        farther out.
+
+        Parameters
+        ----------
+        positions_enu_m : ndarray, shape (K, 3)
+            Places close together, the first the aircraft's own [m].
+        margin_m : float
+            Distance to keep from obstacles [m].
+        """
+        points = np.asarray(positions_enu_m, dtype=np.float64)
+        if len(points) < 2 or not (np.abs(points) <= NUMBER_MAX).all():
+            return (Violation("finite", 0, math.nan, NUMBER_MAX, "no track of finite numbers"),)
+        at_first = [
+            clear
+            for *_, clear in self._prisms.near(*curves.spot(points[0]), np.array([margin_m]), np.zeros(1))
+        ]
+        margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
+        low, high = np.array(self.limits.bounds).reshape(3, 2).T
+        out = max(0.0, float((low - points[0]).max()), float((points[0] - high).max()))
+        found = list(self._bounds_violations(points, np.full(len(points), True), BULGE_TOLERANCE_M + out))
+        rows, none = np.arange(1, len(points)), np.zeros(len(points) - 1)
+        found += self._clearance_violations(points[:-1], points[1:], margins, none, rows)
+        return tuple(found)
+
     def _leg_violations(self, points: FloatArray) -> Iterator[Violation]:
         """Bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
         yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
@@ -390,7 +415,7 @@ class Checker:
         away = np.diff(points[:, :2], axis=0)
         lengths = np.hypot(away[:, 0], away[:, 1])
         courses = np.arctan2(away[:, 0], away[:, 1])
-        turns = _wrapped(np.diff(courses))
+        turns = curves.wrapped(np.diff(courses))
         reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
         needed = np.append(reach, 0.0) + np.append(0.0, reach)
         short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
@@ -399,7 +424,7 @@ class Checker:
         )
         for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):
             cut = float(min(reach[corner], lengths[corner], lengths[corner + 1]))
-            arc, sagitta = _fly_by(
+            arc, sagitta = curves.fly_by(
                 points[corner : corner + 3], float(courses[corner]), float(turns[corner]), cut
             )
             none = np.zeros(CORNER_SIDES)
@@ -434,17 +459,6 @@ class Checker:
             yield min(found, key=lambda violation: violation.value)
         outside = list(self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=last))
         yield from outside[:1]
-
-
-def _position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Largest deviation (N,) [m] of each of ``covariances`` (N, 3, 3) [m²], and whether it is one (N,)."""
-    finite: BoolArray = np.all(np.abs(covariances) <= NUMBER_MAX, axis=(1, 2))
-    safe = np.where(finite[:, None, None], covariances, 0.0)
-    eigenvalues = np.linalg.eigvalsh(0.5 * (safe + np.swapaxes(safe, 1, 2)))
-    scale = 1e-6 * (1.0 + eigenvalues[:, -1])
-    skew = np.abs(safe - np.swapaxes(safe, 1, 2)).max(axis=(1, 2))
-    well_formed = finite & (eigenvalues[:, 0] >= -scale) & (skew <= scale)
-    return np.sqrt(np.maximum(eigenvalues[:, -1], 0.0)), well_formed
 
 
 def _bulges(edges: _Edges, radius_m: float) -> FloatArray:
@@ -482,17 +496,3 @@ def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -
         yield Violation(
             "goal", len(path.times_s) - 1, away, radius_m, "distance of the end from the goal [m]"
         )
-
-
-def _fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tuple[FloatArray, float]:
-    """Points (S, 3) of the arc from ``cut_m`` before the middle of ``corner`` (3, 3), and the sagitta [m]."""
-    into, out = corner[1] - corner[0], corner[2] - corner[1]
-    before = corner[1] - into * (cut_m / float(np.hypot(into[0], into[1])))
-    behind = corner[1] + out * (cut_m / float(np.hypot(out[0], out[1])))
-    radius, side = cut_m / math.tan(0.5 * abs(turn)), math.copysign(1.0, turn)
-    share = np.linspace(0.0, 1.0, CORNER_SIDES + 1)
-    courses = course + turn * share
-    east = before[0] + side * radius * (math.cos(course) - np.cos(courses))
-    north = before[1] + side * radius * (np.sin(courses) - math.sin(course))
-    up = before[2] + share * (behind[2] - before[2])
-    return np.column_stack([east, north, up]), radius * (1.0 - math.cos(0.5 * turn / CORNER_SIDES))

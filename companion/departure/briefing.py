@@ -56,7 +56,7 @@ def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int
     """
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
-        return Briefing("no mission in the autopilot", "none", "none", ("upload a mission",))
+        return Briefing("", "", "", ("no mission in the autopilot",))
     goals = state.goals_left
     count = len(operator.items) - num_home_items
     plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
@@ -138,7 +138,8 @@ def _legs(state: FlightState, operator: Operator) -> list[str]:
             )
             entry = next((entry for entry in wrong if entry.rule in LEG_RULES), None)
             if entry is not None:
-                found.append(f"way to item {item.sequence + 1 - operator.first}: {entry}")
+                number = item.sequence + 1 - operator.first
+                found.append(f"to item {number}: {entry.detail}: {entry.value:.0f}")
     return found
 
 

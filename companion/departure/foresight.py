@@ -9,12 +9,13 @@ import numpy as np
 from companion.departure.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, lead_s, start_after, start_at
+from companion.flight.shaping import guidance_of
 from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, altitude_amsl_of, position_of
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
-from companion.vehicle.guidance import Track, default_guidance, track_of_circle, track_of_legs
+from companion.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 TAKEOVER_MARGIN_S = 1.0  # from the takeover to the entry, besides the exchange
 FORESEEN_MAX_S = 120.0  # what is further away is planned for when it is nearer
@@ -79,7 +80,7 @@ def list_track(state: FlightState, current: MissionCurrent, ownship: Ownship) ->
     Up to the first circle that has no end, or the first item behind which it is not told what follows.
     """
     legs, circle = _legs_ahead(state, current, ownship)
-    guidance = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    guidance = guidance_of(state)
     if circle is not None and not legs:
         return track_of_circle(guidance, ownship, circle[0], circle[1], FORESEEN_MAX_S, STEP_S)
     if not legs:

@@ -88,6 +88,8 @@ class FlightState:
         What is flown of ours.
     tail_enu_m : tuple of float, or None
         Where the operator goes on after the last goal [m]; None where that is not known.
+    wind_enu_m_s : tuple of float
+        Velocity of the air as it was told last, east and north [m/s].
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     mission_list : ListState
@@ -103,6 +105,7 @@ class FlightState:
     next_goal: int = 0
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
+    wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     flies_by: bool = True
     mission_list: ListState = field(default_factory=ListState)
 
@@ -349,7 +352,7 @@ def after_swap(
 
 
 def after_position(state: FlightState, ownship: Ownship) -> FlightState:
-    """The state with the goals passed by now, and how far along the flown path the aircraft is."""
+    """The state with the goals passed by now, the wind, and how far along its path the aircraft is."""
     next_goal, flown = state.next_goal, state.flown
     while next_goal < len(state.goals):
         goal = state.goals[next_goal]
@@ -361,4 +364,4 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
         flown = replace(
             flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
         )
-    return replace(state, next_goal=next_goal, flown=flown)
+    return replace(state, next_goal=next_goal, flown=flown, wind_enu_m_s=ownship.wind_enu_m_s)

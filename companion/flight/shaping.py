@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +15,9 @@ from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import loiter_beside
 from companion.mission.waypoints import (
+    OTHER_CHORDS,
+    USUAL_CHORDS,
+    ChordStyle,
     MissionPart,
     Waypoints,
     merge_close_waypoints,
@@ -23,9 +27,12 @@ from companion.mission.waypoints import (
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.plan import Plan
+from companion.types.state import Ownship
+from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 SHORTEST_ROWS = 12
+CIRCLED_S = 15.0  # of the circle at the end are looked at
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 Actions = tuple[MissionItem, ...]
@@ -100,6 +107,11 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     return Conclusion(decision, shaped)
 
 
+def guidance_of(state: FlightState) -> Guidance:
+    """What the autopilot steers by."""
+    return default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+
+
 def waypoints_of(
     state: FlightState, path: Path, max_waypoints: int
 ) -> tuple[Waypoints, float, tuple[Violation, ...]]:
@@ -144,7 +156,72 @@ def waypoints_of(
 
 
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them."""
+    """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them.
+
+    Of an autopilot that flies turns from point to point, those are taken whose flown track keeps its
+    distance; where none does, those that keep most.
+    """
+    clearance = float(state.mission.planning.clearance_min_m)
+    best = _carried_in_style(state, path, end, USUAL_CHORDS)
+    found = _room_flown(state, path, best, clearance)
+    for style in () if state.flies_by else OTHER_CHORDS:
+        if found >= clearance:
+            break
+        other = _carried_in_style(state, path, end, style)
+        room = -math.inf if other[1] else _room_flown(state, path, other, clearance)
+        if room > found:
+            best, found = other, room
+    return best
+
+
+def _room_flown(
+    state: FlightState, path: Path, shaped: tuple[Waypoints, tuple[Violation, ...]], clearance_m: float
+) -> float:
+    """How near the flown track comes to anything [m], ``clearance_m`` at most; negative for no mission."""
+    waypoints, violations = shaped
+    if violations:
+        return -1.0
+    begin = at_start(path, state.wind_enu_m_s)
+    loiter = waypoints.loiter_centre_enu_m
+    circle = None if loiter is None else (loiter, waypoints.loiter_radius_m)
+    ends_s = float(waypoints.distances_m[-1]) / begin.ground_speed_m_s + CIRCLED_S
+    track = track_of_legs(
+        guidance_of(state), begin, waypoints.positions_enu_m, loiter=circle, ends_s=ends_s, step_s=0.5
+    )
+    wrong = state.rules.checker.check_track(track.positions_enu_m, clearance_m)
+    return min((entry.value for entry in wrong if entry.rule == "clearance"), default=clearance_m)
+
+
+def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
+    """The aircraft where a path begins, not banked.
+
+    Parameters
+    ----------
+    path : Path
+        What is to be flown.
+    wind_enu_m_s : tuple of float
+        Velocity of the air, east and north [m/s].
+    """
+    course, (wind_east, wind_north) = float(path.courses_rad[0]), wind_enu_m_s
+    along = wind_east * math.sin(course) + wind_north * math.cos(course)
+    aside = wind_east * math.cos(course) - wind_north * math.sin(course)
+    airspeed = max(float(path.speeds_m_s[0]), 1.0)
+    east, north, up = (float(value) for value in path.positions_enu_m[0])
+    return Ownship(
+        stamp_s=float(path.times_s[0]),
+        position_enu_m=(east, north, up),
+        course_rad=course,
+        flight_path_angle_rad=float(path.climb_angles_rad[0]),
+        airspeed_m_s=airspeed,
+        ground_speed_m_s=max(along + math.sqrt(max(airspeed**2 - aside**2, 0.0)), 1.0),
+        wind_enu_m_s=wind_enu_m_s,
+    )
+
+
+def _carried_in_style(
+    state: FlightState, path: Path, end: int, chords: ChordStyle
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """As :func:`carried`, with turns in one style."""
     rules, part = state.rules, path.until(end)
     actions = _actions_along(state, part)
     flown = waypoints_from_path(
@@ -152,6 +229,7 @@ def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[
         float(rules.vehicle.airspeed_cruise_m_s),
         flies_by=state.flies_by,
         marked_m=[length for length, _ in actions],
+        chords=chords,
     )
     radius = rules.vehicle.turn_radius_min_m
     centre, direction = loiter_beside(

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray, wrapped_angle
 from companion.types.path import Path
 
 MIN_ROWS = 3
-TURN_STEP_RAD = math.radians(15.0)
-TURN_MAX_RAD = math.radians(110.0)
-SLIGHT_TURN_RAD = math.radians(45.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,49 +81,3 @@ def rest_of_path(path: Path, path_time_s: float, now_s: float) -> Path | None:
         collision_free=path.collision_free[first:],
         threat_levels=path.threat_levels[first:],
     )
-
-
-def way_to(
-    position_enu_m: tuple[float, float, float], course_rad: float, target_enu_m: FloatArray, radius_m: float
-) -> FloatArray | None:
-    """How an aircraft sent to a point flies there: a turn towards it, and then straight.
-
-    Parameters
-    ----------
-    position_enu_m : tuple of float
-        Where it is [m].
-    course_rad : float
-        Where it is heading, clockwise from north.
-    target_enu_m : ndarray, shape (3,)
-        Where it is sent [m].
-    radius_m : float
-        Radius of the aircraft's turns [m].
-
-    Returns
-    -------
-    ndarray, shape (K, 3), or None
-        Corners of the way, both ends among them; None where the point lies inside the turn, or so far
-        round that it is not told to which side the aircraft would turn.
-    """
-    here, points, turned = np.asarray(position_enu_m, dtype=np.float64), [], 0.0
-    points.append(here)
-    away = np.asarray(target_enu_m) - here
-    turn = wrapped_angle(math.atan2(away[0], away[1]) - course_rad)
-    if abs(turn) > TURN_MAX_RAD:
-        return None
-    if abs(turn) <= SLIGHT_TURN_RAD and float(np.hypot(away[0], away[1])) < radius_m:
-        return np.vstack([here, target_enu_m])  # it counts as reached beside it
-    side = math.copysign(1.0, turn)
-    while True:
-        away = np.asarray(target_enu_m) - here
-        left = side * wrapped_angle(math.atan2(away[0], away[1]) - course_rad)
-        if abs(left) <= TURN_STEP_RAD or float(np.hypot(away[0], away[1])) < 1.0:
-            return np.vstack([*points, target_enu_m])
-        if turned > 2.0 * math.pi:
-            return None
-        middle = course_rad + side * 0.5 * TURN_STEP_RAD
-        chord = 2.0 * radius_m * math.sin(0.5 * TURN_STEP_RAD)
-        here = here + chord * np.array([math.sin(middle), math.cos(middle), 0.0])
-        course_rad += side * TURN_STEP_RAD
-        turned += TURN_STEP_RAD
-        points.append(here)

@@ -56,6 +56,9 @@ class SwapOutcome(Enum):
     FOREIGN = "foreign"  # somebody else has uploaded a mission; not touched
 
 
+NO_WAY_IN = SwapOutcome.STALE, "no way into it would keep clear"
+
+
 def entry_now(entry: Callable[[], int | None], may_act: Callable[[], bool]) -> int | tuple[SwapOutcome, str]:
     """Sequence at which a list is entered now, or why it is not."""
     if not may_act():

@@ -63,8 +63,39 @@ class Waypoints:
     actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class ChordStyle:
+    """How the waypoints of a turn lie that is flown from point to point.
+
+    Parameters
+    ----------
+    turn_max_rad : float
+        Change of course from one to the next at most [rad].
+    inset_m : float
+        How far inside the turn all but the first lie [m].
+    """
+
+    turn_max_rad: float = CHORD_MAX_RAD
+    inset_m: float = INSET_M
+
+
+USUAL_CHORDS = ChordStyle()
+OTHER_CHORDS = (
+    ChordStyle(CHORD_MAX_RAD, 2.0 * INSET_M),
+    ChordStyle(2.0 * CHORD_MAX_RAD, INSET_M),
+    ChordStyle(2.0 * CHORD_MAX_RAD, 2.5 * INSET_M),
+    ChordStyle(CHORD_MAX_RAD, 0.0),
+    ChordStyle(CHORD_MAX_RAD, 4.0 * INSET_M),
+)  # what is tried where the usual ones bring the aircraft too near to something
+
+
 def waypoints_from_path(
-    path: Path, airspeed_m_s: float, *, flies_by: bool = True, marked_m: Sequence[float] = ()
+    path: Path,
+    airspeed_m_s: float,
+    *,
+    flies_by: bool = True,
+    marked_m: Sequence[float] = (),
+    chords: ChordStyle = USUAL_CHORDS,
 ) -> Waypoints:
     """Waypoints that, flown as the autopilot flies them, are the path.
 
@@ -77,14 +108,14 @@ def waypoints_from_path(
 
     A PX4 that flies fixed wings turns no more than some 10 m before a waypoint, whatever the item says
     (measured, and so in its ``mission_block.cpp``). For it (``flies_by`` false) the waypoints of a turn
-    lie on its arc, :data:`CHORD_MAX_RAD` apart.
+    lie on its arc, in the style of ``chords``.
 
     ``marked_m`` are lengths of path flown at which something is to be done [m]: where straight flight has
     no waypoint near, one is put there.
     """
     points, courses = path.positions_enu_m, np.unwrap(path.courses_rad)
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
-    turns = _corners(points, courses, travelled) if flies_by else _chords(points, courses, travelled)
+    turns = _corners(points, courses, travelled) if flies_by else _chords(points, courses, travelled, chords)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
@@ -153,10 +184,12 @@ def _corners(
     return found
 
 
-def _chords(points: FloatArray, courses: FloatArray, travelled: FloatArray) -> list[tuple[float, FloatArray]]:
+def _chords(
+    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: ChordStyle
+) -> list[tuple[float, FloatArray]]:
     """Rows at which turns begin and end, and rows between them no more than a chord's turn apart.
 
-    All but the first of a turn are moved inwards by :data:`INSET_M`: who turns only when a waypoint is
+    All but the first of a turn are moved inwards: who turns only when a waypoint is
     reached flies a turn that much too wide.
 
     Each place, (3,) [m], comes with the length of path flown to it [m]. ``points`` (N, 3) are the path's
@@ -175,12 +208,12 @@ def _chords(points: FloatArray, courses: FloatArray, travelled: FloatArray) -> l
         while last < len(signs) and signs[last] == signs[first]:
             last += 1
         # Rows first to last turn one way: cut into parts of one length, none with too much of the turn.
-        num = max(1, math.ceil(abs(courses[last] - courses[first]) / CHORD_MAX_RAD))
+        num = max(1, math.ceil(abs(courses[last] - courses[first]) / style.turn_max_rad))
         for part in range(num + 1):
             row = first + round(part * (last - first) / num)
             if row == 0 or row == len(points) - 1 or (found and travelled[row] <= found[-1][0]):
                 continue
-            inset = INSET_M if part > 0 else 0.0
+            inset = style.inset_m if part > 0 else 0.0
             inwards = signs[first] * np.array([math.cos(courses[row]), -math.sin(courses[row]), 0.0])
             found.append((float(travelled[row]), points[row] + inset * inwards))
         first = last

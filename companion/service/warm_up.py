@@ -12,12 +12,14 @@ from companion.flight.decision import judge
 from companion.flight.flight_state import after_restart, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import start_after
+from companion.flight.shaping import guidance_of
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
-from companion.tasks.plan_maker import Planner, plan_request
+from companion.tasks.plan_maker import Planner, least_threat_request, plan_request
 from companion.types.events import Emitter, TrackReport
 from companion.types.mission import Mission
 from companion.types.state import Ownship
+from companion.vehicle.guidance import track_of_circle
 
 NUM_PLANS = 3
 GOAL_RADIUS_M = 60.0
@@ -26,7 +28,7 @@ AHEAD, ASIDE = 8.0, 15.0  # of goal and vehicles, in turn radii
 
 
 def warm_up(mission: MissionConfig) -> None:
-    """Follow two vehicles, plan, and plan anew: that compiles every kernel.
+    """Follow two vehicles, plan, plan anew and for an emergency, and foresee flights: all kernels compile.
 
     The first plan in flight is then as fast as the others. It is done in a small world around the mission's
     start, of a wall and a radar, in which a plan is found at once: the mission's own may have none. Kernels
@@ -38,6 +40,7 @@ def warm_up(mission: MissionConfig) -> None:
     start, speed = mission.start, state.rules.vehicle.airspeed_cruise_m_s
     position = float(start.east_m), float(start.north_m), float(start.up_m)
     own = Ownship(0.0, position, math.radians(start.course_deg), 0.0, speed, speed)
+    track_of_circle(guidance_of(state), own, np.array(position), 0.0, LEAD_S)
     for now_s in map(float, range(NUM_PLANS)):
         begin, snapshot = start_after(state, own, LEAD_S), situation.snapshot(now_s)
         world = snapshot.with_known(np.ones_like(snapshot.threats.known))
@@ -49,6 +52,7 @@ def warm_up(mission: MissionConfig) -> None:
         for emitter, aside in ((Emitter.GROUND, -ASIDE), (Emitter.AIR, ASIDE)):
             situation.observe(_sighting(mission, now_s, emitter, aside), now_s)
         situation.threat_at(own, situation.tracker.tracks(now_s))
+    planner.plan(least_threat_request(state, start_after(state, own, LEAD_S), world), lambda: False)
 
 
 def _in_small_world(mission: MissionConfig) -> MissionConfig:

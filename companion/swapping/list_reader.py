@@ -134,7 +134,7 @@ class ListReader:
         """Take a list as the operator's, but for what in it is ours."""
         layout = adopt(self._flight, self._protocols, read)
         listed, operator = self._flight.listed, self._flight.listed.operator
-        is_missed = operator is not None and not operator.has_landing
+        is_missed = bool(read) and operator is not None and not operator.has_landing
         if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
             self._flight.apply_to_list(after_landing_missed)
             self._announcer.decide(DecisionKind.LANDING, "no landing in the autopilot's mission")

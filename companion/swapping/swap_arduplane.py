@@ -6,15 +6,13 @@ ArduPlane acknowledges an upload it then stores differently, and goes on with th
 
 from __future__ import annotations
 
-from functools import partial
-
 from companion.errors import CompanionError, LinkError
 from companion.flight.list_state import after_asked, after_stored, after_suspicion, after_writing_begun
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, two_bank_layout_of
 from companion.mission.operator import Operator, banks_in, without_banks
-from companion.mission.swap import MissionLink, SwapOutcome, enter
-from companion.swapping.swap_protocol import SwapOrder, SwapParts
+from companion.mission.swap import NO_WAY_IN, MissionLink, SwapOutcome, enter
+from companion.swapping.swap_protocol import Entry, SwapOrder, SwapParts
 from companion.types.mission import Mission, MissionItem
 
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
@@ -57,6 +55,8 @@ class ArduPlaneSwap:
         first, end = order.layout.flown_span
         if current is not None and first <= current.sequence < end:
             return SwapOutcome.REFUSED, f"item {current.sequence} is flown, in the bank to be written"
+        if not self._parts.may_be_entered(order):
+            return NO_WAY_IN
         if begun_s - flight.listed.read_s > FRESH_S:
             try:
                 read = await self._parts.read()
@@ -74,7 +74,7 @@ class ArduPlaneSwap:
         flight.apply_to_list(after_stored, mission.items, clock.now_s() - begun_s)
         await clock.sleep_until(order.enter_s)
         flight.apply_to_list(after_asked, order.pending(clock.now_s(), 0))
-        return await enter(link, mission, partial(self._parts.entry, order, 0.0), self._parts.may_act)
+        return await enter(link, mission, Entry(self._parts, order).sequence, self._parts.may_act)
 
 
 async def store(

@@ -15,7 +15,7 @@ from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.swap import SwapOutcome
 from companion.mission.waypoints import Waypoints, sequence_of_waypoint
-from companion.swapping.entry import entry_of
+from companion.swapping.entry import entry_of, may_be_entered
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
 from companion.types.state import Ownship
@@ -98,13 +98,12 @@ class SwapParts:
         """Whether the pilot leaves the list to us now."""
         return self.flight.state.may_write
 
-    def entry(self, order: SwapOrder, in_s: float) -> int | None:
-        """Sequence at which a mission is entered from where the aircraft is, so many seconds from now."""
-        ownship = self.state()
-        if ownship is None:
-            return None
-        first = entry_of(self.flight.state, ownship, order.flown.path, order.waypoints, in_s)
-        return None if first is None else sequence_of_waypoint(order.flown.mission, first)
+    def may_be_entered(self, order: SwapOrder) -> bool:
+        """Whether a mission can be entered at all; where the pilot flies, it is only kept ready."""
+        ownship, state = self.state(), self.flight.state
+        if ownship is None or not state.may_act:
+            return True
+        return may_be_entered(state, ownship, order.flown.path, order.waypoints)
 
     async def read(self) -> tuple[MissionItem, ...]:
         """The autopilot's list; quickly where it is known to be an ArduPlane's."""
@@ -112,6 +111,48 @@ class SwapParts:
         read = await (self.link.read_back() if is_bank else self.link.download())
         self.flight.apply_to_list(after_reading, self.clock.now_s(), len(read))
         return read
+
+
+class Entry:
+    """Where a mission is entered: chosen when it is asked first, and from then on only confirmed.
+
+    Parameters
+    ----------
+    parts : SwapParts
+        Where the aircraft is, and when.
+    order : SwapOrder
+        What is entered.
+    lasts_s : float
+        How long it takes from now until the aircraft is sent there [s].
+
+    Attributes
+    ----------
+    asked_s : float
+        When it was asked last [s].
+    """
+
+    def __init__(self, parts: SwapParts, order: SwapOrder, lasts_s: float = 0.0) -> None:
+        self._parts = parts
+        self._order = order
+        self._until_s = parts.clock.now_s() + lasts_s
+        self._number: int | None = None
+        self.asked_s = parts.clock.now_s()
+
+    def sequence(self) -> int | None:
+        """Sequence of the item that is flown to; None if none is, or that one no more."""
+        self.asked_s = now_s = self._parts.clock.now_s()
+        ownship, order = self._parts.state(), self._order
+        if ownship is None:
+            return None
+        # Asked again, it is for the last word: what is still to be sent may go out at once.
+        in_s = max(0.0, self._until_s - now_s) if self._number is None else 0.0
+        number = entry_of(
+            self._parts.flight.state, ownship, order.flown.path, order.waypoints, in_s, number=self._number
+        )
+        if number is None:
+            return None
+        self._number = number
+        return sequence_of_waypoint(order.flown.mission, number)
 
 
 class SwapProtocol(Protocol):

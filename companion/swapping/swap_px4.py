@@ -18,44 +18,21 @@ from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, SingleListLayout, marked, single_list_layout_of
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator, span_in, without_span
-from companion.mission.swap import MissionLink, SwapOutcome, enter, entry_now, is_still_ahead
-from companion.swapping.swap_protocol import SwapOrder, SwapParts
+from companion.mission.swap import (
+    NO_WAY_IN,
+    MissionLink,
+    SwapOutcome,
+    enter,
+    entry_now,
+    is_still_ahead,
+)
+from companion.swapping.swap_protocol import Entry, SwapOrder, SwapParts
 from companion.types.mavlink_enums import MissionState
 from companion.types.mission import Mission, MissionItem
 
 UPLOAD_MAX_S = 60.0
 TURNS = 3  # of the event loop, in which an upload that was acknowledged in the same breath ends
 CONFIRM_S = 2.5  # PX4 tells its mission once a second, and checks a new one within a tenth of that
-
-
-class _Entry:
-    """Where a list is entered, asked while it is on its way.
-
-    Parameters
-    ----------
-    parts : SwapParts
-        Where the aircraft is, and when.
-    order : SwapOrder
-        What is entered.
-    lasts_s : float
-        How long the upload takes in all [s].
-
-    Attributes
-    ----------
-    asked_s : float
-        When it was asked last, which is before the last item leaves [s].
-    """
-
-    def __init__(self, parts: SwapParts, order: SwapOrder, lasts_s: float) -> None:
-        self._parts = parts
-        self._order = order
-        self._until_s = parts.clock.now_s() + lasts_s
-        self.asked_s = parts.clock.now_s()
-
-    def sequence(self) -> int | None:
-        """Sequence of the first item that lies ahead when the upload ends."""
-        self.asked_s = self._parts.clock.now_s()
-        return self._parts.entry(self._order, max(0.0, self._until_s - self.asked_s))
 
 
 class Px4Swap:
@@ -92,13 +69,15 @@ class Px4Swap:
         """Begin the upload when the aircraft is nearly there."""
         flight, link, clock = self._parts.flight, self._parts.link, self._parts.clock
         mission = order.flown.mission
+        if not self._parts.may_be_entered(order):
+            return NO_WAY_IN
         lasts_s = flight.listed.sending_s(mission)
         await clock.sleep_until(order.enter_s - lasts_s)
         if flight.listed.suspected:
             return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         begun_s = clock.now_s()
         flight.apply_to_list(after_asked, order.pending(begun_s, order.identity))
-        entry = _Entry(self._parts, order, lasts_s)
+        entry = Entry(self._parts, order, lasts_s)
         outcome, reason = await replace_whole(link, mission, entry.sequence, self._parts.may_act)
         if outcome is SwapOutcome.FLOWN or entry.asked_s - begun_s > lasts_s:
             flight.apply_to_list(after_exchange, entry.asked_s - begun_s)

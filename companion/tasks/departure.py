@@ -71,9 +71,13 @@ class Departure:
         ownship = self._situation.ownship.state(self._clock.now_s())
         told = briefing_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
-        decide(DecisionKind.MISSION, told.plan)
-        decide(DecisionKind.TAKEOVER, told.takeover)
-        decide(DecisionKind.MISSION, told.landing)
+        for kind, text in (
+            (DecisionKind.MISSION, told.plan),
+            (DecisionKind.TAKEOVER, told.takeover),
+            (DecisionKind.MISSION, told.landing),
+        ):
+            if text:
+                decide(kind, text)
         for fault in told.faults:
             decide(DecisionKind.FAULT, fault)
 

@@ -22,6 +22,9 @@ from sim.vehicle.control import Flight
 SYSTEM_ID = 1
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
 _SECOND_US = 1_000_000
+_TOUCHDOWN_M = 1.5  # over ground at which a landing is over
+_ROLL_US = 2 * _SECOND_US  # from arming to the catapult
+_DISARM_US = 20 * _SECOND_US  # armed on the ground for so long it disarms by itself
 _INTERVAL_MAX_US = 2**31 - 1
 _PARAMETERS_A_TURN = 5
 _TEXT_LENGTH = 50
@@ -96,6 +99,8 @@ class Autopilot(ABC):
         self.telemetry.builders[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION] = self.version
         self.channels: list[Channel] = []
         self.now_us = 0
+        self.is_armed = True
+        self._grounded_us = 0
         self._wanted_parameters: dict[Channel, list[str]] = {}
         self._handlers: dict[str, Callable[[Channel, Message], None]] = {
             "COMMAND_LONG": self._command,
@@ -152,6 +157,15 @@ class Autopilot(ABC):
     def version(self) -> Message:
         """AUTOPILOT_VERSION."""
 
+    @property
+    @abstractmethod
+    def active_command(self) -> int | None:
+        """Command of the item being flown; None while none is."""
+
+    @abstractmethod
+    def disarmed(self) -> None:
+        """The flight is over: the mission begins anew with the next."""
+
     @abstractmethod
     def navigate(self) -> None:
         """Follow the mode and the mission; called every 20 ms or more often."""
@@ -194,6 +208,7 @@ class Autopilot(ABC):
     def update(self, now_us: int) -> None:
         """Navigate, then send what is due."""
         self.now_us = self.telemetry.now_us = now_us
+        self._meet_ground()
         self.navigate()
         for channel in self.channels:
             self._send_streams(channel)
@@ -202,6 +217,29 @@ class Autopilot(ABC):
                 for name in names[:_PARAMETERS_A_TURN]:
                     channel.send(self.parameters.message(name))
                 del names[:_PARAMETERS_A_TURN]
+
+    def _meet_ground(self) -> None:
+        """Leave the ground when a take-off is flown, come to rest at a landing's end, disarm by itself."""
+        flight = self.flight
+        if not flight.is_standing:
+            is_down = flight.estimate.up_m <= self.home.up_m + _TOUCHDOWN_M
+            if self.active_command == mavlink.MAV_CMD_NAV_LAND and is_down:
+                flight.stand(self.home.up_m)
+                self._grounded_us = self.now_us
+        elif self.is_armed and self.active_command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            if self.now_us - self._grounded_us >= _ROLL_US:
+                flight.launch()
+        elif self.is_armed and self.now_us - self._grounded_us >= _DISARM_US:
+            self._disarm()
+
+    def arm(self) -> None:
+        """Move the pilot's arming switch."""
+        if not self.is_armed:
+            self.is_armed, self._grounded_us = True, self.now_us
+
+    def _disarm(self) -> None:
+        self.is_armed = False
+        self.disarmed()
 
     def say(self, severity: int, text: str) -> None:
         """STATUSTEXT to every client."""
@@ -296,10 +334,15 @@ class Autopilot(ABC):
         request.channel.send(self.telemetry.home_position())
         return ACCEPTED
 
-    @staticmethod
-    def _arm(request: CommandRequest) -> int:
-        """Armed it is already; in flight it does not disarm."""
-        return ACCEPTED if request.parameters[0] == 1.0 else FAILED
+    def _arm(self, request: CommandRequest) -> int:
+        """Arm; in flight it does not disarm."""
+        if request.parameters[0] == 1.0:
+            self.arm()
+            return ACCEPTED
+        if not self.flight.is_standing:
+            return FAILED
+        self._disarm()
+        return ACCEPTED
 
     def _list_parameters(self, channel: Channel, _message: Message) -> None:
         self._wanted_parameters[channel] = self.parameters.names

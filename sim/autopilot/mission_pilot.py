@@ -71,6 +71,8 @@ class MissionPilot(Autopilot):
     def has_arrived(self, item: MissionItem) -> bool:
         """Whether a navigation item is done."""
         steering = self.flight.steering
+        if item.command == Command.NAV_LAND:
+            return False  # until it is on the ground, which ends the flight
         if item.command == Command.NAV_TAKEOFF:
             is_waiting = self.now_us - self._begun_us < 100_000
             return not is_waiting and self.flight.estimate.up_m >= self._position(item)[2] - 2.0

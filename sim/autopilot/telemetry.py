@@ -233,4 +233,6 @@ class Telemetry:
         )
 
     def _extended_state(self) -> Message:
-        return mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR)
+        is_down = self._flight.is_standing
+        landed = mavlink.MAV_LANDED_STATE_ON_GROUND if is_down else mavlink.MAV_LANDED_STATE_IN_AIR
+        return mavlink.MAVLink_extended_sys_state_message(0, landed)

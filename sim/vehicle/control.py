@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.vehicle.attitude import Airframe, AttitudeController
-from sim.vehicle.fdm import STEP_S, FlightDynamics
+from sim.vehicle.fdm import STEP_S, FlightDynamics, Start
 from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from sim.vehicle.sensors import Estimate, Sensors
 
 FDM_STEPS_A_TICK = 2
 TICK_S = FDM_STEPS_A_TICK * STEP_S
 _TICKS_A_GUIDANCE = 3
+CATAPULT_M = 2.0
 _LOAD_MARGIN = 0.8
 _BANK_LIMIT_MIN = math.radians(15.0)
 
@@ -83,6 +84,8 @@ class Flight:
         Whether a leg is flown on past its end.
     slope_min_m : float
         Change of height from which a leg is flown as a slope; a lesser one is made at once.
+    is_standing : bool
+        Whether the aircraft stands on the ground.
     """
 
     def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
@@ -99,6 +102,7 @@ class Flight:
         self.airspeed_m_s = dynamics.state.equivalent_airspeed_m_s
         self.goes_beyond = False
         self.slope_min_m = 0.0
+        self.is_standing = False
         self._ticks = 0
 
     @property
@@ -107,7 +111,9 @@ class Flight:
         return self.estimate.east_m, self.estimate.north_m
 
     def tick(self) -> None:
-        """Sense, guide (every third time), move the servos, and fly for one tick."""
+        """Sense, guide (every third time), move the servos, and fly for one tick; on the ground, nothing."""
+        if self.is_standing:
+            return
         estimate = self.estimate = self._sensors.estimate(self.dynamics.state)
         if self._ticks % _TICKS_A_GUIDANCE == 0:
             self._guide(estimate)
@@ -116,6 +122,28 @@ class Flight:
         servos = self._attitude.update(estimate, output.bank_rad, output.pitch_rad, output.throttle)
         self.dynamics.command(servos.aileron_rad, servos.elevator_rad, servos.rudder_rad, servos.throttle)
         self.dynamics.run(FDM_STEPS_A_TICK)
+
+    def stand(self, up_m: float) -> None:
+        """Come to rest where the aircraft is, on ground so high [m]."""
+        self.is_standing = True
+        self.dynamics.state = replace(
+            self.dynamics.state, up_m=up_m, bank_rad=0.0, pitch_rad=0.0, true_airspeed_m_s=0.0,
+            velocity_east_m_s=0.0, velocity_north_m_s=0.0, velocity_up_m_s=0.0, equivalent_airspeed_m_s=0.0,
+        )  # fmt: skip
+        self.estimate = replace(
+            self.estimate, up_m=up_m, bank_rad=0.0, pitch_rad=0.0, airspeed_m_s=0.0, true_airspeed_m_s=0.0,
+            velocity_east_m_s=0.0, velocity_north_m_s=0.0, velocity_up_m_s=0.0,
+        )  # fmt: skip
+
+    def launch(self) -> None:
+        """Leave the ground by a catapult, straight ahead at cruising speed."""
+        true = self.dynamics.state
+        self.dynamics.launch(
+            Start(true.east_m, true.north_m, true.up_m + CATAPULT_M, true.yaw_rad, self.airspeed_m_s)
+        )
+        self.is_standing = False
+        self.estimate = self._sensors.estimate(self.dynamics.state)
+        self.energy = EnergyControl(self._airframe, _TICKS_A_GUIDANCE * TICK_S, self.estimate.up_m)
 
     def target_height_m(self) -> float:
         """Height to fly at now: along a leg that climbs or descends more than a little, a slope."""

@@ -109,7 +109,7 @@ class FlightDynamics:
     def __init__(
         self, frame: LocalFrame, start: Start, weather: Weather, *, seed: int, projection: FastProjection
     ) -> None:
-        self._projection = projection
+        self._projection, self._frame, self._weather = projection, frame, weather
         self._origin_amsl_m = frame.altitude_amsl_m
         jsbsim.FGJSBBase().debug_lvl = 0  # type: ignore[no-untyped-call]  # silences the banner
         self._executive = jsbsim.FGFDMExec(None)
@@ -136,6 +136,7 @@ class FlightDynamics:
         fdm["ic/terrain-elevation-ft"] = frame.altitude_amsl_m / _FOOT_M
         fdm["ic/h-sl-ft"] = altitude / _FOOT_M
         fdm["ic/psi-true-deg"] = math.degrees(start.course_rad)
+        fdm["ic/vw-mag-fps"] = 0.0
 
     def _settle(self, alpha_rad: float, elevator_rad: float, throttle: float) -> None:
         """Let the servos' lag filters, which only move when run, reach their commands at time zero."""
@@ -195,6 +196,14 @@ class FlightDynamics:
             self._executive["atmosphere/turb-type"] = float(_MILSPEC)
             self._executive["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = strength[0]
             self._executive["atmosphere/turbulence/milspec/severity"] = strength[1]
+
+    def launch(self, start: Start) -> None:
+        """Begin again in the air, trimmed, as a catapult leaves the aircraft."""
+        self._airspeed_knots = start.equivalent_airspeed_m_s / _KNOT_M_S
+        self._place(self._frame, start)
+        self._settle(self.trim_alpha_rad, self.trim_elevator_rad, self.trim_throttle)
+        self._add_wind(start, self._weather)
+        self.state = self._read()
 
     def command(self, aileron_rad: float, elevator_rad: float, rudder_rad: float, throttle: float) -> None:
         """Move the servos; signs as in the aircraft's file, throttle in [0, 1]."""

@@ -393,3 +393,37 @@ def test_a_thin_floor_between_the_heights_of_two_rows_is_found():
     path = straight_path(2, climb=math.atan(4.0 / 25.0))
     floor = box("floor", -50.0, -50.0, 50.0, 50.0, 101.9, 102.1)
     assert rules(Checker([floor], check_limits(margin_m=0.0)).check_path(path)) == {"clearance"}
+
+
+# --- tracks flown from where the aircraft is
+
+
+def eastwards(north=0.0, slope=0.0, length=400.0):
+    east = np.arange(0.0, length + 1.0, 10.0)
+    return np.column_stack([east, north + slope * east, np.full(len(east), 100.0)])
+
+
+def test_a_track_keeps_its_margin_and_the_bounds():
+    checker = Checker([box("wall", -500.0, 20.0, 500.0, 60.0)], check_limits())
+    assert checker.check_track(eastwards(), 19.0) == ()
+    assert rules(checker.check_track(eastwards(), 21.0)) == {"clearance"}
+    far = checker.limits.bounds[1] - 100.0
+    assert rules(checker.check_track(eastwards() + np.array([far, 0.0, 0.0]), 1.0)) == {"bounds"}
+
+
+@pytest.mark.parametrize(("slope", "broken"), [(-0.2, set()), (0.0, {"clearance"}), (0.2, {"clearance"})])
+def test_who_begins_within_the_margin_has_to_come_away(slope, broken):
+    checker = Checker([box("wall", -500.0, 5.0, 500.0, 60.0)], check_limits())
+    assert rules(checker.check_track(eastwards(slope=slope), 20.0)) == broken
+
+
+def test_who_begins_out_of_bounds_may_come_back():
+    checker = free_checker()
+    low = checker.limits.bounds[2]
+    assert checker.check_track(eastwards(north=low - 8.0, slope=0.1), 5.0) == ()
+    assert rules(checker.check_track(eastwards(north=low - 8.0, slope=-0.1), 5.0)) == {"bounds"}
+
+
+def test_no_track_is_no_proof():
+    assert rules(free_checker().check_track(eastwards()[:1], 5.0)) == {"finite"}
+    assert rules(free_checker().check_track(eastwards(north=math.nan), 5.0)) == {"finite"}

@@ -18,7 +18,6 @@ from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
 from companion.flight.shaping import waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part
-from companion.swapping.entry import entry_of, turns_after
 from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
@@ -308,28 +307,6 @@ def test_the_mission_is_what_was_decided():
     assert mission.items[-1].command == Command.NAV_LOITER_UNLIM
 
 
-@pytest.mark.parametrize(("east", "first"), [(0.0, 0), (19.0, 0), (21.0, 1), (190.0, 1)])
-def test_entry_at_the_first_waypoint_thirty_metres_ahead(east, first):
-    """Waypoints at 50 m and at the end; the last may be nearer."""
-    made = begun()
-    waypoints, _, _ = waypoints_of(made, straight(), 30)
-    assert entry_of(made, state(east), straight(), waypoints) == first
-
-
-def test_no_entry_through_a_wall():
-    made = begun(WALL)
-    path = straight(north=200.0)
-    waypoints, _, violations = waypoints_of(made, path, 30)
-    assert violations == ()
-    assert entry_of(made, state(0.0, 200.0), path, waypoints) == 0
-    columns = {name: getattr(waypoints, name)[1:] for name in ("positions_enu_m", "distances_m")}
-    behind = replace(waypoints, **columns)
-    assert entry_of(made, state(100.0, 200.0), path, behind) == 0
-    assert (
-        entry_of(made, state(600.0, -100.0), path, behind) is None
-    )  # its leg to (1125, 200) crosses the wall
-
-
 # --- planning
 
 
@@ -343,40 +320,6 @@ def test_equal_flights_plan_alike_and_the_next_plan_is_another():
     assert one.seed == other.seed == 100_004
     assert first.plan(request, lambda: False).seed == 100_005
     assert judge(begun(WALL), one, begin).verdict is Verdict.FIRST_PLAN
-
-
-def test_an_entry_reached_from_elsewhere_is_looked_at_as_far_as_the_turn_after_it():
-    # East to an entry 300 m on, which counts as reached 50 m before: from there straight on; in a turn to
-    # a waypoint 400 m beside it; and by no turn to one that lies behind.
-    made = begun()
-    legs = np.array([[0.0, 0.0, 100.0], [300.0, 0.0, 100.0]])
-    (onwards,) = turns_after(made, legs, np.array([[700.0, 0.0, 100.0]]), legs[0])
-    assert onwards == pytest.approx(np.array([[250.0, 0.0, 100.0], [700.0, 0.0, 100.0]]))
-    (turn,) = turns_after(made, legs, np.array([[300.0, 400.0, 100.0], [300.0, 900.0, 100.0]]), legs[0])
-    assert len(turn) > 3
-    assert turn[:, 0].max() > 320.0  # wider than the corner
-    assert turns_after(made, legs, np.array([[0.0, 20.0, 100.0]]), legs[0]) is None
-
-
-def test_an_entry_is_not_taken_whose_turn_would_lead_past_the_next_waypoint_into_a_wall():
-    # A path east past the south side of a block, 22 m from it, with waypoints 25 m apart at its corner. Who
-    # comes to the second of them from the south-west is still turning when it passes the third.
-    block = "obstacles:\n" + BLOCK.format("block", 1150, 420, 1210, 1300)
-    made = begun(block)
-    made = replace(made, flies_by=False)
-    places = waypoints((905, 349, 100), (972, 374, 100), (1170, 398, 100), (1194, 406, 100), (1341, 430, 100),
-                       (1450, 487, 100), loiter_radius_m=125.0)  # fmt: skip
-    legs = np.array([[882.0, 130.0, 100.0], [1170.0, 398.0, 100.0]])
-    turns = turns_after(made, legs, places.positions_enu_m[3:], places.positions_enu_m[1])
-    assert len(turns) == 3  # until one is farther than the radius of the turn
-    as_the_path = np.array([[972.0, 374.0, 100.0], [1170.0, 398.0, 100.0]])
-    assert len(turns_after(made, as_the_path, places.positions_enu_m[3:], as_the_path[0])) == 1
-    wrong = [
-        entry.rule
-        for way in turns
-        for entry in made.rules.checker.check_legs(way, ends_in_loiter=True, loiter_radius_m=125.0)
-    ]
-    assert "clearance" in wrong
 
 
 def crowded(*places):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.path_progress import Progress, progress_on, rest_of_path, time_at, way_to
+from companion.mission.path_progress import Progress, progress_on, rest_of_path, time_at
 from tests.mission.made import path_along
 
 STRAIGHT = path_along((250.0, 10))  # a row every 25 m and second, to the north
@@ -87,29 +87,3 @@ def test_the_rest_from_a_row_on_keeps_that_row():
 def test_fewer_than_three_rows_are_nothing(time_s, rows):
     rest = rest_of_path(STRAIGHT, time_s, 0.0)
     assert (None if rest is None else len(rest)) == rows
-
-
-def test_a_point_dead_ahead_is_flown_to_straight():
-    np.testing.assert_allclose(way_to((0.0, 0.0, 100.0), 0.0, np.array([0.0, 500.0, 100.0]), 125.0),
-                               [[0.0, 0.0, 100.0], [0.0, 500.0, 100.0]])  # fmt: skip
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_point_abeam_is_turned_to(side):
-    """Heading north, sent 1 km to the side: a quarter of a circle of 125 m radius, and a little more."""
-    way = way_to((0.0, 0.0, 100.0), 0.0, np.array([side * 1000.0, 0.0, 100.0]), 125.0)
-    np.testing.assert_allclose(way[-1], [side * 1000.0, 0.0, 100.0])
-    np.testing.assert_allclose(np.hypot(*(way[:-1, :2] - [side * 125.0, 0.0]).T), 125.0, atol=0.01)
-    assert way[:, 1].max() == pytest.approx(125.0, abs=1.5)
-
-
-def test_behind_nobody_knows_to_which_side_it_turns():
-    assert way_to((0.0, 0.0, 100.0), 0.0, np.array([10.0, -1000.0, 100.0]), 125.0) is None
-
-
-def test_a_point_inside_the_turn_cannot_be_flown_to():
-    assert way_to((0.0, 0.0, 100.0), 0.0, np.array([125.0, 0.0, 100.0]), 125.0) is None
-
-
-def test_a_point_near_and_nearly_ahead_is_flown_to_straight():
-    assert len(way_to((0.0, 0.0, 100.0), 0.0, np.array([20.0, 50.0, 100.0]), 200.0)) == 2

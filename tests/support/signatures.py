@@ -7,12 +7,15 @@ import asyncio
 import importlib
 import pkgutil
 import sys
+from dataclasses import replace
 
 from numba.core.dispatcher import Dispatcher
 
 import companion.kernels
 from companion.config import load_mission
+from companion.flight.progress import start_by_motion
 from companion.service.warm_up import warm_up
+from companion.tasks.plan_maker import Planner, least_threat_request
 from companion.types.events import Dialect
 from sim.sitl import Flight
 
@@ -27,6 +30,19 @@ def compiled():
     return found
 
 
+def emergency(flight):
+    """A plan for an emergency, from where the flight began."""
+    state, now_s = flight.app.state, flight.now_s
+    ownship = flight.app.situation.ownship.state(now_s)
+    start = start_by_motion(state.rules, replace(ownship, position_enu_m=place(flight.mission.start)), 2.0)
+    request = least_threat_request(state, start, flight.app.situation.snapshot(now_s))
+    Planner(1).plan(replace(request, goals=state.goals), lambda: False)
+
+
+def place(start):
+    return float(start.east_m), float(start.north_m), float(start.up_m)
+
+
 def main():
     """Warm up, fly, compare."""
     mission = load_mission(sys.argv[1])
@@ -34,6 +50,7 @@ def main():
     before = compiled()
     flight = Flight(mission, 1, None, Dialect.ARDUPILOT)
     asyncio.run(flight.fly())
+    emergency(flight)
     after = compiled()
     late = sorted(name for name in after if after[name] - before[name])
     sys.stdout.write(

@@ -11,7 +11,7 @@ from pathlib import Path
 from companion.types.events import Dialect
 from sim.faults import Schedule
 from tests.torture import campaigns
-from tests.torture.harness import broken_after, fly, num_messages, random_flight
+from tests.torture.harness import WORLDS, broken_after, fly, num_messages, random_flight
 
 # In which the first mission is flown, and replaced; on ArduPlane a second time, then by a part only.
 EXCHANGE_S = {Dialect.ARDUPILOT: 23.0, Dialect.PX4: 34.0}
@@ -53,12 +53,13 @@ def run_swaps(number, first_seed, every):
         report(f"{dialect.value}, broken off after each of {until} messages", counts, began)
         total += counts["violations"] + counts["collisions"]
     for dialect in Dialect:
-        began, counts = time.time(), Counter()
-        for seed in range(first_seed, first_seed + number // 2):
-            verdict, _ = random_flight(dialect, seed)
-            tally(counts, dialect, f"seed {seed}", verdict)
-        report(f"{dialect.value}, random schedules", counts, began)
-        total += counts["violations"] + counts["collisions"]
+        for place, world in enumerate(WORLDS):
+            began, counts = time.time(), Counter()
+            for seed in range(first_seed + place, first_seed + number // 2, len(WORLDS)):
+                verdict, _ = random_flight(dialect, seed, world)
+                tally(counts, dialect, f"seed {seed} in {world}", verdict)
+            report(f"{dialect.value}, random schedules in {world}", counts, began)
+            total += counts["violations"] + counts["collisions"]
     return total
 
 

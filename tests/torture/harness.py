@@ -1,19 +1,22 @@
 """Flights under faults, and the judge: what the autopilot holds, flown from where the aircraft is.
 
 The judge knows nothing of the service. At every step it takes the point the autopilot steers for, which
-may be a copy of an item that is stored no more, and the items that would be flown after it, and lets
-``companion.assurance.checker`` say whether that way is clear, inside the bounds, and ends in a loiter.
+may be a copy of an item that is stored no more, and the items that would be flown after it. They are flown
+from the aircraft's place, bank and wind under the autopilot's guidance, turns and circle included, and
+``companion.assurance.checker`` says whether that track meets anything or leaves the bounds, and whether
+the mission ends in a loiter.
 """
 
 import asyncio
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from companion.assurance.checker import Checker
 from companion.clock import ManualClock
-from companion.config import mission_from_text
-from companion.config.compose import check_limits_of
+from companion.config import load_mission, mission_from_text
+from companion.config.compose import check_limits_of, vehicle_of
 from companion.errors import RecordError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
@@ -21,14 +24,17 @@ from companion.link.wire.transport import MemoryTransport
 from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command
+from companion.types.state import Ownship
+from companion.vehicle.guidance import default_guidance, track_of_legs
 from sim.faults import FaultKind, FaultyLink, LinkFaults, OtherUploader, Schedule, random_schedule
-from tests.sim.client import PLAIN
+from tests.sim.client import CONFIGS, PLAIN
 from tests.support.sitl_harness import SitlHarness
 from tests.support.timed_link import TimedLink
 
 DURATION_S = 45.0
-L1_DISTANCE_M = 0.75 * 17.0 * 25.0 / np.pi  # NAVL1_DAMPING · NAVL1_PERIOD · speed / π
-JUDGED_RULES = frozenset({"clearance", "bounds", "ending", "finite"})
+NARROW_S = 75.0  # into the trap and the labyrinth
+BEYOND_M = 30.0  # of the bounds, which are planned to and not walls: a turn may pass them by so much
+CIRCLED_S = 20.0  # of the loiter at the end
 LOITERS = frozenset({17, 18, 19, 31})
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
 BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
@@ -44,6 +50,8 @@ WORLD = (
     + BLOCK.format("north", 1150, 420, 1210, 1300)
 )
 MISSION = mission_from_text(WORLD, "torture.yaml")
+NARROW = {name: load_mission(CONFIGS / f"{name}.yaml") for name in ("paper-2d", "paper-3d")}
+WORLDS = {"gates": (MISSION, DURATION_S), **{name: (made, NARROW_S) for name, made in NARROW.items()}}
 MISSION_MODE = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
 
 
@@ -64,13 +72,17 @@ class Verdict:
 class Judge:
     """Watches one simulator."""
 
-    def __init__(self, simulator, dialect):
+    def __init__(self, simulator, dialect, mission):
         self._autopilot = simulator.autopilot
+        self._now = lambda: simulator.now_s
         self._dialect = dialect
-        limits = check_limits_of(MISSION)
+        self._guidance = default_guidance(flies_by=dialect.flies_by, vehicle=vehicle_of(mission))
+        limits = check_limits_of(mission)
+        east0, east1, north0, north1, low, high = limits.bounds
+        wider = (east0 - BEYOND_M, east1 + BEYOND_M, north0 - BEYOND_M, north1 + BEYOND_M, low, high)
         # The aircraft itself is somewhere on its way, in the middle of a turn perhaps, blown aside.
         self._checker = Checker(
-            MISSION.obstacle_list, replace(limits, margin_m=0.0, altitude_tolerance_m=40.0)
+            mission.obstacle_list, replace(limits, bounds=wider, margin_m=0.0, altitude_tolerance_m=40.0)
         )
         self._seen = None
         self._next_s = 0.0
@@ -86,60 +98,46 @@ class Judge:
             return
         self._seen, self._next_s = now, now_s + 0.5
         verdict.num_judged += 1
-        legs, radius, centre, ends = self._way()
-        wrong = self._checker.check_legs(
-            legs, ends_in_loiter=ends, loiter_radius_m=radius, loiter_centre_enu_m=centre
-        )
-        bad = [entry for entry in wrong if entry.rule in JUDGED_RULES]
+        targets, circle = self._way()
+        if circle is None:
+            verdict.violations.append((now_s, "the mission does not end in a loiter (ending)"))
+            return
+        bad = self._checker.check_track(self._track(targets, circle), 0.0)
         if bad:
             verdict.violations.append((now_s, str(bad[0]), autopilot.current_sequence))
 
     def _way(self):
-        """Places flown from here on, and the loiter at the end; landings are the operator's."""
+        """Places flown from here on, and the circle at the end; landings are the operator's."""
         autopilot, items = self._autopilot, self._autopilot.mission_items
-        estimate = autopilot.flight.estimate
-        steering = autopilot.flight.steering
-        here, target = (estimate.east_m, estimate.north_m, estimate.up_m), autopilot.telemetry.target
-        places = [here, *joining(here, steering), target]
-        current = autopilot.current_sequence
+        steering, target = autopilot.flight.steering, autopilot.telemetry.target
         if hasattr(steering, "radius_m"):
-            return np.array(places), self._radius(steering.radius_m), np.array(places[-1]), True
-        for item in items[current + 1 :]:
+            return [], (np.array(target), steering.direction * steering.radius_m)
+        places = [target]
+        for item in items[autopilot.current_sequence + 1 :]:
             if item.command == Command.NAV_WAYPOINT:
                 places.append(autopilot._position(item))
             elif item.command in LOITERS:
-                centre = np.array(autopilot._position(item))
-                return np.array(places), self._radius(abs(item.parameters[2] or 0.0)), centre, True
+                return places, (np.array(autopilot._position(item)), item.parameters[2] or 0.0)
             elif item.command in (Command.DO_LAND_START, Command.NAV_LAND, Command.DO_JUMP):
-                return np.array(places), 125.0, np.array(places[-1]), True
-        return np.array(places), 125.0, np.array(places[-1]), False
+                return places, (np.array(places[-1]), 0.0)
+        return places, None
 
-    @staticmethod
-    def _radius(radius_m):
-        return radius_m or 125.0
-
-
-def joining(here, steering):
-    """Where the leg that is tracked is joined: from a fly-by turn nobody flies straight to the next item.
-
-    L1 guidance steers for the point of the leg one L1 distance away, at 45 degrees where there is none.
-    """
-    if not hasattr(steering, "start"):
-        return []
-    start, end = np.array(steering.start), np.array(steering.end)
-    length = np.linalg.norm(end - start)
-    if length < 1.0:
-        return []
-    along = (end - start) / length
-    away = np.array(here[:2]) - start
-    progress, aside = away @ along, abs(away[0] * along[1] - away[1] * along[0])
-    ahead = max(aside, np.sqrt(max(L1_DISTANCE_M**2 - aside**2, 0.0)))
-    gap = np.linalg.norm(away)
-    if gap > L1_DISTANCE_M and progress < -np.sqrt(0.5) * gap:
-        return [(*start, here[2])]  # far before the leg it is begun at its start
-    if progress + ahead >= length:
-        return []
-    return [(*(start + (progress + ahead) * along), here[2])]
+    def _track(self, targets, circle):
+        """The track (K, 3) that is flown over them from the aircraft's place [m]."""
+        estimate, steering = self._autopilot.flight.estimate, self._autopilot.flight.steering
+        velocity = (estimate.velocity_east_m_s, estimate.velocity_north_m_s)
+        here = (estimate.east_m, estimate.north_m, estimate.up_m)
+        speed = math.hypot(*velocity)
+        state = Ownship(
+            self._now(), here, math.atan2(*velocity) % (2.0 * math.pi), 0.0, estimate.true_airspeed_m_s,
+            speed, (estimate.wind_east_m_s, estimate.wind_north_m_s), bank_rad=estimate.bank_rad,
+        )  # fmt: skip
+        length = sum(map(math.dist, [here, *targets[:-1]], targets)) if targets else 0.0
+        before = (*steering.start, steering.start_height_m) if targets else here
+        return track_of_legs(
+            self._guidance, state, np.array(targets or np.empty((0, 3))), before_enu_m=np.array(before),
+            loiter=circle, ends_s=length / max(speed, 10.0) + CIRCLED_S, step_s=0.5,
+        ).positions_enu_m  # fmt: skip
 
 
 class TortureHarness(SitlHarness):
@@ -155,7 +153,7 @@ class TortureHarness(SitlHarness):
         self.flight.turn_timeout_s = 0.05
         self.checkpoint = None if folder is None else Checkpoint(folder / "flight")
         self.verdict = Verdict()
-        self.judge = Judge(self.simulator, dialect)
+        self.judge = Judge(self.simulator, dialect, mission)
         self._pending = list(schedule.events)
         self._uploaders = []
         self._jump_s = 0.0
@@ -230,9 +228,9 @@ async def flown(harness, duration_s=DURATION_S):
     return verdict
 
 
-def fly(dialect, seed, schedule, watch=None, duration_s=DURATION_S):
+def fly(dialect, seed, schedule, watch=None, duration_s=DURATION_S, mission=MISSION):
     """One flight under a schedule; ``watch`` sees, and may stop, each frame."""
-    harness = TortureHarness(dialect, seed, schedule)
+    harness = TortureHarness(dialect, seed, schedule, mission=mission)
     if watch is not None:
         harness.link.watch = watch(harness)
     return asyncio.run(flown(harness, duration_s)), harness
@@ -246,9 +244,11 @@ KINDS = {
 }
 
 
-def random_flight(dialect, seed):
-    """A flight under a random schedule."""
-    return fly(dialect, seed, random_schedule(seed, DURATION_S, KINDS[dialect]))
+def random_flight(dialect, seed, world="gates"):
+    """A flight under a random schedule, in one of the worlds."""
+    mission, duration_s = WORLDS[world]
+    schedule = random_schedule(seed, duration_s, KINDS[dialect])
+    return fly(dialect, seed, schedule, duration_s=duration_s, mission=mission)
 
 
 TRANSFER = frozenset({38, 39, 40, 41, 43, 44, 45, 47, 51, 73})

@@ -51,6 +51,15 @@ def test_random_schedules(dialect, seed):
     assert not verdict.collision
 
 
+@BOTH
+@pytest.mark.parametrize("world", ["paper-2d", "paper-3d"])
+def test_random_schedules_on_narrow_maps(dialect, world):
+    verdict, _ = random_flight(dialect, 5, world)
+    assert verdict.violations == []
+    assert not verdict.collision
+    assert verdict.num_judged > 50
+
+
 def test_the_positions_broken_at_lie_in_the_exchange():
     for dialect, numbers in BREAKS.items():
         assert max(numbers) < num_messages(dialect, 34.0)

@@ -126,9 +126,22 @@ class ArduPlane(MissionPilot):
         """Changes whenever a stored list does."""
         return self.store.revision
 
+    @property
+    def active_command(self) -> int | None:
+        """Command of the item being flown; None while none is."""
+        is_flown = self._mode == "AUTO" and self.runner.active is not None
+        return self.runner.active.command if is_flown and self.runner.active is not None else None
+
+    def disarmed(self) -> None:
+        """The mission begins at its first item with the next flight."""
+        self.runner.stop()
+        self.runner.index = 1
+        self._mode = "FBWA"
+
     def heartbeat(self) -> Message:
         """HEARTBEAT: armed, custom mode."""
-        base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.is_armed else 0
         base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         if self._mode in ("AUTO", "RTL", "LOITER", "GUIDED", "CIRCLE"):
             base |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
@@ -176,8 +189,10 @@ class ArduPlane(MissionPilot):
         self._transfer.update(self.now_us)
         self._tell_total()
         if self._mode == "AUTO":
-            self.flight.goes_beyond = not self.store.mission
-            self.runner.update()
+            is_landing = self.active_command == Command.NAV_LAND
+            self.flight.goes_beyond = is_landing or not self.store.mission
+            if not self.flight.is_standing:
+                self.runner.update()
         elif self._mode == "GUIDED" and not self._has_told_guided and self._is_on_circle():
             self._has_told_guided = True
             self.reached(0)

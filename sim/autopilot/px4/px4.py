@@ -119,6 +119,19 @@ class Px4(MissionPilot):
         return self._revision
 
     @property
+    def active_command(self) -> int | None:
+        """Command of the item being flown; None while none is."""
+        items = self.mission_items
+        is_flown = self._mode == "MISSION" and self.runner.index < len(items)
+        return items[self.runner.index].command if is_flown else None
+
+    def disarmed(self) -> None:
+        """The mission begins at its first item with the next flight; the mode is hold."""
+        self.runner.reset()
+        self._mode = "LOITER"
+        self._enter("LOITER")
+
+    @property
     def state(self) -> MissionState:
         """What MISSION_CURRENT says of the mission."""
         if not self.mission_items or (not self._is_feasible and self._check_us is None):
@@ -129,7 +142,8 @@ class Px4(MissionPilot):
 
     def heartbeat(self) -> Message:
         """HEARTBEAT: armed, custom mode."""
-        base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.is_armed else 0
         base |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
         is_auto = self._mode in _SUB
         base |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED if is_auto else 0
@@ -191,7 +205,8 @@ class Px4(MissionPilot):
         self._transfer.update(self.now_us)
         if self._check_us is not None and self.now_us >= self._check_us:
             self._check()
-        if self._mode == "MISSION":
+        if self._mode == "MISSION" and not self.flight.is_standing:
+            self.flight.goes_beyond = self.active_command == Command.NAV_LAND
             self.runner.update()
         speed = self._speed_m_s
         self.flight.airspeed_m_s = self.parameters["AIRSPEED_CRUISE"] if speed is None else speed
@@ -312,7 +327,7 @@ class Px4(MissionPilot):
 
     def is_airborne(self) -> bool:
         """Whether a takeoff has nothing left to do."""
-        return True
+        return not self.flight.is_standing
 
     def reached(self, sequence: int) -> None:
         """MISSION_ITEM_REACHED now, and again once a second for a while."""

@@ -1,0 +1,168 @@
+"""Where a mission is entered: by the way that the aircraft flies there, and those it might fly as well."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from companion.clock import ManualClock
+from companion.config import mission_from_text
+from companion.flight.flight_state import first_state
+from companion.flight.shaping import waypoints_of
+from companion.swapping.entry import entry_of, may_be_entered
+from companion.swapping.swap_protocol import Entry
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
+from companion.types.state import Ownship
+from tests.mission.made import path_along, waypoints
+from tests.sim.client import PLAIN
+
+EAST = 0.5 * math.pi
+OPEN = PLAIN.replace(
+    "  - {east_m: 1750, north_m: 750, up_m: 100}", "  - {east_m: 1500, north_m: 0, up_m: 100}"
+)
+CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
+BLOCK = "obstacles:\n  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
+BOTH = pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
+
+
+def begun(extra="", *, flies_by=True):
+    return replace(first_state(mission_from_text(OPEN + extra, "open.yaml"), 0.0), flies_by=flies_by)
+
+
+def straight(north=0.0, rows=60):
+    """East along a line, 25 m and 1 s a row, 1500 m in all."""
+    path = path_along((25.0 * rows, rows), course=EAST)
+    return replace(path, positions_enu_m=path.positions_enu_m + np.array([0.0, north, 0.0]))
+
+
+def placed(*positions):
+    """Waypoints of a path that begins at the origin, and a circle round the last."""
+    made = waypoints(*positions, loiter_radius_m=125.0)
+    return replace(made, distances_m=made.distances_m + math.hypot(*positions[0][:2]))
+
+
+def at(east=0.0, north=0.0, course=EAST, bank_deg=0.0, **changes):
+    state = Ownship(0.0, (east, north, 100.0), course, 0.0, 25.0, 25.0, bank_rad=math.radians(bank_deg))
+    return replace(state, **changes)
+
+
+@BOTH
+@pytest.mark.parametrize(("east", "first"), [(0.0, 0), (19.0, 0), (21.0, 1), (190.0, 1)])
+def test_the_first_waypoint_thirty_metres_ahead(flies_by, east, first):
+    """Waypoints at 50 m and at the end; the last may be nearer."""
+    made = begun(flies_by=flies_by)
+    found, _, _ = waypoints_of(made, straight(), 30)
+    assert entry_of(made, at(east), straight(), found) == first
+
+
+@BOTH
+def test_no_entry_through_a_wall(flies_by):
+    made, path = begun(BLOCK.format("wall", 700, -100, 750, 100), flies_by=flies_by), straight(north=200.0)
+    found, _, violations = waypoints_of(made, path, 30)
+    assert violations == ()
+    assert entry_of(made, at(0.0, 200.0), path, found) == 0
+    columns = {name: getattr(found, name)[1:] for name in ("positions_enu_m", "distances_m")}
+    behind = replace(found, **columns)
+    assert entry_of(made, at(100.0, 200.0), path, behind) == 0
+    assert entry_of(made, at(600.0, -100.0), path, behind) is None  # its leg to (1125, 200) crosses the wall
+
+
+@BOTH
+def test_no_entry_behind_the_aircraft(flies_by):
+    made = begun(flies_by=flies_by)
+    found, _, _ = waypoints_of(made, straight(), 30)
+    assert entry_of(made, at(course=-EAST), straight(), found) is None
+
+
+@BOTH
+@pytest.mark.parametrize(("bank_deg", "first"), [(0.0, 0), (35.0, 0), (-35.0, None)])
+def test_a_wall_that_only_the_bank_leads_into(flies_by, bank_deg, first):
+    """East beside a wall to the left: banked to it, the aircraft comes near before it has rolled."""
+    made = begun(BLOCK.format("wall", -200, 15, 900, 60), flies_by=flies_by)
+    places = placed((200, -20, 100), (700, -60, 100))
+    path = straight()
+    assert entry_of(made, at(bank_deg=bank_deg), path, places) == first
+
+
+@pytest.mark.parametrize(("wind_north", "is_entered"), [(0.0, True), (9.0, False)])
+def test_a_wall_that_only_the_wind_leads_into(wind_north, is_entered):
+    """A right-hand turn inside a corner of walls, which a tailwind from behind the turn makes too wide."""
+    made = begun(BLOCK.format("wall", -400, 57, 900, 160))
+    places = placed((140, 30, 100), (260, -200, 100), (260, -900, 100))
+    speed = 25.0 + wind_north * math.cos(math.radians(45.0))
+    state = at(0.0, 0.0, math.radians(45.0), wind_enu_m_s=(0.0, wind_north), ground_speed_m_s=speed)
+    assert (entry_of(made, state, straight(), places) is not None) is is_entered
+
+
+def test_near_misses_are_rejected():
+    """The way expected passes a pillar well; one that begins a few metres beside it does not."""
+    path, places = straight(), placed((600, 0, 100), (1200, 0, 100))
+    assert entry_of(begun(BLOCK.format("pillar", 200, 20, 204, 24)), at(), path, places) == 0
+    wide = begun(BLOCK.format("pillar", 30, 14, 34, 18))
+    assert entry_of(wide, at(), path, places) == 0
+    assert entry_of(wide, at(bank_deg=-12.0), path, places) is None
+
+
+def test_another_waypoint_serves_where_the_first_does_not():
+    made = begun(BLOCK.format("pillar", 90, 20, 96, 26))
+    places = placed((60, 60, 100), (130, -30, 100), (900, -30, 100))
+    assert entry_of(made, at(), straight(), places) == 1
+    # Not if something is to be done at the first.
+    busy = replace(places, actions=((0, ()),))
+    assert entry_of(made, at(), straight(), busy) is None
+    assert entry_of(made, at(), straight(), places, number=0) is None
+    assert entry_of(made, at(), straight(), places, number=1) == 1
+
+
+def test_who_is_nearer_to_something_already_may_fly_away_from_it():
+    made = begun(BLOCK.format("wall", -200, 5, 900, 60))
+    away = placed((200, -60, 100), (900, -60, 100))
+    along = placed((200, 0, 100), (900, 0, 100))
+    aside = at(course=EAST + 0.15)
+    assert entry_of(made, aside, straight(), away) == 0
+    assert entry_of(made, at(course=EAST - 0.15), straight(), along) is None
+
+
+@pytest.mark.parametrize("in_s", [1.0, 2.0, 8.0])
+def test_the_aircraft_flies_on_meanwhile(in_s):
+    """By its own motion for a moment; later it is where the path begins, which is 10 s away."""
+    made = begun()
+    path = straight()
+    path = replace(path, times_s=path.times_s + 10.0)
+    places = placed((60, 0, 100), (300, 0, 100), (900, 0, 100))
+    assert entry_of(made, at(-250.0), path, places, in_s) == 0
+    assert entry_of(made, at(-250.0 + 60.0), path, places, 10.0 + in_s) in (0, 1)
+
+
+def test_what_cannot_be_entered_from_its_own_start_is_not_sent():
+    path, places = straight(), placed((200, -20, 100), (700, -60, 100))
+    wall = begun(BLOCK.format("wall", -200, 15, 900, 60))
+    assert may_be_entered(wall, at(-300.0, 0.0, bank_deg=-35.0), path, places)  # unbanked it would do
+    blocked = begun(BLOCK.format("wall", 100, -300, 130, 300))
+    assert not may_be_entered(blocked, at(-300.0), path, places)
+
+
+def test_an_entry_once_chosen_is_only_confirmed():
+    """A PX4's upload is expected to last: chosen for then, confirmed for now."""
+    made, clock = begun(), ManualClock()
+    path = straight()
+    path = replace(path, times_s=path.times_s + 1.5)
+    places = placed((60, 0, 100), (160, 0, 100), (900, 0, 100))
+    items = tuple(
+        MissionItem(n, Command.NAV_WAYPOINT, MavFrame.GLOBAL_INT, (0.0, 0.0, 0.0, None), 0, 0, 100.0)
+        for n in range(3)
+    )
+    places_now = {"state": at(-37.5)}
+    parts = SimpleNamespace(
+        clock=clock, flight=SimpleNamespace(state=made), state=lambda: places_now["state"]
+    )
+    flown = SimpleNamespace(path=path, mission=Mission(items, 0, 1))
+    entry = Entry(parts, SimpleNamespace(flown=flown, waypoints=places), 1.5)
+    assert entry.sequence() == 0
+    assert entry.sequence() == 0
+    places_now["state"] = at(45.0)
+    assert entry.sequence() is None  # passed meanwhile; another is not chosen in its place
+    places_now["state"] = None
+    assert entry.sequence() is None
