@@ -16,6 +16,7 @@ def main():
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--scenarios", default="", help="numbers, with commas; left out, all")
     parser.add_argument("--kinds", default="arduplane,px4")
+    parser.add_argument("--instance", type=int, default=1, help="lowest number that ports follow from")
     parser.add_argument("--wind", type=float, default=0.0, help="of ArduPlane's simulator [m/s]")
     parser.add_argument("--out", type=Path, default=Path("flights/real"), help="folder of the results")
     parser.add_argument("--judge", type=Path, nargs="*", help="judge these folders again, and fly nothing")
@@ -43,7 +44,9 @@ def main():
         say(line_of(row) + "\n")
         sys.stdout.flush()
 
-    rows = fly_all(binaries, flights, given.out.resolve(), given.jobs, tell, wind=given.wind)
+    rows = fly_all(
+        binaries, flights, given.out.resolve(), given.jobs, tell, wind=given.wind, instance=given.instance
+    )
     (given.out / "rows.json").write_text(json.dumps(rows, indent=1), encoding="utf-8") if rows else None
     num_bad = sum(row["verdict"] != "ok" for row in rows)
     say(f"{len(rows)} flights, {num_bad} not as they should be; recordings in {given.out}\n")

@@ -27,6 +27,9 @@ class Kind:
         Of the circle that a pilot's hold is.
     num_home_items : int
         Items of its list in front of the mission.
+    altitude_amsl_m : float
+        Of the runway. The PX4 that was measured begins its height reference at the sea and lets it climb at
+        5 m/s: from a high runway it dives until that is there.
     """
 
     name: str
@@ -35,18 +38,19 @@ class Kind:
     modes: dict = field(hash=False)
     loiter_radius_m: float
     num_home_items: int
+    altitude_amsl_m: float
 
 
 ARDUPLANE = Kind(
     "arduplane", 1.0,
     {"airspeed_min_m_s": 12.0, "airspeed_max_m_s": 30.0, "airspeed_cruise_m_s": 22.0},
-    {"mission": (10, 0), "hold": (12, 0)}, 80.0, 1,
+    {"mission": (10, 0), "hold": (12, 0)}, 80.0, 1, 584.0,
 )  # fmt: skip
 PX4 = Kind(
     "px4", 0.56,
     {"airspeed_min_m_s": 10.0, "airspeed_max_m_s": 20.0, "airspeed_cruise_m_s": 14.0,
      "climb_angle_max_deg": 8, "descent_angle_max_deg": 7},
-    {"mission": (4, 4), "hold": (4, 3)}, 80.0, 0,
+    {"mission": (4, 4), "hold": (4, 3)}, 80.0, 0, 10.0,
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in (ARDUPLANE, PX4)}
 

@@ -1,8 +1,9 @@
 """What became of a flight: the way truly flown, and every mission held, by the project's own checker.
 
-As the judge of ``tests.torture`` does: the point that the autopilot tells it steers for, and the items that
-it would fly next, have to be clear, within the bounds, and end in a circle; from the takeover on, and only
-while the mission is flown. Landings are the operator's.
+As the judge of ``tests.torture`` does: from where the aircraft is, the point that the autopilot tells it
+steers for and the items that it would fly next, as its steering flies them, have to be clear, within the
+bounds, and end in a circle; from the service's first mission on, and only while the mission is flown. Landings are the
+operator's.
 """
 
 import heapq
@@ -16,15 +17,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.assurance.checker import Checker
 from companion.config import mission_from_text
-from companion.config.compose import check_limits_of
+from companion.config.compose import check_limits_of, vehicle_of
 from companion.types.mission import Command
+from companion.types.state import Ownship
 from companion.types.threat import Obstacle
+from companion.vehicle.guidance import default_guidance, track_of_legs
 from tests.real.autopilots import KINDS, is_mission_mode
 from tests.real.held_missions import HeldMission, messages_of
 from tests.real.scenarios import BY_NUMBER
 from tests.real.service_process import entries_of
-from tests.torture.harness import JUDGED_RULES, LOITERS
 
+BEYOND_M = 30.0  # of the bounds, which are planned to and not walls: a turn may pass them by so much
+CIRCLED_S = 20.0  # of the circle at the end
+LOITERS = frozenset({17, 18, 19, 31})
 SETTLED_S = 1.5  # after a change of the list, until the telemetry of before is over
 JUDGED_EACH_S = 0.5
 LAND = (Command.DO_LAND_START, Command.NAV_LAND, Command.DO_JUMP)
@@ -57,6 +62,8 @@ class FlightJudge:
         self.fence_s, self.fence = self._fence()
         self.violations = []
         self.num_judged = 0
+        flies_by = self.kind.num_home_items > 0
+        self._guidance = default_guidance(flies_by=flies_by, vehicle=vehicle_of(self.mission))
         self.held = HeldMission(in_place=self.kind.num_home_items > 0)
         self._late_changes = 0
 
@@ -83,7 +90,7 @@ class FlightJudge:
         stamps = [
             entry["stamp_s"]
             for entry in self.log
-            if entry.get("decision") == "mode" and entry["message"].startswith("mode: planning")
+            if entry.get("decision") == "mode" and "mode: planning" in entry["message"]
         ]
         return stamps[0] if stamps else None
 
@@ -148,14 +155,17 @@ class FlightJudge:
     def judge_missions(self):
         """Go through everything that was said, and judge what the autopilot holds."""
         limits = check_limits_of(self.mission)
-        limits = replace(limits, margin_m=0.0, altitude_tolerance_m=40.0)
+        east0, east1, north0, north1, low, high = limits.bounds
+        wider = (east0 - BEYOND_M, east1 + BEYOND_M, north0 - BEYOND_M, north1 + BEYOND_M, low, high)
+        limits = replace(limits, bounds=wider, margin_m=0.0, altitude_tolerance_m=40.0)
         checkers = (
             Checker(self.mission.obstacle_list, limits),
             Checker((*self.mission.obstacle_list, *self._fence_obstacle()), limits),
         )
-        begin_s = self.takeover_s or self.entered_s or math.inf
+        begin_s = self.entered_s or math.inf  # until then the list is the operator's, walls on its way
         other_s = self.event("other mission") or math.inf
         self._here = self._target = self._current = self._from = None
+        self._velocity, self._bank, self._yaw, self._airspeed = (0.0, 0.0), 0.0, 0.0, 0.0
         is_flown, next_s = False, 0.0
         for stamp_s, source, message in self._everything():
             if source == "service" or message.get_srcComponent() == OPERATOR:
@@ -190,6 +200,11 @@ class FlightJudge:
             self._here = self.frame.local_from_global(
                 1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt
             )
+            self._velocity = (0.01 * message.vy, 0.01 * message.vx)
+        elif kind == "ATTITUDE":
+            self._bank, self._yaw = message.roll, message.yaw
+        elif kind == "VFR_HUD":
+            self._airspeed = message.airspeed
         elif kind == "MISSION_CURRENT":
             self._current = message.seq
         elif kind == "POSITION_TARGET_GLOBAL_INT":
@@ -225,13 +240,12 @@ class FlightJudge:
         is_there = place is None or math.dist(place[:2], self._target[:2]) <= SAME_M
         if not is_there and steered.command not in LOITERS:
             return  # the telemetry of two items
-        target = self._target if place is None else place
         self.num_judged += 1
-        legs, radius, centre, ends = self._way(items, current, target)
-        wrong = checker.check_legs(
-            legs, ends_in_loiter=ends, loiter_radius_m=radius, loiter_centre_enu_m=centre
-        )
-        bad = [entry for entry in wrong if entry.rule in JUDGED_RULES]
+        targets, circle = self._way(items, current, self._target if place is None else place)
+        if circle is None:
+            self.violations.append((stamp_s, "the mission does not end in a circle", current))
+            return
+        bad = checker.check_track(self._track(targets, circle), 0.0)
         if bad:
             self.violations.append((stamp_s, str(bad[0]), current))
 
@@ -252,43 +266,50 @@ class FlightJudge:
         return start <= current <= end
 
     def _way(self, items, current, target):
-        """Places flown from here on, and the circle at the end."""
-        smallest = float(self.mission.vehicle.turn_radius_min_m)
-        places = [self._here, *self._joining(target), target]
+        """Places flown to from here on, and the circle at the end: centre and radius; landings end it."""
         if items[current].command in LOITERS:
-            return np.array(places), self._radius(items[current], smallest), np.array(target), True
+            return [], (np.array(target), self._radius(items[current]))
+        places = [target]
         for item in items[current + 1 :]:
             if item is None:
-                return np.array(places), smallest, np.array(places[-1]), False
+                return places, None
             if item.command == Command.NAV_WAYPOINT:
                 places.append(self._place(item))
             elif item.command in LOITERS:
-                centre = self._place(item)
-                return np.array(places), self._radius(item, smallest), np.array(centre), True
+                return places, (np.array(self._place(item)), self._radius(item))
             elif item.command in LAND:
-                return np.array(places), smallest, np.array(places[-1]), True
-        return np.array(places), smallest, np.array(places[-1]), False
+                return places, (np.array(places[-1]), 0.0)
+        return places, None
 
-    def _joining(self, target):
-        """Where the leg that is tracked is joined: nobody flies straight to the end of it from beside it."""
-        if self._from is None:
-            return []
-        start, end, here = (np.array(place[:2]) for place in (self._from, target, self._here))
-        length = float(np.linalg.norm(end - start))
-        if length < 1.0:
-            return []
-        along = (end - start) / length
-        progress = float((here - start) @ along)
-        aside = float(abs((here - start)[0] * along[1] - (here - start)[1] * along[0]))
-        ahead = progress + max(2.0 * aside, 40.0 * self.kind.factor)
-        if aside < 5.0 or ahead >= length or ahead <= 0.0:
-            return []
-        joined = start + ahead * along
-        return [(float(joined[0]), float(joined[1]), self._here[2])]
+    def _track(self, targets, circle):
+        """The track (K, 3) that the autopilot's steering flies over them from here [m]."""
+        state = self._aircraft
+        length = sum(map(math.dist, [self._here, *targets[:-1]], targets)) if targets else 0.0
+        return track_of_legs(
+            self._guidance, state, np.array(targets or np.empty((0, 3))),
+            before_enu_m=np.array(self._from or self._here), loiter=circle,
+            ends_s=length / max(state.ground_speed_m_s, 8.0) + CIRCLED_S, step_s=0.5,
+        ).positions_enu_m  # fmt: skip
+
+    @property
+    def _aircraft(self):
+        """Where it is and how it moves, as the autopilot tells."""
+        speed = math.hypot(*self._velocity)
+        course = math.atan2(*self._velocity) % (2.0 * math.pi)
+        airspeed = max(self._airspeed, 8.0)
+        wind = tuple(
+            over - airspeed * part
+            for over, part in zip(self._velocity, (math.sin(self._yaw), math.cos(self._yaw)), strict=True)
+        )
+        calm = math.hypot(*wind) < 2.0  # no wind is set but by --wind; the rest is how airspeeds are measured
+        return Ownship(
+            0.0, self._here, course, 0.0, speed if calm else airspeed, speed, (0.0, 0.0) if calm else wind,
+            bank_rad=self._bank,
+        )  # fmt: skip
 
     @staticmethod
-    def _radius(item, smallest):
-        return abs(item.param3 or 0.0) or smallest
+    def _radius(item):
+        return item.param3 or 0.0
 
     # --- the row
 

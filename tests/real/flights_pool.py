@@ -103,21 +103,21 @@ def judged(place):
     return row
 
 
-def fly_all(binaries, flights, folder, jobs, tell, *, wind=0.0):
+def fly_all(binaries, flights, folder, jobs, tell, *, wind=0.0, instance=1):
     """Fly all, some at once, and tell each row as it comes."""
     waiting = queue.Queue()
     for wanted in flights:
         waiting.put(wanted)
     rows, lock = [], threading.Lock()
 
-    def work(instance):
+    def work(number):
         while True:
             try:
                 wanted = waiting.get_nowait()
             except queue.Empty:
                 return
             try:
-                row = flown(binaries, wanted, folder, instance, wind=wind)
+                row = flown(binaries, wanted, folder, number, wind=wind)
             except (OSError, ValueError, KeyError, subprocess.TimeoutExpired) as error:
                 row = {"autopilot": wanted.kind, "scenario": wanted.scenario, "seed": wanted.seed,
                        "verdict": f"not flown: {error}"}  # fmt: skip
@@ -125,7 +125,7 @@ def fly_all(binaries, flights, folder, jobs, tell, *, wind=0.0):
                 rows.append(row)
                 tell(row)
 
-    threads = [threading.Thread(target=work, args=(number + 1,)) for number in range(jobs)]
+    threads = [threading.Thread(target=work, args=(instance + number,)) for number in range(jobs)]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -16,7 +16,8 @@ STREAMS = {  # by number of the message, the rate [Hz]
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 5.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: 2.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 5.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 5.0,
 }
 ANSWER_S, TRIES = 2.0, 5
 IN_PROGRESS = mavlink.MAV_RESULT_IN_PROGRESS

@@ -17,7 +17,11 @@ def fly(arguments):
     kind, scenario = KINDS[arguments.kind], BY_NUMBER[arguments.scenario]
     folder = Path(arguments.folder)
     folder.mkdir(parents=True)
-    changes = {**scenario.changes, "vehicle": {**kind.vehicle, **scenario.changes.get("vehicle", {})}}
+    changes = {
+        **scenario.changes,
+        "vehicle": {**kind.vehicle, **scenario.changes.get("vehicle", {})},
+        "origin": {"altitude_amsl_m": kind.altitude_amsl_m},
+    }
     course = Course(kind.factor, scenario.goal, changes)
     deck = Deck(
         kind, Path(arguments.binary), arguments.parameters, folder, arguments.instance, course,
