@@ -2,8 +2,8 @@
 
 As the judge of ``tests.torture`` does: from where the aircraft is, the point that the autopilot tells it
 steers for and the items that it would fly next, as its steering flies them, have to be clear, within the
-bounds, and end in a circle; from the service's first mission on, and only while the mission is flown. Landings are the
-operator's.
+bounds, and end in a circle; from the service's first mission on, and only while the mission is flown.
+Landings are the operator's.
 """
 
 import heapq

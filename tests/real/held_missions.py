@@ -87,6 +87,8 @@ class HeldMission:
     def _begin(self, _stamp_s, message, count, *, is_partial):
         sender = message.get_srcComponent()
         last = self._upload
+        if last is not None and is_partial and last.is_partial and last.sender == sender:
+            return  # said again: denied, and the first goes on
         if last is None or (last.sender, last.count) != (sender, count) or last.items:  # else asked again
             self.num_uploads[sender] = self.num_uploads.get(sender, 0) + 1
         self._upload = Upload(sender, count, {}, is_partial)
@@ -111,5 +113,6 @@ class HeldMission:
         if message.type == mavlink.MAV_MISSION_ACCEPTED and is_whole and not self.in_place:
             self.items = [upload.items[number] for number in sorted(upload.items)]
             self.changed_s = stamp_s
-        if is_whole or message.type != mavlink.MAV_MISSION_ACCEPTED:
+        is_open = message.type in (mavlink.MAV_MISSION_INVALID_SEQUENCE, mavlink.MAV_MISSION_DENIED)
+        if is_whole or (message.type != mavlink.MAV_MISSION_ACCEPTED and not is_open):
             self._upload = None
