@@ -9,7 +9,6 @@ from companion.comms.observer import Observer
 from companion.config import MissionConfig
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
-from companion.link.messages.flight_modes import MISSION_MODES
 from companion.link.messages.streams import Streams
 from companion.link.messages.vehicle_telemetry import AUTOPILOT_COMPONENT
 from companion.link.missions.autopilot_link import AutopilotLink
@@ -85,12 +84,6 @@ class VehicleLink:
     def has_heard(self) -> bool:
         """Whether the vehicle is known."""
         return self.codec.vehicle_system_id is not None
-
-    @property
-    def mission_mode(self) -> str:
-        """The flight mode in which missions are flown, in the autopilot's words."""
-        dialect = self.autopilot.dialect
-        return "the mission mode" if dialect is None else MISSION_MODES[dialect]
 
     async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
         """Open the transport.

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.departure.capability import shortfalls
 from companion.departure.takeover import described, last_item_of, takeoff_of
 from companion.flight.flight_state import FlightState
-from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
 FAR_M = 50_000.0  # from the mission file's origin: it is another airfield's
 FAULTS_TOLD = 4
-LEG_RULES = frozenset({"clearance", "bounds"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ def _landing(operator: Operator) -> str:
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
     """What is wrong with a list, the gravest first."""
-    found: list[str] = []
+    found = list(shortfalls(state.mission, state.settings))
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
         found.append(f"the mission file's origin is {away:.0f} km from here")
@@ -116,30 +115,27 @@ def _unplaced(state: FlightState, operator: Operator) -> list[str]:
 
 
 def _legs(state: FlightState, operator: Operator) -> list[str]:
-    """Legs that the operator's items are flown along, into a wall or out of the bounds.
+    """Legs that the operator's items are flown along, too near to something.
 
-    Those up to the takeover, and those from the last goal to the ground; the landing itself, which ends
-    on the ground, is the operator's.
+    Those up to the takeover, and those from the last goal to the ground.
     """
     last = last_item_of(state)
-    up_to = operator.first if last is None else last + 2
-    before = _places(state, operator.items[operator.first : up_to])
+    before = [] if last is None else _places(state, operator.items[operator.first : last + 1])
     after = _places(state, operator.items[operator.tail :])
     if state.goals and after:
         after.insert(0, (None, state.goals[-1].position_enu_m))
     found = []
-    for places in (before, after):
-        for (_, begin), (item, end) in itertools.pairwise(places):
-            if item is None or item.command == Command.NAV_LAND:
-                continue
-            legs: FloatArray = np.array([begin, end], dtype=np.float64)
-            wrong = state.rules.checker.check_legs(
-                legs, ends_in_loiter=True, loiter_radius_m=state.rules.vehicle.turn_radius_min_m
-            )
-            entry = next((entry for entry in wrong if entry.rule in LEG_RULES), None)
-            if entry is not None:
-                number = item.sequence + 1 - operator.first
-                found.append(f"to item {number}: {entry.detail}: {entry.value:.0f}")
+    for (_, begin), (item, end) in (*itertools.pairwise(before), *itertools.pairwise(after)):
+        if item is None or item.command == Command.NAV_LAND:
+            continue
+        wrong = state.rules.checker.check_legs(
+            np.array([begin, end]), ends_in_loiter=True,
+            loiter_radius_m=state.rules.vehicle.turn_radius_min_m,
+        )  # fmt: skip
+        entry = next((entry for entry in wrong if entry.rule == "clearance"), None)
+        if entry is not None:
+            number = item.sequence + 1 - operator.first
+            found.append(f"to item {number}: {entry.detail}: {entry.value:.0f}")
     return found
 
 

@@ -74,10 +74,23 @@ def start_on(state: FlightState, ownship: Ownship, track: Track, ahead_s: float)
     )
 
 
-def list_track(state: FlightState, current: MissionCurrent, ownship: Ownship) -> Track | None:
+def list_track(
+    state: FlightState, current: MissionCurrent, ownship: Ownship, *, is_direct: bool = False
+) -> Track | None:
     """What the autopilot flies of its list from now on; None where that is not known.
 
     Up to the first circle that has no end, or the first item behind which it is not told what follows.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mission file and list.
+    current : MissionCurrent
+        The item being flown, or to be resumed.
+    ownship : Ownship
+        Where the aircraft is.
+    is_direct : bool
+        Whether that item is flown to from here, and not along the leg that leads to it.
     """
     legs, circle = _legs_ahead(state, current, ownship)
     guidance = guidance_of(state)
@@ -85,9 +98,10 @@ def list_track(state: FlightState, current: MissionCurrent, ownship: Ownship) ->
         return track_of_circle(guidance, ownship, circle[0], circle[1], FORESEEN_MAX_S, STEP_S)
     if not legs:
         return None
+    before = None if is_direct else _place_before(state, current)
     return track_of_legs(
-        guidance, ownship, np.array(legs), before_enu_m=_place_before(state, current), loiter=circle,
-        ends_s=FORESEEN_MAX_S, step_s=STEP_S,
+        guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=FORESEEN_MAX_S,
+        step_s=STEP_S,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from companion.departure.capability import shortfalls
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import Operator, position_of
 from companion.types.events import MissionCurrent
@@ -54,24 +55,25 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
     ownship : Ownship or None
         Where the aircraft is.
     """
-    listed, takeover = state.mission_list, state.mission.takeover
-    operator = listed.operator
-    if (
-        not state.phase.is_airborne
-        or listed.layout is None
-        or listed.suspected
-        or operator is None
-        or current is None
-        or ownship is None
-    ):
+    operator = state.mission_list.operator
+    if current is None or ownship is None or operator is None or not _is_understood(state):
         return False
-    if listed.found_flown:
-        return True
-    tail = listed.layout.tail_span
-    if tail[0] <= current.sequence < tail[1]:
-        return False  # the landing: a go-around leads out of it
-    last = last_item_of(state)
-    if last is not None and current.sequence <= last:
+    return state.mission_list.found_flown or _is_reached(state, operator, current, ownship)
+
+
+def _is_understood(state: FlightState) -> bool:
+    """Whether the aircraft flies by a list that is known, and can do what the mission file asks."""
+    listed = state.mission_list
+    if shortfalls(state.mission, state.settings):
+        return False
+    return state.phase.is_airborne and listed.layout is not None and not listed.suspected
+
+
+def _is_reached(state: FlightState, operator: Operator, current: MissionCurrent, ownship: Ownship) -> bool:
+    """Whether the operator's mission has come to where it is taken over."""
+    takeover, last = state.mission.takeover, last_item_of(state)
+    is_landing = operator.tail <= current.sequence < len(operator.items)  # a go-around leads out of it
+    if is_landing or (last is not None and current.sequence <= last):
         return False
     if takeover.when == "height" and takeover.up_m is not None:
         return ownship.position_enu_m[2] >= takeover.up_m
@@ -101,7 +103,7 @@ def circle_of(
     state : FlightState
         Mission file, with the smallest radius for an item that gives none.
     item : MissionItem
-        Of the operator's list.
+        An item of the operator's list.
     up_m : float
         Height of an item whose own is not known [m].
     """

@@ -9,6 +9,7 @@ event                 function
 ====================  ===================================================================
 the pilot takes over  :func:`after_mode_event`, and when he hands back
 armed, disarmed       :func:`after_armed_told`
+its parameters        :func:`after_settings_told`
 off the ground        :func:`after_landed_told`, :func:`after_movement_told`
 mission file reloaded :func:`after_reload`
 restart in flight     :func:`after_restart`, once it is known what the autopilot flies
@@ -54,7 +55,7 @@ from companion.planning.problem import GoalRegion
 from companion.types.events import MissionCurrent
 from companion.types.mission import MissionItem
 from companion.types.path import Path
-from companion.types.state import Ownship
+from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle
 
 WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
@@ -92,6 +93,8 @@ class FlightState:
         Velocity of the air as it was told last, east and north [m/s].
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
+    settings : AutopilotSettings
+        What its parameters say of how it flies.
     mission_list : ListState
         What is known of the autopilot's list.
     """
@@ -107,6 +110,7 @@ class FlightState:
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     flies_by: bool = True
+    settings: AutopilotSettings = field(default_factory=AutopilotSettings)
     mission_list: ListState = field(default_factory=ListState)
 
     @property
@@ -263,6 +267,11 @@ def after_movement_told(
 def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
     """The state after a heartbeat told whose autopilot it is."""
     return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
+
+
+def after_settings_told(state: FlightState, settings: AutopilotSettings) -> FlightState:
+    """The state after the autopilot told parameters of how it flies."""
+    return replace(state, settings=settings)
 
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:

@@ -15,10 +15,10 @@ from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import loiter_beside
 from companion.mission.waypoints import (
-    OTHER_CHORDS,
-    USUAL_CHORDS,
-    ChordStyle,
+    CHORD_STYLES,
+    FLY_BY_STYLES,
     MissionPart,
+    TurnStyle,
     Waypoints,
     merge_close_waypoints,
     mission_part,
@@ -31,7 +31,9 @@ from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
+BANK_MAX_DEG = 80.0  # whatever the parameter says
 SHORTEST_ROWS = 12
+GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -108,8 +110,19 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
 
 
 def guidance_of(state: FlightState) -> Guidance:
-    """What the autopilot steers by."""
-    return default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    """What the autopilot steers by, as far as its parameters were told."""
+    usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    told = state.settings
+    bank = usual.bank_max_rad if not told.bank_max_deg else math.radians(min(told.bank_max_deg, BANK_MAX_DEG))
+    return replace(
+        usual,
+        acceptance_radius_m=told.acceptance_radius_m or usual.acceptance_radius_m,
+        l1_period_s=told.guidance_period_s or usual.l1_period_s,
+        l1_damping=told.guidance_damping or usual.l1_damping,
+        bank_max_rad=bank,
+        loiter_radius_m=told.loiter_radius_m or usual.loiter_radius_m,
+        climb_rate_max_m_s=min(told.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
+    )
 
 
 def waypoints_of(
@@ -158,13 +171,14 @@ def waypoints_of(
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
     """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them.
 
-    Of an autopilot that flies turns from point to point, those are taken whose flown track keeps its
-    distance; where none does, those that keep most.
+    Those are taken whose track, as the autopilot will fly it, keeps its distance; where none does, those
+    that keep most.
     """
-    clearance = float(state.mission.planning.clearance_min_m)
-    best = _carried_in_style(state, path, end, USUAL_CHORDS)
+    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
+    usual, *others = FLY_BY_STYLES if state.flies_by else CHORD_STYLES
+    best = _carried_in_style(state, path, end, usual)
     found = _room_flown(state, path, best, clearance)
-    for style in () if state.flies_by else OTHER_CHORDS:
+    for style in others:
         if found >= clearance:
             break
         other = _carried_in_style(state, path, end, style)
@@ -219,7 +233,7 @@ def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
 
 
 def _carried_in_style(
-    state: FlightState, path: Path, end: int, chords: ChordStyle
+    state: FlightState, path: Path, end: int, style: TurnStyle
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
     """As :func:`carried`, with turns in one style."""
     rules, part = state.rules, path.until(end)
@@ -229,7 +243,7 @@ def _carried_in_style(
         float(rules.vehicle.airspeed_cruise_m_s),
         flies_by=state.flies_by,
         marked_m=[length for length, _ in actions],
-        chords=chords,
+        style=style,
     )
     radius = rules.vehicle.turn_radius_min_m
     centre, direction = loiter_beside(

@@ -64,29 +64,30 @@ class Waypoints:
 
 
 @dataclass(frozen=True, slots=True)
-class ChordStyle:
-    """How the waypoints of a turn lie that is flown from point to point.
+class TurnStyle:
+    """How the waypoints of a turn lie.
 
     Parameters
     ----------
     turn_max_rad : float
-        Change of course from one to the next at most [rad].
+        Change of course at one corner, or from one waypoint on an arc to the next, at most [rad].
     inset_m : float
-        How far inside the turn all but the first lie [m].
+        How far inside the turn they lie; where it is flown from point to point, all but the first [m].
     """
 
-    turn_max_rad: float = CHORD_MAX_RAD
-    inset_m: float = INSET_M
+    turn_max_rad: float
+    inset_m: float = 0.0
 
 
-USUAL_CHORDS = ChordStyle()
-OTHER_CHORDS = (
-    ChordStyle(CHORD_MAX_RAD, 2.0 * INSET_M),
-    ChordStyle(2.0 * CHORD_MAX_RAD, INSET_M),
-    ChordStyle(2.0 * CHORD_MAX_RAD, 2.5 * INSET_M),
-    ChordStyle(CHORD_MAX_RAD, 0.0),
-    ChordStyle(CHORD_MAX_RAD, 4.0 * INSET_M),
-)  # what is tried where the usual ones bring the aircraft too near to something
+# The usual styles first; the others are tried where those bring the aircraft too near to something.
+FLY_BY_STYLES = tuple(
+    TurnStyle(share * CORNER_MAX_RAD, inset * INSET_M)
+    for share, inset in ((1.0, 0.0), (1.6, 0.0), (0.6, 0.0), (1.0, -2.0), (1.6, -2.0), (1.0, 2.0), (1.6, 2.0))
+)
+CHORD_STYLES = tuple(
+    TurnStyle(share * CHORD_MAX_RAD, inset * INSET_M)
+    for share, inset in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.5), (1.0, 0.0), (1.0, 4.0))
+)
 
 
 def waypoints_from_path(
@@ -95,27 +96,28 @@ def waypoints_from_path(
     *,
     flies_by: bool = True,
     marked_m: Sequence[float] = (),
-    chords: ChordStyle = USUAL_CHORDS,
+    style: TurnStyle | None = None,
 ) -> Waypoints:
     """Waypoints that, flown as the autopilot flies them, are the path.
 
     ArduPlane flies by: it turns at WP_RADIUS before a waypoint, and rounds its corner.
 
-    A turn becomes the corners of the polygon about its arc, :data:`CORNER_MAX_RAD` each: an aircraft
+    A turn becomes the corners of the polygon about its arc, in the usual style unless given: an aircraft
     that rounds them off at the path's radius flies the arc itself. Straight flight needs none but
     where the height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`. The
     start is left out; corners nearer to it than :data:`FIRST_WAYPOINT_AHEAD_M` count as flown.
 
     A PX4 that flies fixed wings turns no more than some 10 m before a waypoint, whatever the item says
     (measured, and so in its ``mission_block.cpp``). For it (``flies_by`` false) the waypoints of a turn
-    lie on its arc, in the style of ``chords``.
+    lie on its arc.
 
     ``marked_m`` are lengths of path flown at which something is to be done [m]: where straight flight has
     no waypoint near, one is put there.
     """
     points, courses = path.positions_enu_m, np.unwrap(path.courses_rad)
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
-    turns = _corners(points, courses, travelled) if flies_by else _chords(points, courses, travelled, chords)
+    turn = style or (FLY_BY_STYLES if flies_by else CHORD_STYLES)[0]
+    turns = (_corners if flies_by else _chords)(points, courses, travelled, turn)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
@@ -153,7 +155,7 @@ def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple
 
 
 def _corners(
-    points: FloatArray, courses: FloatArray, travelled: FloatArray
+    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: TurnStyle
 ) -> list[tuple[float, FloatArray]]:
     """Corners of all turns: where the tangents at the ends of each part of an arc meet.
 
@@ -171,7 +173,7 @@ def _corners(
         while (
             edge < len(signs)
             and signs[edge] == signs[first]
-            and abs(courses[edge + 1] - courses[first]) <= CORNER_MAX_RAD
+            and abs(courses[edge + 1] - courses[first]) <= style.turn_max_rad
         ):
             edge += 1
         edge = max(edge, first + 1)
@@ -180,12 +182,14 @@ def _corners(
         half = 0.5 * np.linalg.norm(end[:2] - start[:2]) / math.cos(0.5 * turn)
         corner = 0.5 * (start + end)
         corner[:2] = start[:2] + half * np.array([math.sin(courses[first]), math.cos(courses[first])])
+        middle = 0.5 * float(courses[first] + courses[edge])
+        corner[:2] += signs[first] * style.inset_m * np.array([math.cos(middle), -math.sin(middle)])
         found.append((0.5 * float(travelled[first] + travelled[edge]), corner))
     return found
 
 
 def _chords(
-    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: ChordStyle
+    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: TurnStyle
 ) -> list[tuple[float, FloatArray]]:
     """Rows at which turns begin and end, and rows between them no more than a chord's turn apart.
 

@@ -50,6 +50,8 @@ class Handover:
 
     Attributes
     ----------
+    protocols : SwapProtocols
+        How missions are stored and entered.
     reader : ListReader
         Knows the autopilot's list.
     """
@@ -63,9 +65,9 @@ class Handover:
         observer: Observer,
     ) -> None:
         parts = protocols.parts
+        self.protocols = protocols
         self.reader = ListReader(protocols, announcer, checkpoint)
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
-        self._protocols = protocols
         self._announcer = announcer
         self._checkpoint = checkpoint
         self._recorder = recorder
@@ -159,7 +161,7 @@ class Handover:
         self._offered = order.flown.mission
         self._flight.apply_to_list(after_swap_begun)
         try:
-            outcome, reason = await self._protocols.now.carry_out(order)
+            outcome, reason = await self.protocols.now.carry_out(order)
         finally:
             self._flight.apply_to_list(after_swap_ended, self._clock.now_s())
         if outcome in (SwapOutcome.FLOWN, SwapOutcome.STALE, SwapOutcome.FOREIGN):

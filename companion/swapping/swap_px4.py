@@ -32,6 +32,8 @@ from companion.types.mission import Mission, MissionItem
 
 UPLOAD_MAX_S = 60.0
 TURNS = 3  # of the event loop, in which an upload that was acknowledged in the same breath ends
+FLOWN = frozenset({MissionState.ACTIVE})
+STORED = FLOWN | {MissionState.NOT_STARTED}  # while the pilot flies
 CONFIRM_S = 2.5  # PX4 tells its mission once a second, and checks a new one within a tenth of that
 
 
@@ -78,7 +80,8 @@ class Px4Swap:
         begun_s = clock.now_s()
         flight.apply_to_list(after_asked, order.pending(begun_s, order.identity))
         entry = Entry(self._parts, order, lasts_s)
-        outcome, reason = await replace_whole(link, mission, entry.sequence, self._parts.may_act)
+        states = FLOWN if flight.state.may_act else STORED
+        outcome, reason = await replace_whole(link, mission, entry.sequence, self._parts.may_act, states)
         if outcome is SwapOutcome.FLOWN or entry.asked_s - begun_s > lasts_s:
             flight.apply_to_list(after_exchange, entry.asked_s - begun_s)
         if outcome in (SwapOutcome.REFUSED, SwapOutcome.DIFFERS, SwapOutcome.WITHDRAWN):
@@ -88,7 +91,11 @@ class Px4Swap:
 
 
 async def replace_whole(
-    link: MissionLink, mission: Mission, entry: Callable[[], int | None], may_act: Callable[[], bool]
+    link: MissionLink,
+    mission: Mission,
+    entry: Callable[[], int | None],
+    may_act: Callable[[], bool],
+    states: frozenset[MissionState] = FLOWN,
 ) -> tuple[SwapOutcome, str]:
     """Replace a PX4's mission and fly it from the item that lies ahead.
 
@@ -103,6 +110,8 @@ async def replace_whole(
         last item leaves.
     may_act : callable
         Whether the pilot still leaves it to us.
+    states : frozenset of MissionState
+        What the autopilot tells of a mission that it has taken.
     """
     sequence = entry_now(entry, may_act)
     if not isinstance(sequence, int):
@@ -112,13 +121,13 @@ async def replace_whole(
         return await enter(link, mission, lambda: sequence, may_act)  # sent again, its flag is ignored
     may_finish = partial(is_still_ahead, sequence, entry, may_act)
     try:
-        given = await _uploaded(link, marked(mission, sequence), may_finish, identity)
+        given = await _uploaded(link, marked(mission, sequence), may_finish, identity, states)
     except LinkError as error:
         if not may_act():
             return SwapOutcome.WITHDRAWN, "the mode was changed"
         # A lost last acknowledgement ends in an error although all is flown: what it flies tells.
         if await link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state == MissionState.ACTIVE, CONFIRM_S
+            lambda told: told.mission_id == identity and told.state in states, CONFIRM_S
         ):
             return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
         if not may_finish():
@@ -126,17 +135,21 @@ async def replace_whole(
         return SwapOutcome.REFUSED, str(error)
     if given not in (0, identity):
         return SwapOutcome.DIFFERS, f"stored as {given:08x} instead of {identity:08x}"
-    return await _confirmed(link, mission, sequence, given)
+    return await _confirmed(link, mission, sequence, given, states)
 
 
 async def _uploaded(
-    link: MissionLink, items: Sequence[MissionItem], may_finish: Callable[[], bool], identity: int
+    link: MissionLink,
+    items: Sequence[MissionItem],
+    may_finish: Callable[[], bool],
+    identity: int,
+    states: frozenset[MissionState],
 ) -> int:
     """Upload; over, too, once the autopilot tells that it flies it: an acknowledgement can be lost."""
     upload = asyncio.create_task(link.upload(items, may_finish))
     seen = asyncio.create_task(
         link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state == MissionState.ACTIVE, UPLOAD_MAX_S
+            lambda told: told.mission_id == identity and told.state in states, UPLOAD_MAX_S
         )
     )
     try:
@@ -153,7 +166,7 @@ async def _uploaded(
 
 
 async def _confirmed(
-    link: MissionLink, mission: Mission, sequence: int, identity: int
+    link: MissionLink, mission: Mission, sequence: int, identity: int, states: frozenset[MissionState]
 ) -> tuple[SwapOutcome, str]:
     """See that a PX4 flies what it has accepted; one that names no missions is read back instead."""
     if identity == 0:
@@ -167,7 +180,7 @@ async def _confirmed(
         lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
     )
     current = link.current
-    if is_told and current is not None and current.state in (MissionState.UNKNOWN, MissionState.ACTIVE):
+    if is_told and current is not None and current.state in states | {MissionState.UNKNOWN}:
         return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
     state = "nothing" if current is None else f"state {current.state}, item {current.sequence}"
     return SwapOutcome.REFUSED, f"accepted, but not flown: the autopilot tells {state}"

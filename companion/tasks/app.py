@@ -22,6 +22,7 @@ from companion.flight.flight_state import (
     after_movement_told,
     after_position,
     after_reload,
+    after_settings_told,
 )
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
@@ -211,7 +212,9 @@ class App:
         kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
         self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
         if mode in BACK and self.state.mission.authority.resume == "auto":
-            self.announcer.decide(DecisionKind.HANDBACK, BACK[mode].format(mission=self.link.mission_mode))
+            self.announcer.decide(
+                DecisionKind.HANDBACK, BACK[mode].format(mission=self.link.autopilot.mission_mode)
+            )
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             self.announcer.decide(DecisionKind.PARAMETERS, f"replanning is switched off by {ENABLE}")
 
@@ -260,7 +263,7 @@ class App:
                 if event is not None:
                     self.change(event)
             elif self._may_plan() and self.mode in (Mode.DEPARTING, Mode.SUSPENDED):
-                await self.replanning.look_ahead()
+                await self.replanning.look_ahead.plan()
             is_due = False
             while not is_due:
                 await self._clock.sleep_until(self.replanning.next_look_s())
@@ -292,6 +295,10 @@ class App:
             self.link.keep_up(now, is_active=self.mode is Mode.ACTIVE)
             if not self.hears_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
+            settings = self.link.streams.settings
+            if settings != self.state.settings:
+                self._flight.apply(after_settings_told, settings)
+            self._departure.handback.look()
             self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
 

@@ -15,12 +15,10 @@ from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_state import StateOwner, first_state
 from companion.flight.situation import Situation
 from companion.recording.recorder import Recorder
-from companion.swapping.handover import Handover
-from companion.swapping.protocols import protocols_for
 from companion.tasks.departure import Departure
-from companion.tasks.geofences import Geofences
-from companion.tasks.plan_maker import PlanMaker, PlanRunner
-from companion.tasks.replanning import Replanning, ReplanningParts
+from companion.tasks.plan_maker import PlanRunner
+from companion.tasks.replanning import Replanning
+from companion.tasks.replanning_parts import parts_for
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,24 +104,17 @@ def composed(
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
     situation = Situation(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
-    protocols = protocols_for(flight, link.autopilot, situation.ownship, clock)
-    handover = Handover(protocols, announcer, checkpoint, recorder, observer)
-    parts = ReplanningParts(
-        flight=flight,
-        situation=situation,
-        maker=PlanMaker(seed, runner, clock, recorder, observer),
-        handover=handover,
-        geofences=Geofences(flight, situation, link.autopilot, announcer),
-        announcer=announcer,
-        clock=clock,
-    )
+    parts = parts_for(
+        flight, situation, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
+        recorder=recorder, observer=observer, seed=seed, runner=runner,
+    )  # fmt: skip
     return Composition(
         parameters=parameters,
         flight=flight,
         situation=situation,
         link=link,
         announcer=announcer,
-        departure=Departure(flight, situation, handover.reader, protocols, announcer, clock),
+        departure=Departure(parts),
         replanning=Replanning(parts),
         checkpoint=checkpoint,
         recorder=recorder,

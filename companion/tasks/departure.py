@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 
-from companion.clock import Clock
-from companion.comms.announcer import Announcer
 from companion.departure.briefing import briefing_of
+from companion.departure.capability import shortfalls
 from companion.departure.takeover import is_due
 from companion.flight.decision import DecisionKind
-from companion.flight.flight_state import StateOwner, after_takeover
-from companion.flight.situation import Situation
-from companion.swapping.list_reader import ListReader
-from companion.swapping.protocols import SwapProtocols
+from companion.flight.flight_state import after_takeover
+from companion.tasks.handback import Handback
+from companion.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
 READ_AGAIN_S = 2.0  # soonest after a reading, that failed perhaps
@@ -23,33 +21,22 @@ class Departure:
 
     Parameters
     ----------
-    flight : StateOwner
-        The flight's state.
-    situation : Situation
-        Where the aircraft is.
-    reader : ListReader
-        Reads the list.
-    protocols : SwapProtocols
-        Whose autopilot it is.
-    announcer : Announcer
-        Told what the list comes to.
-    clock : Clock
-        The service's.
+    parts : ReplanningParts
+        What it works with.
+
+    Attributes
+    ----------
+    handback : Handback
+        Says while the pilot flies what handing back comes to.
     """
 
-    def __init__(
-        self,
-        flight: StateOwner,
-        situation: Situation,
-        reader: ListReader,
-        protocols: SwapProtocols,
-        announcer: Announcer,
-        clock: Clock,
-    ) -> None:
-        self._flight, self._situation, self._reader = flight, situation, reader
-        self._protocols, self._announcer, self._clock = protocols, announcer, clock
+    def __init__(self, parts: ReplanningParts) -> None:
+        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._announcer = parts.announcer
+        self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
+        self.handback = Handback(parts)
         self._read_s = -math.inf
-        self._briefed: tuple[MissionItem, ...] | None = None
+        self._briefed: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot on what is new in it."""
@@ -61,8 +48,10 @@ class Departure:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
         listed = self._flight.listed
-        if listed.layout is not None and listed.stored != self._briefed:
-            self._briefed = listed.stored
+        # Said again, too, when a parameter changes what is wrong.
+        news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
+        if listed.layout is not None and news != self._briefed:
+            self._briefed = news
             if not listed.found_flown:
                 self._brief()
 

@@ -2,57 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from companion.assurance.emergency import EmergencyStep
-from companion.clock import Clock
-from companion.comms.announcer import Announcer
-from companion.departure.foresight import begin, start_at_takeover
+from companion.departure.foresight import begin
 from companion.flight.cycle import conclude_emergency, flown_passes, is_over
 from companion.flight.decision import DecisionKind, Verdict
-from companion.flight.flight_state import StateOwner
-from companion.flight.modes import Mode, ModeEvent
-from companion.flight.progress import Start, lead_s, start_by_motion
+from companion.flight.modes import ModeEvent
 from companion.flight.shaping import ShapedPath, conclude
-from companion.flight.situation import Situation
-from companion.swapping.handover import Handover, SwapOutcome
-from companion.tasks.geofences import Geofences
-from companion.tasks.plan_maker import PlanMaker, PlanRequest, PlanRun, least_threat_request, plan_request
-from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S, KnownThreats
+from companion.swapping.handover import SwapOutcome
+from companion.tasks.look_ahead import LookAhead
+from companion.tasks.plan_maker import PlanRequest, PlanRun, least_threat_request, plan_request
+from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S
+from companion.tasks.replanning_parts import ReplanningParts, known_threats
 
-PREPARED_EARLY_S, PREPARED_LATE_S = 8.0, 3.0  # of its start a plan made ahead is still handed over
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
-
-
-@dataclass(frozen=True, slots=True)
-class ReplanningParts:
-    """What replanning works with.
-
-    Parameters
-    ----------
-    flight : StateOwner
-        The flight's state.
-    situation : Situation
-        Where the aircraft and the threats are.
-    maker : PlanMaker
-        Makes the plans.
-    handover : Handover
-        Brings them to the autopilot.
-    geofences : Geofences
-        Renewed before each plan.
-    announcer : Announcer
-        Told what is decided.
-    clock : Clock
-        The service's.
-    """
-
-    flight: StateOwner
-    situation: Situation
-    maker: PlanMaker
-    handover: Handover
-    geofences: Geofences
-    announcer: Announcer
-    clock: Clock
 
 
 class Replanning:
@@ -71,6 +33,8 @@ class Replanning:
         Brings missions to the autopilot.
     geofences : Geofences
         Renewed before each plan.
+    look_ahead : LookAhead
+        Plans for the moment at which the aircraft is left to us.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -80,8 +44,7 @@ class Replanning:
         self._announcer = parts.announcer
         self.handover, self.geofences = parts.handover, parts.geofences
         self._num_failed_swaps = 0
-        self._prepared: ShapedPath | None = None
-        self._said_prepared: DecisionKind | None = None
+        self.look_ahead = LookAhead(parts)
 
     @property
     def num_plans(self) -> int:
@@ -93,7 +56,8 @@ class Replanning:
         self._schedule.plan_at_once()
 
     def break_off(self) -> None:
-        """End an exchange that is under way where it stands."""
+        """End an exchange that is under way where it stands; nothing is ready for a way back."""
+        self.look_ahead.forget()
         self.handover.break_off()
 
     def next_look_s(self) -> float:
@@ -106,14 +70,10 @@ class Replanning:
         return self._schedule.is_due(
             self._clock.now_s(),
             state.rules.time_horizon_s,
-            self._known(),
+            known_threats(self._situation, self._clock.now_s()),
             state.mission_list.suspected,
             flies_to_goal=state.flies_to_goal and state.may_act,
         )
-
-    def _known(self) -> KnownThreats:
-        tracks = self._situation.tracker.tracks(self._clock.now_s())
-        return KnownThreats(self._situation.num_known_threats, tuple(track.identity for track in tracks))
 
     async def plan_once(self) -> ModeEvent | None:
         """One cycle: plan, judge, and swap if it is worth it.
@@ -140,61 +100,17 @@ class Replanning:
         if ownship is None or not state.may_act or not state.goals_left:
             return None
         snapshot = self._situation.snapshot(now)
-        self._schedule.knows(self._known())
+        self._schedule.knows(known_threats(self._situation, now))
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
             start = begin(state, ownship, self.handover.reader.current)
             await self._plan(plan_request(state, start, snapshot), track_s)
         return None
 
-    async def look_ahead(self) -> None:
-        """Plan for the moment at which the aircraft is left to us: the takeover, or the way back to it."""
-        self._schedule.begin(self._clock.now_s())
-        await self.geofences.renew()
-        await self._maker.until_begun()
-        now, state = self._clock.now_s(), self._flight.state
-        start = self._start_ahead(now)
-        if start is None or not state.goals_left:
-            return
-        snapshot, track_s = self._situation.snapshot(now), self._situation.newest_track_s
-        self._schedule.knows(self._known())
-        run = await self._maker.make(plan_request(state, start, snapshot))
-        state = self._flight.state
-        found = conclude(state, run.plan, start)
-        if found.shaped is None:
-            self._prepared = None
-            self._tell_prepared(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
-        elif state.mode is Mode.SUSPENDED and state.may_write and self.handover.is_settled():
-            await self._hand_over(found.shaped, run.plan_ms, track_s)
-        else:
-            self._prepared = found.shaped
-            count = len(found.shaped.waypoints.positions_enu_m)
-            self._tell_prepared(DecisionKind.READY, f"first plan, {count} waypoints")
-
-    def _start_ahead(self, now: float) -> Start | None:
-        """Where a plan begins that is made before the aircraft is left to us; None while none is of use."""
-        state, ownship = self._flight.state, self._situation.ownship.state(now)
-        current = self.handover.reader.current
-        if ownship is None or not state.phase.is_airborne:
-            return None
-        if state.mode is Mode.DEPARTING:
-            return None if current is None else start_at_takeover(state, current, ownship)
-        return start_by_motion(state.rules, ownship, lead_s(state.rules, state.mission_list.exchange_s))
-
-    def _tell_prepared(self, kind: DecisionKind, text: str) -> None:
-        """Say what planning ahead came to, once until it comes to something else."""
-        if kind is not self._said_prepared:
-            self._said_prepared = kind
-            self._announcer.decide(kind, text)
-
     async def _flew_prepared(self) -> bool:
         """Hand the plan over that was made ahead, if it begins where the aircraft is; whether it is flown."""
-        prepared, self._prepared, self._said_prepared = self._prepared, None, None
-        state, now = self._flight.state, self._clock.now_s()
-        if prepared is None or state.flown is not None or not state.may_act:
-            return False
-        since_s = now - prepared.start.state.stamp_s
-        if not -PREPARED_EARLY_S <= since_s <= PREPARED_LATE_S:
+        prepared = self.look_ahead.take_prepared()
+        if prepared is None or not self._flight.state.may_act:
             return False
         return await self._hand_over(prepared, 0.0, self._situation.newest_track_s) is SwapOutcome.FLOWN
 

@@ -52,9 +52,48 @@ class Dialect(Enum):
         return self is Dialect.PX4
 
     @property
+    def parameter_names(self) -> dict[str, str]:
+        """Names of the parameters that say how it flies, by the field of ``AutopilotSettings``."""
+        return _PARAMETER_NAMES[self]
+
+    @property
     def packs_parameters_bytewise(self) -> bool:
         """Whether whole-number parameters lie in PARAM_VALUE as in memory; else they are cast to a float."""
         return self is Dialect.PX4
+
+
+_PARAMETER_NAMES = {
+    Dialect.ARDUPILOT: {
+        "fence_enable": "FENCE_ENABLE",  # first: without it the others mean nothing
+        "fence_types": "FENCE_TYPE",
+        "acceptance_radius_m": "WP_RADIUS",
+        "guidance_period_s": "NAVL1_PERIOD",
+        "guidance_damping": "NAVL1_DAMPING",
+        "bank_max_deg": "ROLL_LIMIT_DEG",
+        "loiter_radius_m": "WP_LOITER_RAD",
+        "airspeed_min_m_s": "AIRSPEED_MIN",
+        "airspeed_max_m_s": "AIRSPEED_MAX",
+        "airspeed_cruise_m_s": "AIRSPEED_CRUISE",
+        "climb_max_m_s": "TECS_CLMB_MAX",
+        "sink_max_m_s": "TECS_SINK_MAX",
+        "fence_height_m": "FENCE_ALT_MAX",
+        "fence_radius_m": "FENCE_RADIUS",
+    },
+    Dialect.PX4: {
+        "acceptance_radius_m": "NAV_ACC_RAD",
+        "guidance_period_s": "NPFG_PERIOD",
+        "guidance_damping": "NPFG_DAMPING",
+        "bank_max_deg": "FW_R_LIM",
+        "loiter_radius_m": "NAV_LOITER_RAD",
+        "airspeed_min_m_s": "FW_AIRSPD_MIN",
+        "airspeed_max_m_s": "FW_AIRSPD_MAX",
+        "airspeed_cruise_m_s": "FW_AIRSPD_TRIM",
+        "climb_max_m_s": "FW_T_CLMB_MAX",
+        "sink_max_m_s": "FW_T_SINK_MAX",
+        "fence_height_m": "GF_MAX_VER_DIST",
+        "fence_radius_m": "GF_MAX_HOR_DIST",
+    },
+}
 
 
 class Emitter(Enum):

@@ -126,6 +126,7 @@ class MissionState(IntEnum):
     """MISSION_STATE: what MISSION_CURRENT tells of the mission; 0 where an autopilot does not tell."""
 
     UNKNOWN = 0
+    NOT_STARTED = 2
     ACTIVE = 3
 
 

@@ -15,13 +15,14 @@ from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
-from companion.flight.shaping import waypoints_of
+from companion.flight.shaping import at_start, carried, guidance_of, waypoints_of
 from companion.mission.list_layout import new_banks
-from companion.mission.waypoints import merge_close_waypoints, mission_part
+from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.state import Ownship
+from companion.vehicle.guidance import track_of_legs
 from tests.mission.made import item, path_along, waypoints
 from tests.sim.client import PLAIN
 
@@ -370,3 +371,44 @@ def test_mending_never_claims_what_the_checker_denies(steps):
     assert violations == wrong_with(kept)
     assert len(violations) <= len(wrong_with(made))
     assert set(map(tuple, kept.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))
+
+
+# --- the style of turns
+
+
+OUTSIDE = BLOCK.format("wall", 692, -400, 740, 50)
+
+
+def round_a_corner(wind=(0.0, 0.0), *, flies_by=False, wall=OUTSIDE):
+    """East, and by a quarter circle of 125 m to the south, past a wall outside the turn."""
+    path = path_along((550.0, 22), (125.0, 0.5 * math.pi, 8), (600.0, 24), course=EAST)
+    made = begun("obstacles:\n" + wall)
+    return replace(made, flies_by=flies_by, wind_enu_m_s=wind), path
+
+
+def room_of(made, path, found):
+    """How near the foreseen track comes to the wall [m]."""
+    own = at_start(path, made.wind_enu_m_s)
+    track = track_of_legs(guidance_of(made), own, found.positions_enu_m, ends_s=50.0)
+    return shapely.LineString(track.positions_enu_m[:, :2]).distance(shapely.box(692, -400, 740, 50))
+
+
+def test_a_turn_that_the_wind_makes_too_wide_is_laid_out_otherwise():
+    made, path = round_a_corner((10.0, 0.0))
+    usual = waypoints_from_path(path, 25.0, flies_by=False)
+    chosen, violations = carried(made, path, len(path) - 1)
+    assert violations == ()
+    assert room_of(made, path, usual) < room_of(made, path, chosen)
+
+
+@pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
+def test_where_nothing_is_near_the_usual_style_is_kept(flies_by):
+    made, path = round_a_corner(flies_by=flies_by, wall=BLOCK.format("far", 600, 900, 700, 950))
+    usual = waypoints_from_path(path, 25.0, flies_by=flies_by)
+    chosen, _ = carried(made, path, len(path) - 1)
+    np.testing.assert_array_equal(chosen.positions_enu_m, usual.positions_enu_m)
+
+
+def test_the_wind_is_the_one_told_last():
+    made = after_position(begun(), replace(state(), wind_enu_m_s=(3.0, -1.0)))
+    assert made.wind_enu_m_s == (3.0, -1.0)

@@ -39,3 +39,9 @@ def test_a_flight_of_the_soak_ends(tmp_path):
     how, lasted_s = flight(0, 1, tmp_path)
     assert how in ("goal", "flying")
     assert lasted_s > 30.0
+
+
+def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(tmp_path):
+    """Flight 242 of a soak from seed 1: paper-2d under faults, out of a holding circle (seed 243)."""
+    how, _ = flight(242, 1, tmp_path)
+    assert how != "collision"

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from companion.clock import ManualClock
-from companion.config import mission_from_text
+from companion.config import load_mission, mission_from_text
 from companion.flight.flight_state import first_state
 from companion.flight.shaping import waypoints_of
 from companion.swapping.entry import entry_of, may_be_entered
@@ -16,8 +17,9 @@ from companion.swapping.swap_protocol import Entry
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
 from tests.mission.made import path_along, waypoints
-from tests.sim.client import PLAIN
+from tests.sim.client import PLAIN, mission_file
 
+DATA = Path(__file__).parents[1] / "data"
 EAST = 0.5 * math.pi
 OPEN = PLAIN.replace(
     "  - {east_m: 1750, north_m: 750, up_m: 100}", "  - {east_m: 1500, north_m: 0, up_m: 100}"
@@ -166,3 +168,45 @@ def test_an_entry_once_chosen_is_only_confirmed():
     assert entry.sequence() is None  # passed meanwhile; another is not chosen in its place
     places_now["state"] = None
     assert entry.sequence() is None
+
+
+# --- entries that were flown once, and ended in a wall or beside it
+
+
+def on(place, *, course_deg, speed, bank_deg, wind):
+    return Ownship(
+        0.0, place, math.radians(course_deg), 0.0, 25.0, speed, wind, bank_rad=math.radians(bank_deg)
+    )
+
+
+def from_there(state):
+    """A path that begins where the aircraft is."""
+    path = path_along((500.0, 20), course=state.course_rad)
+    return replace(path, positions_enu_m=path.positions_enu_m + np.array([*state.position_enu_m[:2], 0.0]))
+
+
+def after(state, *places):
+    """Waypoints of a path that begins where the aircraft is."""
+    made = waypoints(*places, loiter_radius_m=125.0)
+    return replace(made, distances_m=made.distances_m + math.dist(state.position_enu_m, places[0]))
+
+
+def test_out_of_a_left_hand_circle_to_a_waypoint_on_the_right_between_two_walls():
+    """paper-2d, seed 243 of the soak: rolled over from 33 degrees, it met the wall 66 m on."""
+    made = first_state(mission_file("paper-2d.yaml"), 0.0)
+    state = on((1087.6, 1152.5, 99.2), course_deg=81.7, speed=27.1, bank_deg=-32.9, wind=(2.6, 1.5))
+    places = after(
+        state, (1143.7, 1117.1, 100), (1191.5, 1056.5, 100), (1498.6, 311.5, 100), (1687.4, 200.0, 100)
+    )
+    assert entry_of(made, state, from_there(state), places) is None
+
+
+def test_a_px4_that_is_low_reaches_its_waypoint_late():
+    """``tailwind``, 11 m low in gusts: 10 m are allowed, so the first waypoint was flown past by 30 m."""
+    made = replace(first_state(load_mission(DATA / "tailwind.yaml"), 0.0), flies_by=False)
+    state = on((2117.8, 1098.2, 88.9), course_deg=223.0, speed=22.2, bank_deg=2.6, wind=(-4.4, -4.7))
+    places = after(
+        state, (2081.5, 1044.4, 100), (2031.6, 1012.7, 100), (2006.3, 977.0, 100), (1919.1, 834.2, 100),
+        (1919.0, 819.4, 100), (1882.8, 692.8, 100), (1891.0, 665.7, 100), (2252.3, 460.0, 100),
+    )  # fmt: skip
+    assert entry_of(made, state, from_there(state), places, number=0) is None

@@ -1,4 +1,4 @@
-"""Which messages the autopilot is asked to send, at which rate, and when it is asked again.
+"""Which messages and parameters the autopilot is asked for, at which rate, and when it is asked again.
 
 A request may be lost, refused, or forgotten by an autopilot that rebooted; so what counts is what
 arrives. Without any I/O: the caller passes frames and time in, and sends what ``due`` returns.
@@ -9,9 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.link.messages.codec import Codec
+from companion.link.messages.settings_reader import SettingsReader
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.types.events import Dialect, Heartbeat, Rebooted
-from companion.types.mavlink_enums import MessageId
+from companion.types.mavlink_enums import ComponentId, MessageId
+from companion.types.state import AutopilotSettings
 
 _ASK_AGAIN_S = 5.0
 _FIRST_WAIT_S = 2.0
@@ -50,6 +52,7 @@ class Streams:
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz
+        self._reader = SettingsReader()
         self._streams: dict[int, _Stream] = {}
         self._autopilot: Dialect | None = None
 
@@ -63,6 +66,11 @@ class Streams:
         )
 
     @property
+    def settings(self) -> AutopilotSettings:
+        """What the autopilot has told of how it flies."""
+        return self._reader.settings
+
+    @property
     def wanted(self) -> dict[int, float]:
         """Rates that the vital messages are asked for at [Hz]."""
         return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
@@ -73,10 +81,14 @@ class Streams:
             if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:
                 self._autopilot = event.dialect
                 self._streams = self._wanted(event.dialect, stamp_s)
+                self._reader.begin(event.dialect)
             elif isinstance(event, Rebooted) and self._autopilot is not None:
                 self._streams = self._wanted(self._autopilot, stamp_s)
         stream = self._streams.get(frame.message_id)
-        if stream is not None and frame.component_id == 1:
+        if frame.component_id != ComponentId.AUTOPILOT1:
+            return
+        self._reader.note(frame)
+        if stream is not None:
             stream.hear(stamp_s)
 
     def due(self, codec: Codec, now_s: float) -> bytes:
@@ -90,7 +102,7 @@ class Streams:
                     number == MessageId.HOME_POSITION
                 ):  # sent on change only: the interval alone may never bring it
                     requests.append(codec.request_message(MessageId.HOME_POSITION))
-        return b"".join(requests)
+        return b"".join(requests) + self._reader.due(codec)
 
     def _wanted(self, dialect: Dialect, now_s: float) -> dict[int, _Stream]:
         fast, slow = self._rate_hz, 1.0

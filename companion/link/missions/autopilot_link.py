@@ -18,7 +18,7 @@ from typing import Any
 from companion.clock import Clock
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import Codec
-from companion.link.messages.flight_modes import custom_mode_of
+from companion.link.messages.flight_modes import MISSION_MODES, custom_mode_of
 from companion.link.missions.mavsdk_reader import MISSION_MESSAGES, MavsdkReader
 from companion.link.missions.mission_items import check_upload
 from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
@@ -83,6 +83,12 @@ class AutopilotLink:
     def dialect(self) -> Dialect | None:
         """Whose missions the autopilot flies; None until it is heard."""
         return self._dialect
+
+    @property
+    def mission_mode(self) -> str:
+        """The flight mode in which missions are flown, in the autopilot's words."""
+        dialect = self.dialect
+        return "the mission mode" if dialect is None else MISSION_MODES[dialect]
 
     @property
     def current(self) -> MissionCurrent | None:

@@ -1,0 +1,60 @@
+"""What a mission file asks of the aircraft, against what its autopilot's parameters let it do."""
+
+from __future__ import annotations
+
+import math
+
+from companion.config import MissionConfig
+from companion.types.state import AutopilotSettings
+
+GRAVITY_M_S2 = 9.80665
+FENCE_HEIGHT, FENCE_CIRCLE = 1, 2  # bits of FENCE_TYPE
+TOLERANCE = 1.02  # of what is asked for: parameters are whole numbers here and there
+
+
+def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str, ...]:
+    """What the mission file asks for and the autopilot does not do, each with the two numbers.
+
+    A mission of which anything falls short is not taken over.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    settings : AutopilotSettings
+        What the autopilot has told; what it has not told, nothing falls short of.
+    """
+    vehicle = mission.vehicle
+    cruise = float(vehicle.airspeed_cruise_m_s)
+    found = []
+    if settings.airspeed_min_m_s and cruise * TOLERANCE < settings.airspeed_min_m_s:
+        found.append(f"cruise {cruise:g} m/s, autopilot at least {settings.airspeed_min_m_s:g}")
+    if settings.airspeed_max_m_s and cruise > settings.airspeed_max_m_s * TOLERANCE:
+        found.append(f"cruise {cruise:g} m/s, autopilot at most {settings.airspeed_max_m_s:g}")
+    if settings.bank_max_deg and settings.bank_max_deg < 90.0:
+        tightest = cruise**2 / (GRAVITY_M_S2 * math.tan(math.radians(settings.bank_max_deg)))
+        if float(vehicle.turn_radius_min_m) * TOLERANCE < tightest:
+            found.append(f"turn radius {vehicle.turn_radius_min_m:g} m, autopilot {tightest:.0f}")
+    for name, angle_deg, most in (
+        ("climb", vehicle.climb_angle_max_deg, settings.climb_max_m_s),
+        ("descent", vehicle.descent_angle_max_deg, settings.sink_max_m_s),
+    ):
+        asked = cruise * math.sin(math.radians(float(angle_deg)))
+        if mission.dimension == 3 and most and asked > most * TOLERANCE:
+            found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
+    found += _beyond_fences(mission, settings)
+    return tuple(found)
+
+
+def _beyond_fences(mission: MissionConfig, settings: AutopilotSettings) -> list[str]:
+    """Goals beyond the fences that are parameters: height above home, and distance from it."""
+    found = []
+    height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
+    radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)
+    for number, goal in enumerate(mission.goals, 1):
+        if height is not None and goal.up_m > height:
+            found.append(f"goal {number} at {goal.up_m:g} m, fence {height:g}")
+        away = math.dist((goal.east_m, goal.north_m), (mission.start.east_m, mission.start.north_m))
+        if radius is not None and away > radius:
+            found.append(f"goal {number} {away:.0f} m away, fence {radius:g}")
+    return found

@@ -1,0 +1,82 @@
+"""What planning in flight works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.clock import Clock
+from companion.comms.announcer import Announcer
+from companion.comms.observer import Observer
+from companion.flight.checkpoint import Checkpoint
+from companion.flight.flight_state import StateOwner
+from companion.flight.situation import Situation
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.recording.recorder import Recorder
+from companion.swapping.handover import Handover
+from companion.swapping.protocols import protocols_for
+from companion.tasks.geofences import Geofences
+from companion.tasks.plan_maker import PlanMaker, PlanRunner
+from companion.tasks.plan_schedule import KnownThreats
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanningParts:
+    """What replanning works with.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    situation : Situation
+        Where the aircraft and the threats are.
+    maker : PlanMaker
+        Makes the plans.
+    handover : Handover
+        Brings them to the autopilot.
+    geofences : Geofences
+        Renewed before each plan.
+    announcer : Announcer
+        Told what is decided.
+    clock : Clock
+        The service's.
+    """
+
+    flight: StateOwner
+    situation: Situation
+    maker: PlanMaker
+    handover: Handover
+    geofences: Geofences
+    announcer: Announcer
+    clock: Clock
+
+
+def parts_for(
+    flight: StateOwner,
+    situation: Situation,
+    link: AutopilotLink,
+    clock: Clock,
+    *,
+    announcer: Announcer,
+    checkpoint: Checkpoint,
+    recorder: Recorder,
+    observer: Observer,
+    seed: int,
+    runner: PlanRunner,
+) -> ReplanningParts:
+    """What planning works with, over one link; parameters as of ``tasks.composition.composed``."""
+    protocols = protocols_for(flight, link, situation.ownship, clock)
+    return ReplanningParts(
+        flight=flight,
+        situation=situation,
+        maker=PlanMaker(seed, runner, clock, recorder, observer),
+        handover=Handover(protocols, announcer, checkpoint, recorder, observer),
+        geofences=Geofences(flight, situation, link, announcer),
+        announcer=announcer,
+        clock=clock,
+    )
+
+
+def known_threats(situation: Situation, now_s: float) -> KnownThreats:
+    """Which threats are known now."""
+    tracks = situation.tracker.tracks(now_s)
+    return KnownThreats(situation.num_known_threats, tuple(track.identity for track in tracks))

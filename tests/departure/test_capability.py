@@ -1,0 +1,85 @@
+"""What a mission file asks for against what the autopilot's parameters allow, by numbers worked by hand."""
+
+import math
+
+import pytest
+
+from companion.config import mission_from_text
+from companion.departure.capability import shortfalls
+from companion.flight.flight_state import after_settings_told, first_state
+from companion.flight.shaping import guidance_of
+from companion.types.state import AutopilotSettings
+from tests.flight.test_app import at, both
+from tests.flight.test_flight_day import day, off, uploaded
+from tests.flight.test_operator import BOTH
+from tests.sim.client import PLAIN
+
+MISSION = mission_from_text(PLAIN, "plain.yaml")  # 25 m/s, turn radius 125 m, in the plane, goal 1904 m away
+IN_SPACE = mission_from_text(PLAIN.replace("dimension: 2", "dimension: 3"), "plain.yaml")
+
+
+@pytest.mark.parametrize(
+    ("settings", "found"),
+    [
+        ({}, ()),
+        ({"airspeed_min_m_s": 12.0, "airspeed_max_m_s": 38.0, "bank_max_deg": 50.0}, ()),
+        ({"airspeed_max_m_s": 22.0}, ("cruise 25 m/s, autopilot at most 22",)),
+        ({"airspeed_min_m_s": 28.0}, ("cruise 25 m/s, autopilot at least 28",)),
+        # 625 / (9.80665 * tan 20 deg) = 175.1 m; at 27 deg 125.1 m, which is 125
+        ({"bank_max_deg": 20.0}, ("turn radius 125 m, autopilot 175",)),
+        ({"bank_max_deg": 27.0}, ()),
+        ({"fence_height_m": 90.0, "fence_enable": 1.0, "fence_types": 7.0}, ("goal 1 at 100 m, fence 90",)),
+        ({"fence_height_m": 90.0, "fence_enable": 0.0}, ()),
+        ({"fence_height_m": 90.0, "fence_enable": 1.0, "fence_types": 2.0}, ()),
+        ({"fence_radius_m": 300.0, "fence_enable": 1.0}, ("goal 1 1904 m away, fence 300",)),
+        ({"fence_radius_m": 0.0}, ()),
+        ({"climb_max_m_s": 3.0}, ()),  # nobody climbs in the plane
+    ],
+)
+def test_both_numbers_are_told(settings, found):
+    assert shortfalls(MISSION, AutopilotSettings(**settings)) == found
+
+
+def test_climb_and_descent():
+    # 25 m/s * sin 10 deg = 4.34 m/s
+    told = AutopilotSettings(climb_max_m_s=3.0, sink_max_m_s=4.0)
+    assert shortfalls(IN_SPACE, told) == ("climb 4.3 m/s, autopilot 3", "descent 4.3 m/s, autopilot 4")
+    assert shortfalls(IN_SPACE, AutopilotSettings(climb_max_m_s=5.0, sink_max_m_s=5.0)) == ()
+
+
+def test_what_was_told_is_what_tracks_are_foreseen_by():
+    told = AutopilotSettings(
+        acceptance_radius_m=30.0, guidance_period_s=22.0, guidance_damping=0.8, bank_max_deg=35.0,
+        loiter_radius_m=-90.0, climb_max_m_s=2.0,
+    )  # fmt: skip
+    guidance = guidance_of(after_settings_told(first_state(MISSION, 0.0), told))
+    assert (guidance.acceptance_radius_m, guidance.l1_period_s, guidance.l1_damping) == (30.0, 22.0, 0.8)
+    assert (guidance.loiter_radius_m, guidance.climb_rate_max_m_s) == (-90.0, 2.0)
+    assert guidance.bank_max_rad == pytest.approx(math.radians(35.0))
+    untold = guidance_of(first_state(MISSION, 0.0))
+    assert untold.acceptance_radius_m == 50.0
+
+
+def limited(stamp_s, degrees):
+    def limit(harness):
+        harness.simulator.autopilot.parameters["ROLL_LIMIT_DEG"] = degrees
+
+    return at(stamp_s, limit)
+
+
+@BOTH
+def test_a_mission_beyond_the_aircraft_is_refused_on_the_ground_and_not_taken_over(dialect):
+    harness = day(dialect, 60.0, limited(0.0, 20.0), uploaded(8.0), off(14.0))
+    assert "turn radius 125 m, autopilot 175" in harness.texts("fault")
+    told = [entry.stamp_s for entry in harness.recorder.decisions if entry.kind == "fault"]
+    assert max(told) < 14.0
+    assert harness.app.num_swaps == 0
+    assert harness.changes() == []
+
+
+@BOTH
+def test_once_the_parameter_is_set_right_it_is_flown(dialect):
+    """Parameters are asked for again and again: one every few seconds."""
+    harness = day(dialect, 130.0, limited(0.0, 20.0), uploaded(8.0), limited(12.0, 50.0), both(off(100.0)))
+    assert "turn radius 125 m, autopilot 175" in harness.texts("fault")
+    assert harness.app.num_swaps >= 1
