@@ -20,6 +20,7 @@ from companion.mission.waypoints import (
     MissionPart,
     TurnStyle,
     Waypoints,
+    density_ratio,
     merge_close_waypoints,
     mission_part,
     waypoints_from_path,
@@ -31,6 +32,7 @@ from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
+HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 BANK_MAX_DEG = 80.0  # whatever the parameter says
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
@@ -122,7 +124,15 @@ def guidance_of(state: FlightState) -> Guidance:
         bank_max_rad=bank,
         loiter_radius_m=told.loiter_radius_m or usual.loiter_radius_m,
         climb_rate_max_m_s=min(told.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
+        circle_stretch=_circle_stretch(state),
     )
+
+
+def _circle_stretch(state: FlightState) -> float:
+    """How much wider than commanded an ArduPlane circles in standard air, about the mission's height."""
+    mission = state.mission
+    altitude = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
+    return 1.0 / density_ratio(altitude) if state.flies_by else 1.0
 
 
 def waypoints_of(
@@ -246,6 +256,9 @@ def _carried_in_style(
         style=style,
     )
     radius = rules.vehicle.turn_radius_min_m
+    commanded = round(radius / _circle_stretch(state))
+    if state.flies_by:  # wider in hot air, in which the circle is to keep clear, too
+        radius *= HOT_STRETCH
     centre, direction = loiter_beside(
         flown.positions_enu_m, float(part.courses_rad[-1]), radius, rules.obstacles,
         rules.checker.limits.bounds,
@@ -261,7 +274,7 @@ def _carried_in_style(
     waypoints = replace(
         flown,
         loiter_centre_enu_m=centre,
-        loiter_radius_m=direction * radius,
+        loiter_radius_m=direction * commanded,
         continues_with_operator_items=(end == len(path) - 1 and _may_go_on(state, flown.positions_enu_m[-1])),
         actions=_actions_at(actions, flown),
     )

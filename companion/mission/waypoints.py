@@ -361,10 +361,17 @@ def sequence_of_waypoint(mission: Mission, number: int) -> int:
 def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:
     """Equivalent airspeed, which autopilots command, of a true one [m/s].
 
-    By the density of the International Standard Atmosphere (ISO 2533, troposphere).
+    By the density of the International Standard Atmosphere.
     """
-    density_ratio = (1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588
-    return true_airspeed_m_s * math.sqrt(density_ratio)
+    return true_airspeed_m_s * math.sqrt(density_ratio(altitude_amsl_m))
+
+
+def density_ratio(altitude_amsl_m: float) -> float:
+    """Density of the air over that at the sea, by the International Standard Atmosphere.
+
+    ISO 2533, troposphere.
+    """
+    return float((1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588)
 
 
 def _item(command: Command, position_enu_m: FloatArray, frame: LocalFrame) -> MissionItem:

@@ -67,6 +67,9 @@ class Guidance:
         NAV_FW_ALT_RAD: how near its height a waypoint counts as reached [m].
     slope_min_m : float
         GLIDE_SLOPE_MIN: a change of height below it is made at once [m].
+    circle_stretch : float
+        How much wider circles are flown than commanded: ArduPlane widens them with the square of true over
+        equivalent airspeed (``AP_L1_Control::loiter_radius``).
     """
 
     flies_by: bool
@@ -80,6 +83,7 @@ class Guidance:
     climb_rate_max_m_s: float = 5.0
     height_acceptance_m: float = BEYOND_M
     slope_min_m: float = 0.0
+    circle_stretch: float = 1.0
 
     def __post_init__(self) -> None:
         positive = (
@@ -194,7 +198,8 @@ def track_of_legs(
     before = np.asarray(ownship.position_enu_m if before_enu_m is None else before_enu_m, dtype=np.float64)
     circle = np.zeros(4)
     if loiter is not None:
-        circle[:3], circle[3] = loiter[0], loiter[1] or guidance.loiter_radius_m
+        circle[:3] = loiter[0]
+        circle[3] = guidance.circle_stretch * (loiter[1] or guidance.loiter_radius_m)
     return _flown(guidance, ownship, np.vstack([before[None, :], targets]), circle, ends_s, step_s)
 
 
@@ -223,7 +228,8 @@ def track_of_circle(
     step_s : float
         Time between two rows, rounded to full steps of the integration [s].
     """
-    circle = np.array([*np.asarray(centre_enu_m, dtype=np.float64), radius_m or guidance.loiter_radius_m])
+    radius = guidance.circle_stretch * (radius_m or guidance.loiter_radius_m)
+    circle = np.array([*np.asarray(centre_enu_m, dtype=np.float64), radius])
     return _flown(guidance, ownship, circle[None, :3].copy(), circle, ends_s, step_s)
 
 

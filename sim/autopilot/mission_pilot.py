@@ -65,8 +65,13 @@ class MissionPilot(Autopilot):
     def _steer_circle(self, centre: tuple[float, float], radius_m: float, height_m: float) -> None:
         """Circle, clockwise unless the radius is negative."""
         direction = -1 if radius_m < 0 else 1
-        self.flight.steering = Circle(centre, max(abs(radius_m), 1.0), direction, height_m)
+        radius = max(self._circled_radius(abs(radius_m)), 1.0)
+        self.flight.steering = Circle(centre, radius, direction, height_m)
         self.telemetry.target = (*centre, height_m)
+
+    def _circled_radius(self, radius_m: float) -> float:
+        """Radius that is flown where one is commanded [m]."""
+        return radius_m
 
     def has_arrived(self, item: MissionItem) -> bool:
         """Whether a navigation item is done."""

@@ -278,6 +278,12 @@ class ArduPlane(MissionPilot):
         self.say(mavlink.MAV_SEVERITY_NOTICE, "Mission complete, changing mode to RTL")
         self.set_mode("RTL")
 
+    def _circled_radius(self, radius_m: float) -> float:
+        """Wider with height, by the square of true over equivalent airspeed: the bank stays (measured)."""
+        state = self.flight.dynamics.state
+        ratio = state.true_airspeed_m_s / max(state.equivalent_airspeed_m_s, 1.0)
+        return radius_m * max(ratio, 1.0) ** 2
+
     def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
         distance = self._distance_to_end(leg)
         radius = (item.parameters[1] or 0.0) or self.parameters["WP_RADIUS"]
