@@ -37,7 +37,7 @@ _.REBOOT, _.UPLOADER, _.DISK_FULL, _.CLOCK_JUMP, _.KILL
 
 # Told to the tests alone: how often something happened that leaves no other trace.
 _.dropped_bytes, _.connections, _.num_broken, _.is_accepted, _.num_dropped
-_.use_signing, _.trim_elevator_rad
+_.use_signing, _.trim_elevator_rad, _.banks_rad
 
 # The measures of Table 2 of the paper, for the campaign that will fly them.
 _.pursuit_measures, _.estimated_share, _.first_pursued_share, _.num_reachable

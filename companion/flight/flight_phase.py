@@ -44,7 +44,10 @@ class FlightPhase:
         """Whether the aircraft flies."""
         if self.landed_state == LandedState.UNDEFINED:
             return self.is_armed and self.is_moving
-        return self.is_armed and self.landed_state in (LandedState.IN_AIR, LandedState.LANDING)
+        is_up = self.landed_state in (LandedState.IN_AIR, LandedState.LANDING)
+        # A PX4 tells TAKEOFF until its take-off item is done, on the ground as in the climb.
+        is_climbing = self.landed_state == LandedState.TAKEOFF and self.is_moving
+        return self.is_armed and (is_up or is_climbing)
 
     def is_grounded(self, now_s: float) -> bool:
         """Whether the aircraft has not been armed for a while; an autopilot never heard tells nothing."""

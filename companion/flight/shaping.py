@@ -34,6 +34,7 @@ from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 BANK_MAX_DEG = 80.0  # whatever the parameter says
+STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
@@ -169,8 +170,13 @@ def waypoints_of(
     tries = [row, *(row + k for k in range(2, last - row, 2)), last]
     tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
     first_wrong: tuple[Violation, ...] = ()
+    styled = 0
     for end in tries:
-        waypoints, violations = carried(state, path, end)
+        usual = _carried_in_style(state, path, end, _styles(state)[0])
+        if usual[1] and styled >= STYLED_ROWS:  # at most rows it is the circle that has no room
+            continue
+        styled += bool(usual[1])
+        waypoints, violations = _best_carried(state, path, end, usual)
         num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
         if not violations and num_items <= max_waypoints:
             return waypoints, float(path.times_s[end]), ()
@@ -184,11 +190,21 @@ def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[
     Those are taken whose track, as the autopilot will fly it, keeps its distance; where none does, those
     that keep most.
     """
+    return _best_carried(state, path, end, _carried_in_style(state, path, end, _styles(state)[0]))
+
+
+def _styles(state: FlightState) -> tuple[TurnStyle, ...]:
+    """How waypoints may lie in turns, the usual style first."""
+    return FLY_BY_STYLES if state.flies_by else CHORD_STYLES
+
+
+def _best_carried(
+    state: FlightState, path: Path, end: int, usual: tuple[Waypoints, tuple[Violation, ...]]
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """As :func:`carried`, beginning with what the usual style comes to."""
     clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
-    usual, *others = FLY_BY_STYLES if state.flies_by else CHORD_STYLES
-    best = _carried_in_style(state, path, end, usual)
-    found = _room_flown(state, path, best, clearance)
-    for style in others:
+    best, found = usual, _room_flown(state, path, usual, clearance)
+    for style in _styles(state)[1:]:
         if found >= clearance:
             break
         other = _carried_in_style(state, path, end, style)

@@ -116,21 +116,31 @@ def waypoints_from_path(
     """
     points, courses = path.positions_enu_m, np.unwrap(path.courses_rad)
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
-    turn = style or (FLY_BY_STYLES if flies_by else CHORD_STYLES)[0]
-    turns = (_corners if flies_by else _chords)(points, courses, travelled, turn)
+    turns_of, usual = (_corners, FLY_BY_STYLES[0]) if flies_by else (_chords, CHORD_STYLES[0])
+    turns = turns_of(points, courses, travelled, style or usual)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
     if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
-        chosen.insert(0, (float(travelled[row]), points[row]))
+        chosen.insert(0, _mark(points, travelled, row))
     chosen = _without_slight_corners([*chosen, marks[-1]])
     for length in marked_m:
         row = int(np.argmin(np.abs(travelled - length)))
         if _is_straight(courses, row) and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
-            chosen.append((float(travelled[row]), points[row]))
-    chosen.sort(key=lambda mark: mark[0])
-    positions, distances = np.array([at[1] for at in chosen]), np.array([at[0] for at in chosen])
+            chosen.append(_mark(points, travelled, row))
+    return _in_order(chosen, airspeed_m_s)
+
+
+def _mark(points: FloatArray, travelled: FloatArray, row: int) -> tuple[float, FloatArray]:
+    """Length flown, of ``travelled`` (N,) [m], and place (3,), of ``points`` (N, 3) [m], at a row."""
+    return float(travelled[row]), points[row]
+
+
+def _in_order(marks: list[tuple[float, FloatArray]], airspeed_m_s: float) -> Waypoints:
+    """Waypoints at ``marks``, pairs of a length of path flown and a place (3,) [m]."""
+    ordered = sorted(marks, key=lambda mark: mark[0])
+    positions, distances = np.array([at[1] for at in ordered]), np.array([at[0] for at in ordered])
     return Waypoints(positions, distances, airspeed_m_s)
 
 

@@ -9,11 +9,14 @@ from companion.departure.capability import shortfalls
 from companion.departure.takeover import is_due
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_takeover
+from companion.flight.list_state import after_suspicion
 from companion.tasks.handback import Handback
 from companion.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
 READ_AGAIN_S = 2.0  # soonest after a reading, that failed perhaps
+LOOK_S = 10.0  # between readings of a list whose changes the autopilot does not tell everybody
+FRESH_S = 2.0  # of such a list, when the service takes over
 
 
 class Departure:
@@ -40,7 +43,10 @@ class Departure:
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot on what is new in it."""
-        listed, now = self._flight.listed, self._clock.now_s()
+        now = self._clock.now_s()
+        if self._may_have_changed(LOOK_S, now):
+            self._flight.apply_to_list(after_suspicion, "a look")
+        listed = self._flight.listed
         is_known = listed.layout is not None and not listed.suspected
         # Whether a list's items are flown is told by where the aircraft is.
         is_told = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
@@ -54,6 +60,15 @@ class Departure:
             self._briefed = news
             if not listed.found_flown:
                 self._brief()
+
+    def _may_have_changed(self, after_s: float, now: float) -> bool:
+        """Whether a list that its autopilot gives no name was read longer ago than ``after_s``.
+
+        An ArduPlane tells the end of an upload on the link that it came over, and others the number of items.
+        """
+        listed, current = self._flight.listed, self._protocols.parts.link.current
+        is_named = current is not None and current.mission_id != 0
+        return listed.layout is not None and not is_named and now - listed.read_s > after_s
 
     def _brief(self) -> None:
         """Tell the pilot what will be flown, from when on by the service, and what is wrong."""
@@ -75,6 +90,10 @@ class Departure:
         link, now = self._protocols.parts.link, self._clock.now_s()
         current = link.current
         if current is None or not is_due(self._flight.state, current, self._situation.ownship.state(now)):
+            return False
+        if self._may_have_changed(FRESH_S, now):
+            self._flight.apply_to_list(after_suspicion, "the takeover")
+            self._read_s = -math.inf
             return False
         self._flight.apply(after_takeover, current.sequence)
         return True

@@ -59,9 +59,10 @@ class LookAhead:
             return
         snapshot, track_s = parts.situation.snapshot(now), parts.situation.newest_track_s
         maker.schedule.knows(known_threats(parts.situation, now))
-        run = await maker.make(plan_request(state, start, snapshot))
+        run, found = await maker.make(
+            plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start)
+        )
         state = parts.flight.state
-        found = conclude(state, run.plan, start)
         if found.shaped is None:
             self._prepared = None
             if run.plan.status is not PlanStatus.INVALID_START:  # in the climb, below the bounds

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from companion.clock import Clock
 from companion.comms.observer import Observer
@@ -21,6 +22,8 @@ from companion.types.plan import Plan
 from companion.types.record import PlanRecord
 from companion.types.threat import ThreatTree
 from companion.world.snapshot import Snapshot
+
+Conclusion = TypeVar("Conclusion")
 
 __all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
@@ -189,23 +192,37 @@ class PlanMaker:
         """Wait until the next plan is to be made."""
         await self._runner.until_begun(self._clock, self._num_runs + 1)
 
-    async def make(self, request: PlanRequest) -> PlanRun:
-        """Make a plan within the mission file's budget."""
+    async def make(
+        self, request: PlanRequest, conclude: Callable[[Plan], Conclusion]
+    ) -> tuple[PlanRun, Conclusion]:
+        """Make a plan within the mission file's budget, and conclude from it.
+
+        Both are done beside the event loop where plans are: a mission's shape is judged many times over.
+
+        Parameters
+        ----------
+        request : PlanRequest
+            What it is made from.
+        conclude : callable
+            Takes the plan; what comes of it.
+        """
         begun_s = self._clock.now_s()
         budget_s = float(request.rules.mission.planning.planning_budget_s)
         self._num_runs += 1
         self._observer.progress()
         timing = self._runner.timing(self._clock, budget_s, self._num_runs)
-        if timing.is_threaded:
-            run = await in_thread(self._planner.run, request, timing.rule)
-        else:
+
+        def work() -> tuple[PlanRun, Conclusion]:
             run = self._planner.run(request, timing.rule)
+            return run, conclude(run.plan)
+
+        run, concluded = await in_thread(work) if timing.is_threaded else work()
         if timing.until_s is not None:
             await self._clock.sleep_until(timing.until_s)
         self._observer.progress()
         self._observer.planned(run.plan, run.plan_ms)
         self._record(run, request, begun_s)
-        return run
+        return run, concluded
 
     def _record(self, run: PlanRun, request: PlanRequest, begun_s: float) -> None:
         """Write a plan down, with why it was made and from where."""

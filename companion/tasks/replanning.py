@@ -108,19 +108,22 @@ class Replanning:
         return None
 
     async def _flew_prepared(self) -> bool:
-        """Hand the plan over that was made ahead, if it begins where the aircraft is; whether it is flown."""
+        """Hand the plan over that was made ahead, if it begins where the aircraft is.
+
+        Whether that is all for now: it is flown, or the list is not as it was believed to be.
+        """
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
-        return await self._hand_over(prepared, 0.0, self._situation.newest_track_s) is SwapOutcome.FLOWN
+        outcome = await self._hand_over(prepared, 0.0, self._situation.newest_track_s)
+        return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
-        run = await self._maker.make(request)
         state = self._flight.state
-        if not state.may_act:
+        run, found = await self._maker.make(request, lambda plan: conclude(state, plan, request.start))
+        if not self._flight.state.may_act:
             return
-        found = conclude(state, run.plan, request.start)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
             return
@@ -143,11 +146,12 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
-        run = await self._maker.make(least_threat_request(state, start, request.snapshot))
-        state = self._flight.state
-        if not state.may_act:
+        run, found = await self._maker.make(
+            least_threat_request(state, start, request.snapshot),
+            lambda plan: conclude_emergency(state, plan, failed.plan, start),
+        )
+        if not self._flight.state.may_act:
             return
-        found = conclude_emergency(state, run.plan, failed.plan, start)
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -242,3 +243,23 @@ def test_two_flights_a_day_without_a_restart(dialect):
     assert harness.changes(after_s=done[0], before_s=over[1]) == []
     assert [stamp for stamp, text in modes(harness) if text == "at the last goal"] != []
     assert any(entry.kind == "swap" and entry.stamp_s > over[1] for entry in harness.recorder.decisions)
+
+
+def test_another_mission_of_as_many_items_is_seen_though_nobody_tells():
+    """An ArduPlane 4.6 tells the end of an upload on that link alone, and its missions have no names."""
+    other = (1500.0, -600.0)
+
+    def in_silence(harness):
+        autopilot = harness.simulator.autopilot
+        say, autopilot.say = autopilot.say, lambda severity, text: None
+        upload(harness, operator_items(harness, goal=other), 0)
+        autopilot.say = say
+
+    text = re.sub(r"goals:\n  - \{[^}]*\}", "goals: from_autopilot", PLAIN)
+    for stamp_s in (8.0, 11.5, 20.0):  # on the ground, just before arming, in the climb
+        harness = day(Dialect.ARDUPILOT, 60.0, uploaded(2.0), at(stamp_s, in_silence), off(12.0), text=text)
+        assert harness.texts("suspended") == []
+        assert [goal.position_enu_m[:2] for goal in harness.app.state.goals] == [
+            pytest.approx(other, abs=0.1)
+        ]
+        assert harness.app.num_swaps >= 1

@@ -96,6 +96,7 @@ class Upload:
         self._round_trip = round_trip
         self._may_finish = may_finish
         self._asked: int | None = None
+        self._is_open = False
         self._heard_s = self._due_s = now_s
         self._sent_s: dict[int, float] = {}
         self._repeated: set[int] = set()
@@ -128,7 +129,7 @@ class Upload:
 
     def _repetition(self) -> list[int]:
         if self._asked is None:
-            return [OPENING]
+            return [self._first] if self._is_open else [OPENING]
         return [number for number in (self._asked, self._asked + 1) if number <= self._last]
 
     def note_question(self, question: MissionQuestion, now_s: float) -> None:
@@ -150,6 +151,9 @@ class Upload:
             return
         if ack.result == MissionResult.INVALID_SEQUENCE and self._asked is not None:
             self._heard_s = now_s
+        elif ack.result == MissionResult.DENIED and OPENING in self._repeated:
+            # The first was taken, its question lost: ArduPlane denies another, and asks again after 1 s.
+            self._is_open, self._heard_s = True, now_s
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # else it ends some transfer before this one

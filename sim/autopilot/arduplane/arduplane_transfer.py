@@ -180,7 +180,8 @@ class MissionTransfer:
         self._begin(channel, message, kind, 0, message.count)
 
     def _partial(self, channel: Channel, message: Message, kind: MissionKind) -> None:
-        if self._is_taken(channel, message, kind):
+        if kind in self._uploads:  # whoever's it is: a second one is denied, too (measured)
+            self._reply(channel, message, int(kind), Verdict.DENIED)
             return
         first, last, count = message.start_index, message.end_index, len(self._store.items(kind))
         if first < 0 or first > count or last > count or last < first:
@@ -228,7 +229,8 @@ class MissionTransfer:
         self._reply(channel, message, kind_number, verdict)
 
     def _list(self, channel: Channel, message: Message, kind: MissionKind) -> None:
-        if self._is_taken(channel, message, kind):
+        if kind in self._uploads:
+            self._reply(channel, message, int(kind), Verdict.DENIED)
             return
         channel.send(
             mavlink.MAVLink_mission_count_message(
