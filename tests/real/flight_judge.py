@@ -22,10 +22,10 @@ from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.types.threat import Obstacle
 from companion.vehicle.guidance import default_guidance, track_of_legs
-from tests.real.autopilots import KINDS, is_mission_mode
 from tests.real.held_missions import HeldMission, messages_of
+from tests.real.rig.autopilots import KINDS, is_mission_mode
+from tests.real.rig.service_process import entries_of
 from tests.real.scenarios import BY_NUMBER
-from tests.real.service_process import entries_of
 
 BEYOND_M = 30.0  # of the bounds, which are planned to and not walls: a turn may pass them by so much
 CIRCLED_S = 20.0  # of the circle at the end
@@ -146,7 +146,7 @@ class FlightJudge:
         return float(self.path[inside[0], 0]) if len(inside) else None
 
     def _operators_goal(self):
-        from tests.real.course import GOALS  # noqa: PLC0415  (only where the mission file has none)
+        from tests.real.rig.course import GOALS  # noqa: PLC0415  (only where the mission file has none)
 
         return self.kind.factor * np.array(GOALS[self.scenario.goal])
 
@@ -176,7 +176,8 @@ class FlightJudge:
                 if message.get_type() == "MISSION_ACK":
                     self.held.hear(stamp_s, message)
                 is_flown = self._follow(stamp_s, message, is_flown)
-            if is_flown and stamp_s >= max(begin_s, next_s) and stamp_s < other_s:
+            is_known = None not in (self._here, self._target, self._current)
+            if is_flown and is_known and max(begin_s, next_s) <= stamp_s < other_s:
                 next_s = stamp_s + JUDGED_EACH_S
                 self._look(stamp_s, checkers[stamp_s > self.fence_s + 30.0])
 
@@ -224,7 +225,7 @@ class FlightJudge:
 
     def _look(self, stamp_s, checker):
         """Judge what is held now."""
-        if None in (self._here, self._target, self._current) or stamp_s < self.held.changed_s + SETTLED_S:
+        if stamp_s < self.held.changed_s + SETTLED_S:
             return
         items, current = self.held.items, self._current
         if current >= len(items):

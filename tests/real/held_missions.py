@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.real.relay import Framer
+from tests.real.rig.relay import Framer
 
 HEADER = struct.Struct(">Q")
 

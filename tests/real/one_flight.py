@@ -7,9 +7,9 @@ import subprocess
 import traceback
 from pathlib import Path
 
-from tests.real.autopilots import KINDS
-from tests.real.course import Course
-from tests.real.deck import Deck
+from tests.real.rig.autopilots import KINDS
+from tests.real.rig.course import Course
+from tests.real.rig.deck import Deck
 from tests.real.scenarios import BY_NUMBER
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import shapely
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.real.course import Item
+from tests.real.rig.course import Item
 
 HOLDS_S, HELD_S = 15.0, 30.0
 FENCE_AHEAD_M, FENCE_HALF_M = 900.0, 45.0

@@ -7,11 +7,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from tests.real.autopilots import ARDUPLANE, KINDS
-from tests.real.course import GOALS, PAPER, Course
 from tests.real.flights_pool import Binaries, all_wanted
 from tests.real.held_missions import HeldMission
-from tests.real.relay import Framer
+from tests.real.rig.autopilots import ARDUPLANE, KINDS
+from tests.real.rig.course import GOALS, PAPER, Course
+from tests.real.rig.relay import Framer
 from tests.real.scenarios import SCENARIOS
 
 

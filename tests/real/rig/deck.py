@@ -4,10 +4,10 @@ import math
 import random
 import time
 
-from tests.real.autopilots import Autopilot
-from tests.real.ground_station import GroundStation
-from tests.real.relay import Relay, Tlog
-from tests.real.service_process import ServiceProcess
+from tests.real.rig.autopilots import Autopilot
+from tests.real.rig.ground_station import GroundStation
+from tests.real.rig.relay import Relay, Tlog
+from tests.real.rig.service_process import ServiceProcess
 
 PORT_SERVICE = 21700
 AIRBORNE_M = 15.0

@@ -8,7 +8,7 @@ import time
 from datetime import datetime
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PATIENCE_S = 900.0  # kernels may have to be compiled
 
 

@@ -8,7 +8,7 @@ import time
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.real.autopilots import ARDUPLANE, coordinate_frame, is_mission_mode
+from tests.real.rig.autopilots import ARDUPLANE, coordinate_frame, is_mission_mode
 
 STREAMS = {  # by number of the message, the rate [Hz]
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
