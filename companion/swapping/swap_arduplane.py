@@ -15,6 +15,7 @@ from companion.mission.swap import NO_WAY_IN, MissionLink, SwapOutcome, enter
 from companion.swapping.swap_protocol import Entry, SwapOrder, SwapParts
 from companion.types.mission import Mission, MissionItem
 
+LOOK_S = 0.2  # between looks at whether a way leads in
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
 
 
@@ -72,9 +73,14 @@ class ArduPlaneSwap:
         if outcome is not None:
             return outcome, reason
         flight.apply_to_list(after_stored, mission.items, clock.now_s() - begun_s)
-        await clock.sleep_until(order.enter_s)
+        while clock.now_s() < order.enter_s and not self._is_due(order):
+            await clock.sleep_until(min(order.enter_s, clock.now_s() + LOOK_S))
         flight.apply_to_list(after_asked, order.pending(clock.now_s(), 0))
         return await enter(link, mission, Entry(self._parts, order).sequence, self._parts.may_act)
+
+    def _is_due(self, order: SwapOrder) -> bool:
+        """Whether it is entered before its path begins: nothing of ours is flown, and a way leads in."""
+        return self._parts.flight.state.flown is None and Entry(self._parts, order).sequence() is not None
 
 
 async def store(

@@ -81,7 +81,7 @@ def test_a_changed_threshold_names_the_first_decision_and_goes_on():
     differs = first_difference(recording, result)
     assert differs.flown.startswith("'keep: cost ")
     assert differs.now.startswith("'swap: better, cost ")
-    assert 15.0 < differs.stamp_s == pytest.approx(17.2, abs=1.0)
+    assert 15.0 < differs.stamp_s == pytest.approx(32.4, abs=1.0)
     assert result.apart_s >= differs.stamp_s
     later = [entry for entry in result.decisions if entry.stamp_s > result.apart_s]
     assert [entry.kind for entry in later].count("swap") >= 2  # the model answers where nobody did
@@ -103,8 +103,11 @@ def test_from_a_tlog_alone_decisions_are_as_the_pilot_was_told(tmp_path):
     shutil.copy(folder / "flight.tlog", tmp_path / "alone.tlog")
     recording, result = replayed(tmp_path / "alone.tlog", load_mission(FIRST), seed=3)
     assert recording.are_texts_cut
-    assert [entry.kind for entry in result.flown_decisions] == [entry.kind for entry in result.decisions]
-    assert result.decisions[-1].kind == "arrived"
+    flown, now = ([entry.kind for entry in made] for made in (result.flown_decisions, result.decisions))
+    # When each plan was begun is not told by a tlog, so that from the first mission on paths may part.
+    first = flown.index("swap") + 1
+    assert flown[:first] == now[:first]
+    assert flown[-1] == now[-1] == "arrived"
 
 
 def test_a_signed_recording_is_replayed_without_its_key(tmp_path):
@@ -134,7 +137,7 @@ def test_the_command_says_what_it_found(tmp_path, companion_command):
         "--json", tmp_path / "out.json",
     )  # fmt: skip
     assert same.code == 0, same.err
-    assert "as flown: 6 decisions, 2 missions" in same.out
+    assert "as flown: 11 decisions, 3 missions" in same.out
     document = json.loads((tmp_path / "out.json").read_text())
     assert document["equal"] is True
     assert document["first_difference"] is None
