@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: corruptions image help venv fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: real corruptions image help venv fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -10,9 +10,10 @@ MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
+SEEDS ?= 2
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
-QUICK := not slow and not bench
+QUICK := not slow and not bench and not real
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
 COVERAGE_MIN ?= 92
@@ -84,6 +85,11 @@ corruptions: $(STAMP) ## replay N damaged copies of each recording of a real aut
 
 image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
 	$(PYTHON) packaging/prove_image.py
+
+# Paths of your own binaries: make real ARDUPLANE=… PARM=…,… PX4=…; a half whose binary is not named is left out.
+real: $(STAMP) ## fly beside real autopilots: ARDUPLANE, PARM and PX4 name yours; JOBS at once, SEEDS of each
+	ARDUPLANE='$(ARDUPLANE)' PARM='$(PARM)' PX4='$(PX4)' $(BIN)/python -m tests.real \
+		--jobs $(if $(filter-out logical,$(JOBS)),$(JOBS),1) --seeds $(SEEDS) $(FLAGS)
 
 lint: $(STAMP) ## check style, types, the layers, dead code and dependencies
 	$(BIN)/ruff check .

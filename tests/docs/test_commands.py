@@ -21,7 +21,15 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 LIMIT_S = 400.0  # of one program; it is ended then, and the test fails
-ELSEWHERE = {"make fly": "tests/flights", "make test": "this run"}
+REAL = (
+    "make real ARDUPLANE=/path/to/arduplane PARM=/path/to/plane.parm "
+    "PX4=/path/to/build/px4_sitl_default/bin/px4 JOBS=2"
+)
+ELSEWHERE = {
+    "make fly": "tests/flights",
+    "make test": "this run",
+    REAL: "tests/real, with binaries of the user's",
+}
 SYSTEMD = ("systemctl", "journalctl")
 SIM = "python -m sim mission_configs/first-flight.yaml --listen"
 
