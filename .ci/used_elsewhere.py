@@ -19,9 +19,11 @@ _.height_above_home_m
 
 # Members of enums that are met on the wire, or made by their numbers.
 from companion.types.mavlink_enums import CommandResult, EmitterType, MessageId, MissionResult, VehicleType
-from companion.types.mavlink_enums import ParameterType, Severity
+from companion.types.mavlink_enums import LandedState, ParameterType, Severity
 
-_ = [*CommandResult, *EmitterType, *MessageId, *MissionResult, *ParameterType, *Severity, *VehicleType]
+_ = [*CommandResult, *EmitterType, *LandedState, *MessageId, *MissionResult, *ParameterType, *Severity]
+_ = [*VehicleType]
+_.ON_GROUND
 _.TEMPORARILY_REJECTED, _.CANCELLED
 _.EMERGENCY_SURFACE, _.SERVICE_SURFACE, _.POINT_OBSTACLE
 _.MISSION_SET_CURRENT, _.MISSION_ITEM_REACHED, _.COMMAND_LONG, _.COMMAND_ACK
