@@ -58,6 +58,8 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
     operator = state.mission_list.operator
     if current is None or ownship is None or operator is None or not _is_understood(state):
         return False
+    if len(operator.items) <= operator.first:
+        return False
     return state.mission_list.found_flown or _is_reached(state, operator, current, ownship)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.doctor.finding import Finding, fail, ok, warn
+from companion.doctor.mission_checks import MissionDoctor
 from companion.doctor.parameter_checks import parameter_findings, parameter_names, version
 from companion.link.messages.codec import Codec
 from companion.link.messages.streams import Streams
@@ -67,6 +68,7 @@ class LinkDoctor:
         self._version: VersionTold | None = None
         self._values: dict[str, ParameterTold] = {}
         self._counts: Counter[int] = Counter()
+        self._of_mission = None if mission is None else MissionDoctor(mission, self._codec, clock, self._send)
 
     async def examine(self, seconds: float) -> list[Finding]:
         """Look at the link for about so many seconds once the autopilot is heard.
@@ -92,16 +94,24 @@ class LinkDoctor:
             self._counts.clear()
             began = self._clock.now_s()
             await self._until(lambda: False, seconds)
-            took = self._clock.now_s() - began
+            rates = self._rates(dialect, self._clock.now_s() - began)
+            of_mission = (
+                [] if self._of_mission is None else await self._of_mission.findings(self._streams.settings)
+            )
         finally:
             await self._transport.close()
         values = {name: _number(told, dialect) for name, told in self._values.items()}
         return [
             version(dialect, self._version),
             self._loss(),
-            *self._rates(dialect, took),
+            *rates,
             *parameter_findings(dialect, values, self._mission, self._baud_rate()),
+            *of_mission,
         ]
+
+    def _send(self, data: bytes) -> None:
+        if self._transport.is_open:
+            self._transport.send(self._codec.on_the_wire(data))
 
     def _receive(self, data: bytes) -> None:
         now = self._clock.now_s()
@@ -113,6 +123,8 @@ class LinkDoctor:
             ):
                 continue
             self._streams.note(frame, now)
+            if self._of_mission is not None:
+                self._of_mission.receive(frame)
             self._quality.note(frame.raw)
             self._counts[frame.message_id] += 1
             for event in frame.events:

@@ -16,6 +16,7 @@ from companion.types.record import Decision, FlightRecord
 from companion.ui import style
 from companion.ui.charts import altitude_chart, decision_chart, latency_chart, threat_chart
 from companion.ui.plots import flight_map, flight_start
+from companion.ui.who_flew import who_flew_table
 from companion.world.snapshot import Snapshot
 
 UNITS = (
@@ -150,6 +151,8 @@ def _page(
 </figure>
 <h2>Over the flight</h2>
 {figures}
+<h2>Who flew</h2>
+{who_flew_table(record.decisions, _end_s(record), start_s)}
 <h2>Decisions</h2>
 {_decisions(record, start_s)}
 </main>
@@ -220,6 +223,12 @@ def _value(key: str, value: float | int | bool | str) -> str:
         return "–"
     digits = max(0, 3 - math.floor(math.log10(abs(value))) - 1) if abs(value) >= 1e-3 else 4
     return f"{value:.{min(digits, 4)}f}{unit}"
+
+
+def _end_s(record: FlightRecord) -> float:
+    """When the recording ended, as far as it tells [s]."""
+    flown = float(record.flown[-1, 0]) if len(record.flown) else 0.0
+    return max([flown, *(entry.stamp_s for entry in record.decisions[-1:])])
 
 
 def _decisions(record: FlightRecord, start_s: float) -> str:
