@@ -66,6 +66,11 @@ ARDUPLANE = (
         "MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True
     ),
     ParameterCheck(
+        "RTL_AUTOLAND",
+        lambda v: 1.0 <= v <= 3.0,
+        "set 2: with 0 it does not arm while the mission has a DO_LAND_START",
+    ),
+    ParameterCheck(
         "AVD_ENABLE",
         lambda v: v == 0.0,
         "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance flies against the planner's",

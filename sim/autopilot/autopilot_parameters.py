@@ -39,6 +39,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "PTCH_LIM_MIN_DEG": (-20, _REAL),
     "ROLL_LIMIT_DEG": (50, _REAL),
     "RTL_ALTITUDE": (100, _REAL),
+    "RTL_AUTOLAND": (2, _INT8),
     "RTL_RADIUS": (100, _INT16),
     "SERIAL1_BAUD": (57, _INT16),
     "SERIAL1_PROTOCOL": (2, _INT8),
