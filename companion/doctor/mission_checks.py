@@ -36,7 +36,7 @@ class MissionDoctor:
     mission : MissionConfig
         The mission file.
     codec : Codec
-        Of the link that is listened to.
+        Frames of the link that is listened to, to events.
     clock : Clock
         The doctor's.
     send : callable

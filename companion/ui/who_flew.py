@@ -54,7 +54,7 @@ def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
     Parameters
     ----------
     decisions : sequence of Decision
-        Of one flight, in order.
+        All of one flight, in order.
     ends_s : float
         When the recording ended [s].
     """
@@ -82,7 +82,7 @@ def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float)
     Parameters
     ----------
     decisions : sequence of Decision
-        Of one flight, in order.
+        All of one flight, in order.
     ends_s : float
         When the recording ended [s].
     start_s : float

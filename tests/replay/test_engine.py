@@ -147,7 +147,7 @@ def test_the_command_says_what_it_found(tmp_path, companion_command):
     other = companion_command("replay", folder / "flight.tlog", tmp_path / "changed.yaml", "--expect", folder)
     assert other.code == 1
     words = " ".join(other.out.split())
-    assert "first difference at 17.2 s (00:00:17Z): flown 'keep: cost " in words
+    assert "first difference at 32.4 s (00:00:32Z): flown 'keep: cost " in words
     assert ", now 'swap: better, cost " in words
 
 

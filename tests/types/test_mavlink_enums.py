@@ -15,6 +15,7 @@ DIALECT = {
     "CommandResult": ("MAV_RESULT", "MAV_RESULT_"),
     "MissionResult": ("MAV_MISSION_RESULT", "MAV_MISSION_"),
     "MissionState": ("MISSION_STATE", "MISSION_STATE_"),
+    "LandedState": ("MAV_LANDED_STATE", "MAV_LANDED_STATE_"),
     "MissionType": ("MAV_MISSION_TYPE", "MAV_MISSION_TYPE_"),
     "Severity": ("MAV_SEVERITY", "MAV_SEVERITY_"),
     "ParameterType": ("MAV_PARAM_TYPE", "MAV_PARAM_TYPE_"),

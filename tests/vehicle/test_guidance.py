@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from companion.config.compose import vehicle_of
+from companion.mission.waypoints import density_ratio
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import Ownship
@@ -249,6 +250,8 @@ def errors_by_kind(dialect, wind_m_s):
     """How far off the place foreseen 10 s ahead was [m]: on legs, into turns, on the circle."""
     rows, errors = flown_route(dialect, wind_m_s), {"leg": [], "turn": [], "circle": []}
     guidance = default_guidance(flies_by=dialect.flies_by, vehicle=vehicle_of(plain_mission()))
+    if dialect.flies_by:  # 684 m above the sea
+        guidance = replace(guidance, circle_stretch=1.0 / density_ratio(684.0))
     circle, num = (np.array([*LAST, 100.0]), 125.0), round(AHEAD_S / 0.25)
     for state, steering, sequence in rows[:-num:4]:
         real = rows[round(4.0 * state.stamp_s) + num][0].position_enu_m
