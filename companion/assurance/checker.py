@@ -40,7 +40,6 @@ __all__ = ["CheckLimits", "Checker", "Violation"]
 BoolArray = NDArray[np.bool_]
 
 POINT_TOLERANCE_M = 0.01  # of bounds and goals
-NEARER_M = 0.5  # noise of a position that is within the margin already
 BULGE_TOLERANCE_M = 2.0  # by which an arc between two rows inside the bounds may pass them
 SPEED_TOLERANCE_M_S = 0.01
 CLIMB_TOLERANCE_RAD = math.radians(0.1)

@@ -200,6 +200,5 @@ class LinkDoctor:
 
 def _number(told: ParameterTold, dialect: Dialect) -> float:
     """The value, as the autopilot's dialect packs it."""
-    if told.is_whole and dialect.packs_parameters_bytewise:
-        return float(told.bits)
-    return told.value if math.isfinite(told.value) else math.nan
+    value = told.number(is_bytewise=dialect.packs_parameters_bytewise)
+    return value if math.isfinite(value) else math.nan

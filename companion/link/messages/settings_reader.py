@@ -45,8 +45,7 @@ class SettingsReader:
         if not isinstance(told, ParameterTold) or self._dialect is None:
             return
         meaning = self._meanings.get(told.name)
-        is_bitwise = told.is_whole and self._dialect.packs_parameters_bytewise
-        value = float(told.bits) if is_bitwise else told.value
+        value = told.number(is_bytewise=self._dialect.packs_parameters_bytewise)
         if meaning is None or not math.isfinite(value):
             return
         self._num_asked.pop(told.name, None)

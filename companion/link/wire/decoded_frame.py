@@ -64,6 +64,10 @@ class ParameterTold:
     bits: int
     is_whole: bool
 
+    def number(self, *, is_bytewise: bool) -> float:
+        """The value, as an autopilot packs it that sends whole numbers as they lie in memory, or does not."""
+        return float(self.bits) if self.is_whole and is_bytewise else self.value
+
 
 @dataclass(frozen=True, slots=True)
 class VersionTold:
