@@ -58,6 +58,15 @@ class Bench:
             self.clock.advance_to(min(end_s, self.clock.now_s() + step_s))
             for _ in range(30):
                 await asyncio.sleep(0)
+            await self.let_mavsdk_speak()
+
+    async def let_mavsdk_speak(self):
+        """Hold time while it is MAVSDK's turn, or it would ask at another moment each time."""
+        for _ in range(ROUNDS_MAX):
+            if not self.service.app.link.autopilot.is_our_turn:
+                return
+            await asyncio.sleep(2e-4)
+        raise AssertionError("MAVSDK says nothing")
 
     async def until(self, is_so, beat=None):
         """Let as little time pass as that takes: MAVSDK ends in threads of its own."""
