@@ -9,7 +9,8 @@ step                    taken when
 ``KEEP_FLOWN``          the plan being flown still passes the checker
 ``LEAST_THREAT``        a plan keeps the hard constraints, though threat or quality are past their limits
 ``LOITER``              a reachable point has a loiter circle and a way to it that pass
-``RETURN_TO_LAUNCH``    the mission file allows it
+``RALLY_POINT``         a plan to a rally point of the autopilot's keeps the hard constraints
+``RETURN_TO_LAUNCH``    the mission file allows it, and the way that the autopilot takes keeps clear
 ``LEAVE_TO_AUTOPILOT``  always: nothing is sent, the autopilot goes on with the mission it holds
 ======================  ==================================================================
 """
@@ -32,6 +33,7 @@ class EmergencyStep(Enum):
     KEEP_FLOWN = "keep the flown plan"
     LEAST_THREAT = "fly the least-threat plan"
     LOITER = "loiter at the safest reachable point"
+    RALLY_POINT = "fly to a rally point"
     RETURN_TO_LAUNCH = "return to launch"
     LEAVE_TO_AUTOPILOT = "leave the autopilot with its mission"
 
@@ -48,14 +50,20 @@ class EmergencyOptions:
         What the least-threat plan breaks.
     loiter : sequence of Violation or None
         What the safest reachable loiter and the way to it break.
+    rally : sequence of Violation or None
+        What the plan to a rally point breaks.
     may_return : bool
         Whether the mission file allows return to launch.
+    way_home : sequence of Violation or None
+        What the way breaks that the autopilot would take.
     """
 
     flown: Sequence[Violation] | None
     least_threat: Sequence[Violation] | None
     loiter: Sequence[Violation] | None
+    rally: Sequence[Violation] | None = None
     may_return: bool
+    way_home: Sequence[Violation] | None = None
 
 
 class EmergencyDecision(NamedTuple):
@@ -84,7 +92,12 @@ _TABLE: tuple[tuple[EmergencyStep, Callable[[EmergencyOptions], bool], str], ...
     (EmergencyStep.KEEP_FLOWN, lambda s: _passes(s.flown), "the flown plan still passes"),
     (EmergencyStep.LEAST_THREAT, lambda s: _is_flyable(s.least_threat), "it keeps the hard constraints"),
     (EmergencyStep.LOITER, lambda s: _passes(s.loiter), "a loiter within reach passes"),
-    (EmergencyStep.RETURN_TO_LAUNCH, lambda s: s.may_return, "the mission file allows it"),
+    (EmergencyStep.RALLY_POINT, lambda s: _is_flyable(s.rally), "the way there keeps the hard constraints"),
+    (
+        EmergencyStep.RETURN_TO_LAUNCH,
+        lambda s: s.may_return and _passes(s.way_home),
+        "the mission file allows it, and the way there keeps clear",
+    ),
     (EmergencyStep.LEAVE_TO_AUTOPILOT, lambda _: True, "nothing better is left"),
 )
 
@@ -101,7 +114,18 @@ def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
         EmergencyStep.KEEP_FLOWN: _refusal("the flown plan", options.flown),
         EmergencyStep.LEAST_THREAT: _refusal("the least-threat plan", options.least_threat),
         EmergencyStep.LOITER: _refusal("the loiter", options.loiter),
-        EmergencyStep.RETURN_TO_LAUNCH: "the mission file does not allow return to launch",
+        EmergencyStep.RALLY_POINT: (
+            "no rally point that can be planned to"
+            if options.rally is None
+            else _refusal("the way to a rally point", options.rally)
+        ),
+        EmergencyStep.RETURN_TO_LAUNCH: (
+            "the mission file does not allow return to launch"
+            if not options.may_return
+            else "the way home is not known"
+            if options.way_home is None
+            else _refusal("the way home", options.way_home)
+        ),
     }
     reasons: list[str] = []
     for step, can_be_taken, because in _TABLE:

@@ -255,8 +255,8 @@ class Authority(Section):
     """What the service may do without asking the pilot.
 
     ``resume`` tells whether it goes on after the pilot has left the mission mode and come back;
-    ``allow_rtl`` whether the last step of the emergency strategy may change the mode; ``keep_ready``
-    whether a mission is prepared in the autopilot while the pilot flies.
+    ``allow_rtl`` whether the last step of the emergency strategy may change the mode, where the way home
+    keeps clear; ``keep_ready`` whether a mission is prepared in the autopilot while the pilot flies.
     """
 
     resume: Literal["auto", "never"] = "auto"

@@ -10,6 +10,7 @@ import numpy as np
 
 from companion.departure.capability import shortfalls
 from companion.departure.takeover import described, last_item_of, takeoff_of
+from companion.departure.way_home import is_unforeseeable
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
 from companion.types.mission import Command, MissionItem
@@ -93,6 +94,8 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
         found.append(f"takeover after item {last + 1 - operator.first}, and none follows before the landing")
     if takeoff_of(operator) is None and not state.phase.is_airborne:
         found.append("no take-off item")
+    if state.mission.authority.allow_rtl and is_unforeseeable(state):
+        found.append(f"return to launch is not used: kind {state.settings.return_kind:g} is not foreseen")
     found += _unplaced(state, operator)
     found += _legs(state, operator)
     return found[:FAULTS_TOLD]

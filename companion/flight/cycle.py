@@ -5,17 +5,22 @@ Synchronous and without a clock, so that a replay decides the same.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from companion.assurance.emergency import EmergencyStep
+from companion.assurance.emergency import EmergencyOptions, EmergencyStep
+from companion.assurance.violation import Violation
 from companion.flight.decision import Verdict
-from companion.flight.fallback import flown_violations, respond
-from companion.flight.flight_state import FlightState
+from companion.flight.fallback import Response, flown_violations, respond, respond_by_rally_point
+from companion.flight.flight_state import GOAL_RADIUS_M, FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s
 from companion.flight.shaping import ShapedPath
 from companion.mission.waypoints import mission_part
+from companion.planning.problem import GoalRegion
 from companion.types.plan import Plan
 from companion.types.state import Ownship
+
+RALLY_POINTS_TRIED = 2  # each is a plan, while nothing that passes is flown
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +29,7 @@ class EmergencyConclusion:
 
     step: EmergencyStep
     reason: str
+    options: EmergencyOptions
     shaped: ShapedPath | None
 
 
@@ -38,19 +44,47 @@ def flown_passes(state: FlightState, start: Start) -> bool:
 
 
 def conclude_emergency(
-    state: FlightState, least_threat: Plan, failed: Plan, start: Start
+    state: FlightState,
+    least_threat: Plan,
+    failed: Plan,
+    start: Start,
+    way_home: tuple[Violation, ...] | None,
 ) -> EmergencyConclusion:
     """Choose the step of the emergency strategy, and shape what is to be flown by it."""
     response = respond(
         state, start, least_threat, (failed.path,), state.mission_list.max_waypoints,
-        may_return=state.mission.authority.allow_rtl,
+        may_return=state.mission.authority.allow_rtl, way_home=way_home,
     )  # fmt: skip
+    return _shaped(state, start, response)
+
+
+def conclude_rally(
+    state: FlightState, found: EmergencyConclusion, plan: Plan, place: GoalRegion, start: Start
+) -> EmergencyConclusion:
+    """Choose the step anew once a plan to a rally point was made, and shape what is to be flown by it."""
+    response = respond_by_rally_point(state, found.options, plan, place, state.mission_list.max_waypoints)
+    return _shaped(state, start, response)
+
+
+def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
+    """The rally points that are worth a plan, the nearest first."""
+    level = state.rules.level_m
+    here = start.state.position_enu_m
+    nearest = sorted(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]))
+    return [
+        GoalRegion((*place[:2], level) if state.mission.dimension == 2 else place, GOAL_RADIUS_M)
+        for place in nearest[:RALLY_POINTS_TRIED]
+    ]
+
+
+def _shaped(state: FlightState, start: Start, response: Response) -> EmergencyConclusion:
+    """What a response comes to as a mission."""
     step, reason = response.decision
     route = response.route
     if route is None:
-        return EmergencyConclusion(step, reason, None)
+        return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame)
     shaped = ShapedPath(
         route.path, route.waypoints, part, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {}
     )
-    return EmergencyConclusion(step, reason, shaped)
+    return EmergencyConclusion(step, reason, response.options, shaped)

@@ -44,6 +44,7 @@ class DecisionKind(Enum):
     HANDBACK = "handback", Severity.NOTICE
     RESTART = "restart", Severity.INFO
     FENCE = "fence", Severity.INFO
+    RALLY = "rally", Severity.INFO
     RELOAD = "reload", Severity.NOTICE
     PARAMETERS = "parameters", Severity.WARNING
     RECORDING = "recording", Severity.INFO

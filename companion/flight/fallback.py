@@ -6,7 +6,7 @@ Synchronous and without a clock. Whoever plans carries the step out and announce
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from companion.flight.progress import Start
 from companion.flight.shaping import carried, waypoints_of
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
-from companion.planning.problem import StartState
+from companion.planning.problem import GoalRegion, StartState
 from companion.types.path import Path
 from companion.types.plan import Plan
 
@@ -44,9 +44,10 @@ class EscapeRoute:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The step to take, why, and what is flown by it."""
+    """The step to take, why, by what it was chosen, and what is flown by it."""
 
     decision: EmergencyDecision
+    options: EmergencyOptions
     route: EscapeRoute | None
 
 
@@ -71,6 +72,7 @@ def respond(
     max_waypoints: int,
     *,
     may_return: bool,
+    way_home: tuple[Violation, ...] | None = None,
 ) -> Response:
     """Choose the step, and what to fly by it.
 
@@ -88,17 +90,48 @@ def respond(
         Waypoints that a mission may have.
     may_return : bool
         Whether the mission file allows return to launch.
+    way_home : tuple of Violation or None
+        What the way home breaks; None where that is not known.
     """
     straight_on, by_threat = _least_threat(state, least_threat, max_waypoints)
     refuge, by_loiter = _refuge(state, start, (least_threat.path, *failed), max_waypoints)
-    decision = emergency_decision(
-        EmergencyOptions(
-            flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
-            may_return=may_return,
-        )
+    options = EmergencyOptions(
+        flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
+        may_return=may_return, way_home=way_home,
     )  # fmt: skip
+    decision = emergency_decision(options)
     ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: refuge}
-    return Response(decision, ways.get(decision.step))
+    return Response(decision, options, ways.get(decision.step))
+
+
+def respond_by_rally_point(
+    state: FlightState, options: EmergencyOptions, plan: Plan, place: GoalRegion, max_waypoints: int
+) -> Response:
+    """Choose the step anew, once a plan to a rally point was made.
+
+    Parameters
+    ----------
+    state : FlightState
+        By which rules it is flown.
+    options : EmergencyOptions
+        By what the step was chosen without it.
+    plan : Plan
+        To the rally point.
+    place : GoalRegion
+        The rally point.
+    max_waypoints : int
+        Waypoints that a mission may have.
+    """
+    route = None
+    if plan.path is not None and plan.reaches_goal:
+        waypoints, carried_s, wrong = waypoints_of(state, plan.path, max_waypoints, is_whole=True)
+        on_path = state.rules.checker.check_path(
+            plan.path, goal_enu_m=place.position_enu_m, acceptance_radius_m=place.acceptance_radius_m + 1.0
+        )
+        route = EscapeRoute(plan.path, waypoints, carried_s)
+        options = replace(options, rally=(*on_path, *wrong))
+    decision = emergency_decision(options)
+    return Response(decision, options, route if decision.step is EmergencyStep.RALLY_POINT else None)
 
 
 def _least_threat(

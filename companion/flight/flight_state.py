@@ -14,6 +14,8 @@ off the ground        :func:`after_landed_told`, :func:`after_movement_told`
 mission file reloaded :func:`after_reload`
 restart in flight     :func:`after_restart`, once it is known what the autopilot flies
 fences read           :func:`after_fences`
+rally points read     :func:`after_rally_points`
+home told             :func:`after_home_told`
 the list              :func:`after_list`, with a function of ``list_state``
 list laid out anew    :func:`after_list_adopted`
 taken over            :func:`after_takeover`
@@ -52,7 +54,7 @@ from companion.mission.list_layout import Layout
 from companion.mission.operator import OperatorGoal
 from companion.mission.path_progress import progress_on
 from companion.planning.problem import GoalRegion
-from companion.types.events import MissionCurrent
+from companion.types.events import HomePosition, MissionCurrent
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
@@ -95,6 +97,10 @@ class FlightState:
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     settings : AutopilotSettings
         What its parameters say of how it flies.
+    home_enu_m : tuple of float, or None
+        Where it returns to; None until it is told [m].
+    rally_points : tuple of tuple of float
+        Where it may return to instead [m].
     mission_list : ListState
         What is known of the autopilot's list.
     """
@@ -111,6 +117,8 @@ class FlightState:
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     flies_by: bool = True
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
+    home_enu_m: tuple[float, float, float] | None = None
+    rally_points: tuple[tuple[float, float, float], ...] = ()
     mission_list: ListState = field(default_factory=ListState)
 
     @property
@@ -272,6 +280,17 @@ def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
 def after_settings_told(state: FlightState, settings: AutopilotSettings) -> FlightState:
     """The state after the autopilot told parameters of how it flies."""
     return replace(state, settings=settings)
+
+
+def after_home_told(state: FlightState, home: HomePosition) -> FlightState:
+    """The state after the autopilot told where home is."""
+    place = state.mission.frame.local_from_global(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
+    return replace(state, home_enu_m=place)
+
+
+def after_rally_points(state: FlightState, places: tuple[tuple[float, float, float], ...]) -> FlightState:
+    """The state with the autopilot's rally points, each east, north, up [m]."""
+    return replace(state, rally_points=places)
 
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:

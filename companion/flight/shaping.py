@@ -38,6 +38,7 @@ STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
+NEAR_M = 5.0  # of the goal's region a path to it ends
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 Actions = tuple[MissionItem, ...]
@@ -137,7 +138,7 @@ def _circle_stretch(state: FlightState) -> float:
 
 
 def waypoints_of(
-    state: FlightState, path: Path, max_waypoints: int
+    state: FlightState, path: Path, max_waypoints: int, *, is_whole: bool = False
 ) -> tuple[Waypoints, float, tuple[Violation, ...]]:
     """Waypoints of the part of a path that a mission carries, and a loiter at its end.
 
@@ -154,6 +155,8 @@ def waypoints_of(
         What is to be flown.
     max_waypoints : int
         Room in the autopilot's list.
+    is_whole : bool
+        Whether as much of it is wanted as there is room for.
 
     Returns
     -------
@@ -164,7 +167,7 @@ def waypoints_of(
     tuple of Violation
         What is wrong with them, if no part of the path can be carried.
     """
-    wanted = CARRIED_HORIZONS * state.rules.time_horizon_s
+    wanted = math.inf if is_whole else CARRIED_HORIZONS * state.rules.time_horizon_s
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
     tries = [row, *(row + k for k in range(2, last - row, 2)), last]
@@ -298,9 +301,12 @@ def _carried_in_style(
 
 
 def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
-    """Whether the operator's items behind the goal can be flown to from ``last_enu_m`` (3,) [m]."""
-    if state.tail_enu_m is None:
+    """Whether ``last_enu_m`` (3,) [m] is the goal, and the operator's items behind it can be flown to."""
+    if state.tail_enu_m is None or not state.goals:
         return False
+    goal = state.goals[-1]
+    if np.linalg.norm(last_enu_m - np.asarray(goal.position_enu_m)) > goal.acceptance_radius_m + NEAR_M:
+        return False  # a refuge: from there it is planned on
     legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
     wrong = state.rules.checker.check_legs(
         legs, ends_in_loiter=True, loiter_radius_m=state.rules.vehicle.turn_radius_min_m

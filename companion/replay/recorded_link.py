@@ -56,6 +56,7 @@ class ReplayLink(AutopilotLink):
         self._held = held
         self._items: Items = ()
         self._fence: Items = ()
+        self._rally_points: Items = ()
         self._is_closing = False
 
     def part(self) -> None:
@@ -140,6 +141,14 @@ class ReplayLink(AutopilotLink):
                 self._fence = await super().download_fence()
                 return self._fence
         return self._fence
+
+    async def download_rally_points(self) -> Items:
+        """Read the rally points; once apart, as they were read last."""
+        if not self.has_diverged:
+            with self._unless_apart():
+                self._rally_points = await super().download_rally_points()
+                return self._rally_points
+        return self._rally_points
 
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
         """Fly to an item, in the model once apart."""

@@ -17,6 +17,7 @@ from companion.flight.flight_state import (
     FlightState,
     after_armed_told,
     after_autopilot_told,
+    after_home_told,
     after_landed_told,
     after_mode_event,
     after_movement_told,
@@ -31,6 +32,7 @@ from companion.types.events import (
     Event,
     GlobalPosition,
     Heartbeat,
+    HomePosition,
     LandedTold,
     MissionCurrent,
     StatusText,
@@ -164,6 +166,8 @@ class App:
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
         elif isinstance(event, LandedTold):
             self._flight.apply(after_landed_told, event.landed_state)
+        elif isinstance(event, HomePosition):
+            self._flight.apply(after_home_told, event)
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
             self._follow(self.replanning.handover.reader.position)
@@ -210,6 +214,8 @@ class App:
         else:
             self.replanning.break_off()
         kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
+        if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
+            words = "return to launch"
         self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
         if mode in BACK and self.state.mission.authority.resume == "auto":
             self.announcer.decide(

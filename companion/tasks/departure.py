@@ -35,7 +35,7 @@ class Departure:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
-        self._announcer = parts.announcer
+        self._announcer, self._rally_points = parts.announcer, parts.rally_points
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
         self._read_s = -math.inf
@@ -53,6 +53,8 @@ class Departure:
         if not is_known and is_told and now - self._read_s >= READ_AGAIN_S:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
+        elif is_known:
+            await self._rally_points.renew(is_again=True)
         listed = self._flight.listed
         # Said again, too, when a parameter changes what is wrong.
         news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)

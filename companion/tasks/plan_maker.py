@@ -27,7 +27,7 @@ Conclusion = TypeVar("Conclusion")
 
 __all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
-PLAN, LEAST_THREAT = "plan", "least threat"
+PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
 SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
 
 
@@ -38,7 +38,7 @@ class PlanRequest:
     Parameters
     ----------
     purpose : str
-        ``plan``, or ``least threat`` in an emergency.
+        ``plan``, or in an emergency ``least threat``, ``rally point``.
     rules : Rules
         What it is held to.
     goals : tuple of GoalRegion
@@ -69,6 +69,11 @@ def plan_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRe
 def least_threat_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRequest:
     """What is asked in an emergency: threats weigh most, and have no limit."""
     return PlanRequest(LEAST_THREAT, state.rules, state.goals_left, start, False, snapshot)
+
+
+def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:
+    """What is asked where nothing else is left but a rally point."""
+    return PlanRequest(RALLY_POINT, state.rules, (place,), start, False, snapshot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +125,7 @@ class Planner:
             self._threat_trees, self._grown_by = (), request.rules
         rules = request.rules
         settings = rules.replan_settings if request.improves else rules.settings
-        if request.purpose == LEAST_THREAT:
+        if request.purpose != PLAN:
             settings = rules.least_threat_settings
         problem = Problem(
             start=request.start.state,

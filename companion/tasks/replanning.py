@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 from companion.assurance.emergency import EmergencyStep
 from companion.departure.foresight import begin
-from companion.flight.cycle import conclude_emergency, flown_passes, is_over
+from companion.departure.way_home import way_home
+from companion.flight.cycle import (
+    RALLY_POINTS_TRIED,
+    EmergencyConclusion,
+    conclude_emergency,
+    conclude_rally,
+    flown_passes,
+    is_over,
+    rally_points_near,
+)
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.modes import ModeEvent
 from companion.flight.shaping import ShapedPath, conclude
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
-from companion.tasks.plan_maker import PlanRequest, PlanRun, least_threat_request, plan_request
+from companion.tasks.plan_maker import (
+    PlanRequest,
+    PlanRun,
+    least_threat_request,
+    plan_request,
+    rally_request,
+)
 from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S
 from companion.tasks.replanning_parts import ReplanningParts, known_threats
+from companion.world.snapshot import Snapshot
 
+LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
+SHUT_MEANWHILE = "the way home does not keep clear any more"
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
 
 
@@ -43,6 +64,7 @@ class Replanning:
         self._maker, self._schedule = parts.maker, parts.maker.schedule
         self._announcer = parts.announcer
         self.handover, self.geofences = parts.handover, parts.geofences
+        self._rally_points = parts.rally_points
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
 
@@ -94,6 +116,7 @@ class Replanning:
         if await self._flew_prepared():
             return None
         await self.geofences.renew()
+        await self._rally_points.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
         ownship = self._situation.ownship.state(now)
@@ -146,17 +169,48 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
+        home = way_home(state, ownship)
         run, found = await self._maker.make(
             least_threat_request(state, start, request.snapshot),
-            lambda plan: conclude_emergency(state, plan, failed.plan, start),
+            lambda plan: conclude_emergency(state, plan, failed.plan, start, home),
         )
+        if found.step in LAST_RESORTS and state.rally_points:
+            run, found = await self._by_rally_point(run, found, request.snapshot)
         if not self._flight.state.may_act:
             return
+        if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
+            found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
-        elif found.step is EmergencyStep.RETURN_TO_LAUNCH and self._flight.state.may_act:
+        elif found.step is EmergencyStep.RETURN_TO_LAUNCH:
             await self.handover.return_to_launch()
+
+    async def _by_rally_point(
+        self, run: PlanRun, found: EmergencyConclusion, snapshot: Snapshot
+    ) -> tuple[PlanRun, EmergencyConclusion]:
+        """Plan to the nearest rally points, one after the other, until one can be flown to."""
+        for number in range(RALLY_POINTS_TRIED):
+            state = self._flight.state
+            ownship = self._situation.ownship.state(self._clock.now_s())
+            if ownship is None or not state.may_act:
+                break
+            start = begin(state, ownship, self.handover.reader.current)
+            places = rally_points_near(state, start)
+            if number >= len(places):
+                break
+            conclude_it = partial(conclude_rally, state, found, place=places[number], start=start)
+            run, found = await self._maker.make(
+                rally_request(state, start, snapshot, places[number]), conclude_it
+            )
+            if found.shaped is not None:
+                break
+        return run, found
+
+    def _is_way_home_clear(self) -> bool:
+        """Whether it is still, from where the aircraft is now."""
+        ownship = self._situation.ownship.state(self._clock.now_s())
+        return ownship is not None and way_home(self._flight.state, ownship) == ()
 
     def _announce(self, step: EmergencyStep, reason: str, kind: DecisionKind) -> None:
         """Say a step of the emergency strategy, once until another is taken."""

@@ -17,6 +17,7 @@ from companion.swapping.protocols import protocols_for
 from companion.tasks.geofences import Geofences
 from companion.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.tasks.plan_schedule import KnownThreats
+from companion.tasks.rally_points import RallyPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,8 @@ class ReplanningParts:
         Brings them to the autopilot.
     geofences : Geofences
         Renewed before each plan.
+    rally_points : RallyPoints
+        Renewed when they are told to be others.
     announcer : Announcer
         Told what is decided.
     clock : Clock
@@ -46,6 +49,7 @@ class ReplanningParts:
     maker: PlanMaker
     handover: Handover
     geofences: Geofences
+    rally_points: RallyPoints
     announcer: Announcer
     clock: Clock
 
@@ -71,6 +75,7 @@ def parts_for(
         maker=PlanMaker(seed, runner, clock, recorder, observer),
         handover=Handover(protocols, announcer, checkpoint, recorder, observer),
         geofences=Geofences(flight, situation, link, announcer),
+        rally_points=RallyPoints(flight, link, announcer, clock),
         announcer=announcer,
         clock=clock,
     )

@@ -78,6 +78,12 @@ _PARAMETER_NAMES = {
         "sink_max_m_s": "TECS_SINK_MAX",
         "fence_height_m": "FENCE_ALT_MAX",
         "fence_radius_m": "FENCE_RADIUS",
+        "return_height_m": "RTL_ALTITUDE",
+        "return_radius_m": "RTL_RADIUS",
+        "return_kind": "RTL_AUTOLAND",
+        "num_rally_points": "RALLY_TOTAL",
+        "rally_limit_km": "RALLY_LIMIT_KM",
+        "rally_includes_home": "RALLY_INCL_HOME",
     },
     Dialect.PX4: {
         "acceptance_radius_m": "NAV_ACC_RAD",
@@ -92,6 +98,9 @@ _PARAMETER_NAMES = {
         "sink_max_m_s": "FW_T_SINK_MAX",
         "fence_height_m": "GF_MAX_VER_DIST",
         "fence_radius_m": "GF_MAX_HOR_DIST",
+        "return_height_m": "RTL_RETURN_ALT",
+        "return_radius_m": "RTL_LOITER_RAD",
+        "return_kind": "RTL_TYPE",
     },
 }
 
@@ -172,9 +181,11 @@ class EstimatorAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class MissionCurrent:
-    """MISSION_CURRENT. ``mission_id`` is 0 where the autopilot gives none (ArduPlane).
+    """MISSION_CURRENT.
 
-    ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not started, 3 active, 4 paused, 5 complete.
+    ``mission_id`` is 0 where the autopilot gives none (ArduPlane), and so is ``rally_id``, the name of its
+    rally points. ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not started, 3 active, 4 paused,
+    5 complete.
     """
 
     stamp_s: float
@@ -182,6 +193,7 @@ class MissionCurrent:
     total: int | None
     mission_id: int
     state: int = 0
+    rally_id: int = 0
 
 
 @dataclass(frozen=True, slots=True)

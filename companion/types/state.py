@@ -70,6 +70,18 @@ class AutopilotSettings:
         Whether ArduPilot's fences are watched.
     fence_types : float or None
         Which of them: 1 the height, 2 the circle, 4 the polygons.
+    return_height_m : float or None
+        Height above home of a return to launch; an ArduPlane's is negative where it keeps its own [m].
+    return_radius_m : float or None
+        Radius of the circle at its end, 0 for that of other circles [m].
+    return_kind : float or None
+        Where it leads: ArduPlane's RTL_AUTOLAND, PX4's RTL_TYPE.
+    num_rally_points : float or None
+        How many an ArduPlane holds.
+    rally_limit_km : float or None
+        How far an ArduPlane flies to a rally point, 0 for any distance [km].
+    rally_includes_home : float or None
+        Whether it returns home where that is nearer.
     """
 
     acceptance_radius_m: float | None = None
@@ -86,6 +98,12 @@ class AutopilotSettings:
     fence_radius_m: float | None = None
     fence_enable: float | None = None
     fence_types: float | None = None
+    return_height_m: float | None = None
+    return_radius_m: float | None = None
+    return_kind: float | None = None
+    num_rally_points: float | None = None
+    rally_limit_km: float | None = None
+    rally_includes_home: float | None = None
 
     def fence_limit_m(self, value_m: float | None, kind: int) -> float | None:
         """A limit of a fence that is watched [m]; None without.

@@ -38,6 +38,9 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "PTCH_LIM_MAX_DEG": (20, _REAL),
     "PTCH_LIM_MIN_DEG": (-20, _REAL),
     "ROLL_LIMIT_DEG": (50, _REAL),
+    "RALLY_INCL_HOME": (0, _INT8),
+    "RALLY_LIMIT_KM": (5, _REAL),
+    "RALLY_TOTAL": (0, _INT8),
     "RTL_ALTITUDE": (100, _REAL),
     "RTL_AUTOLAND": (2, _INT8),
     "RTL_RADIUS": (100, _INT16),
@@ -71,7 +74,9 @@ _PX4: dict[str, tuple[float, int]] = {
     "NAV_TRAFF_AVOID": (1, _INT32),
     "NPFG_DAMPING": (0.7, _REAL),
     "NPFG_PERIOD": (10, _REAL),
+    "RTL_LOITER_RAD": (80, _REAL),
     "RTL_RETURN_ALT": (100, _REAL),
+    "RTL_TYPE": (0, _INT32),
 }
 _PX4_NAMES = {
     "AIRSPEED_CRUISE": "FW_AIRSPD_TRIM",
@@ -86,7 +91,7 @@ _PX4_NAMES = {
     "TECS_SINK_MAX": "FW_T_SINK_MAX",
     "WP_LOITER_RAD": "NAV_LOITER_RAD",
 }
-_READ_ONLY = frozenset({"MIS_TOTAL"})
+_READ_ONLY = frozenset({"MIS_TOTAL", "RALLY_TOTAL"})
 UNINDEXED = 65535
 
 

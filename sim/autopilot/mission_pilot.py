@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 
 from companion.frames import wrapped_angle
 from companion.types.mission import Command, MavFrame, MissionItem
@@ -68,6 +69,12 @@ class MissionPilot(Autopilot):
         radius = max(self._circled_radius(abs(radius_m)), 1.0)
         self.flight.steering = Circle(centre, radius, direction, height_m)
         self.telemetry.target = (*centre, height_m)
+
+    def _nearest_rally_point(self, items: Sequence[MissionItem]) -> Target | None:
+        """East, north, up of the nearest of a list's items [m]; None where there are none."""
+        here = self.flight.position
+        places = [self._position(item) for item in items]
+        return min(places, key=lambda place: math.dist(place[:2], here), default=None)
 
     def _circled_radius(self, radius_m: float) -> float:
         """Radius that is flown where one is commanded [m]."""

@@ -17,10 +17,13 @@ SOFT = Violation("threat", 7, 0.9, 0.5, "threat level")
 GOOD, RISKY, BAD, NONE = (), (SOFT,), (SOFT, HARD), None
 
 
-def decide(flown=NONE, least_threat=NONE, loiter=NONE, may_return=False):
+def decide(flown=NONE, least_threat=NONE, loiter=NONE, rally=NONE, may_return=False, way_home=NONE):
     return emergency_decision(
-        EmergencyOptions(flown=flown, least_threat=least_threat, loiter=loiter, may_return=may_return)
-    )
+        EmergencyOptions(
+            flown=flown, least_threat=least_threat, loiter=loiter, rally=rally, may_return=may_return,
+            way_home=way_home,
+        )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -31,9 +34,14 @@ def decide(flown=NONE, least_threat=NONE, loiter=NONE, may_return=False):
         ({"flown": RISKY, "least_threat": RISKY, "loiter": GOOD}, EmergencyStep.LEAST_THREAT),
         ({"flown": BAD, "least_threat": BAD, "loiter": GOOD, "may_return": True}, EmergencyStep.LOITER),
         (
-            {"flown": NONE, "least_threat": NONE, "loiter": RISKY, "may_return": True},
+            {"flown": NONE, "least_threat": NONE, "loiter": RISKY, "may_return": True, "way_home": GOOD},
             EmergencyStep.RETURN_TO_LAUNCH,
         ),
+        ({"loiter": BAD, "rally": RISKY, "may_return": True, "way_home": GOOD}, EmergencyStep.RALLY_POINT),
+        ({"rally": BAD, "may_return": True, "way_home": GOOD}, EmergencyStep.RETURN_TO_LAUNCH),
+        ({"rally": BAD, "may_return": True, "way_home": BAD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
+        ({"may_return": True}, EmergencyStep.LEAVE_TO_AUTOPILOT),  # where it leads is not known
+        ({"way_home": GOOD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
         ({"flown": BAD, "loiter": BAD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
         ({}, EmergencyStep.LEAVE_TO_AUTOPILOT),
     ],
@@ -45,10 +53,15 @@ def test_steps_by_hand(situation, step):
 def test_every_combination_takes_the_first_step_that_can_be_taken():
     order = list(EmergencyStep)
     kinds = (GOOD, RISKY, BAD, NONE)
-    for flown, least, loiter, may_return in itertools.product(kinds, kinds, kinds, (False, True)):
-        possible = [flown == GOOD, least in (GOOD, RISKY), loiter == GOOD, may_return, True]
+    for flown, least, loiter, rally, may_return, home in itertools.product(
+        kinds, kinds, kinds, kinds, (False, True), kinds
+    ):
+        possible = [
+            flown == GOOD, least in (GOOD, RISKY), loiter == GOOD, rally in (GOOD, RISKY),
+            may_return and home == GOOD, True,
+        ]  # fmt: skip
         expected = order[possible.index(True)]
-        decision = decide(flown, least, loiter, may_return)
+        decision = decide(flown, least, loiter, rally, may_return, home)
         assert decision.step is expected
         assert decision.reason
 
@@ -58,6 +71,21 @@ def test_the_reason_says_why_better_steps_were_not_taken():
     assert reason == (
         "the flown plan breaks row 4: distance to barn [m]: 3, limit 15 (clearance) and 1 more; "
         "no least-threat plan; a loiter within reach passes"
+    )
+
+
+@pytest.mark.parametrize(
+    ("home", "words"),
+    [
+        (NONE, "the way home is not known"),
+        (BAD, "the way home breaks row 4: distance to barn [m]: 3, limit 15 (clearance) and 1 more"),
+    ],
+)
+def test_the_reason_says_why_it_is_not_returned_to_launch(home, words):
+    reason = decide(may_return=True, way_home=home).reason
+    assert reason == (
+        f"no flown plan; no least-threat plan; no loiter; no rally point that can be planned to; {words}; "
+        "nothing better is left"
     )
 
 

@@ -34,8 +34,8 @@ def starting(made, **changes):
     return start_after(made, state(**changes), 4.0)
 
 
-def answered(made, start, least=NO_PLAN, failed=(), may_return=False):
-    return respond(made, start, least, failed, ROOM, may_return=may_return)
+def answered(made, start, least=NO_PLAN, failed=(), may_return=False, way_home=()):
+    return respond(made, start, least, failed, ROOM, may_return=may_return, way_home=way_home)
 
 
 def test_straight_ahead_by_hand():
@@ -142,20 +142,3 @@ def test_a_goal_that_cannot_be_reached_ends_in_a_circle_that_was_announced():
     # It goes on looking for a plan, without sending the same refuge again and again.
     assert len(harness.recorder.missions) <= 2
     assert harness.kinds().count("no plan") >= 5
-
-
-def test_return_to_launch_where_the_mission_file_allows_it():
-    # No way out at all: walls stand right in front of the first leg and beside it.
-    walls = "obstacles:\n" + "".join(
-        BLOCK.format(*wall)
-        for wall in (
-            ("ahead", 420, -300, 460, 300), ("left", -400, 110, 460, 150), ("right", -400, -150, 460, -110)
-        )
-    )  # fmt: skip
-    harness = flown_in(SHUT_IN + walls + "authority: {allow_rtl: true}\n", 22.0)
-    steps = [text.split(":")[0] for text in harness.texts("emergency")]
-    assert steps[-1] == "return to launch"
-    assert harness.simulator.autopilot.mode == "RTL"
-    assert harness.app.mode is Mode.SUSPENDED
-    left = harness.texts("suspended")
-    assert left

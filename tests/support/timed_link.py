@@ -54,6 +54,9 @@ class TimedLink(AutopilotLink):
     async def download_fence(self):
         return await self._read("fence", 1)
 
+    async def download_rally_points(self):
+        return await self._read("rally points", 2)
+
     async def _read(self, operation, kind):
         async with self._turn:
             self._require_autopilot()

@@ -213,7 +213,7 @@ class Telemetry:
         return EstimatorAccuracy(stamp_s, horizontal, vertical)
 
     def _mission_current(self, message: Message, frame: RawFrame, stamp_s: float) -> MissionCurrent:
-        payload = frame.payload.ljust(10, b"\0")  # mission_id is younger than the dialect
+        payload = frame.payload.ljust(18, b"\0")  # the lists' names are younger than the dialect
         total = int.from_bytes(payload[2:4], "little")
         return MissionCurrent(
             stamp_s=stamp_s,
@@ -221,6 +221,7 @@ class Telemetry:
             total={0: None, _NO_MISSION: 0}.get(total, total),
             mission_id=int.from_bytes(payload[6:10], "little"),
             state=payload[4],
+            rally_id=int.from_bytes(payload[14:18], "little"),
         )
 
     def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:

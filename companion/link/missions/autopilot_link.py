@@ -284,6 +284,16 @@ class AutopilotLink:
         """
         return await self._read(self._mavsdk.download_fence)
 
+    async def download_rally_points(self) -> tuple[MissionItem, ...]:
+        """Read the autopilot's rally points.
+
+        Raises
+        ------
+        TransferError
+            When they could not be read completely.
+        """
+        return await self._read(self._mavsdk.download_rally_points)
+
     async def _read(self, read: Callable[[], Awaitable[tuple[MissionItem, ...]]]) -> tuple[MissionItem, ...]:
         async with self._turn:
             self._require_autopilot()

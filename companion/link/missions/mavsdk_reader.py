@@ -129,6 +129,10 @@ class MavsdkReader:
         """Read the fence; TransferError when it could not be read completely."""
         return await self._downloaded("fence", lambda missions: missions.download_geofence_async)
 
+    async def download_rally_points(self) -> tuple[MissionItem, ...]:
+        """Read the rally points; TransferError when they could not be read completely."""
+        return await self._downloaded("rally points", lambda missions: missions.download_rallypoints_async)
+
     async def close(self) -> None:
         """End MAVSDK; a call under way fails."""
         instance, systems, missions = self._mavsdk, self._systems, self._missions

@@ -36,6 +36,7 @@ MODES = {
     "GUIDED": 15,
 }
 _NAMES = {number: name for name, number in MODES.items()}
+_LAND_AT_ONCE = 2  # RTL_AUTOLAND
 _LABELS = {16: "WP", 17: "LoitUnlim", 18: "LoitTurns", 19: "LoitTime", 20: "RTL", 21: "Land", 22: "Takeoff"}
 _LABELS |= {31: "LoitAltitude", 178: "SetSpeed", 189: "DoLandStart"}
 _CIRCLE_BANK = math.radians(20.0)
@@ -188,6 +189,8 @@ class ArduPlane(MissionPilot):
         """Transfers first, then the mission."""
         self._transfer.update(self.now_us)
         self._tell_total()
+        if self._mode == "RTL":
+            self._land_at_once()
         if self._mode == "AUTO":
             is_landing = self.active_command == Command.NAV_LAND
             self.flight.goes_beyond = is_landing or not self.store.mission
@@ -241,16 +244,35 @@ class ArduPlane(MissionPilot):
         if name == "AUTO":
             self.runner.resume(restart=self.parameters["MIS_RESTART"] == 1.0)
         elif name == "RTL":
-            centre = (self.home.east_m, self.home.north_m)
-            up = self.home.up_m + self.parameters["RTL_ALTITUDE"]
+            east, north, up = self._return_end(height)
             radius = self.parameters["RTL_RADIUS"] or self.parameters["WP_LOITER_RAD"]
-            self._steer_circle(centre, radius, height if self.parameters["RTL_ALTITUDE"] < 0 else up)
+            self._steer_circle((east, north), radius, up)
         elif name in ("LOITER", "GUIDED"):
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
             self._has_told_guided = True
         else:
             flight.steering = Level(_CIRCLE_BANK if name == "CIRCLE" else 0.0, height)
             self.telemetry.target = None
+
+    def _return_end(self, height_m: float) -> Target:
+        """Where a return to launch leads: the nearest rally point within RALLY_LIMIT_KM, else home."""
+        home, altitude = self.home, self.parameters["RTL_ALTITUDE"]
+        end = (home.east_m, home.north_m, height_m if altitude < 0 else home.up_m + altitude)
+        rally = self._nearest_rally_point(self.store.items(MissionKind.RALLY))
+        if rally is None:
+            return end
+        here, limit_m = self.flight.position, 1e3 * self.parameters["RALLY_LIMIT_KM"]
+        away = math.dist(rally[:2], here)
+        is_nearer = away < math.dist(end[:2], here)
+        is_near = limit_m == 0.0 or away <= limit_m
+        return rally if is_near and (is_nearer or not self.parameters["RALLY_INCL_HOME"]) else end
+
+    def _land_at_once(self) -> None:
+        """Go on to the mission's landing sequence, as RTL_AUTOLAND 2 has it."""
+        starts = [item.sequence for item in self.store.mission if item.command == Command.DO_LAND_START]
+        if starts and self.parameters["RTL_AUTOLAND"] == _LAND_AT_ONCE:
+            self.runner.set_current(starts[0])
+            self.set_mode("AUTO")
 
     def _flies_mission(self) -> bool:
         return self._mode == "AUTO" and self.runner.state is MissionState.ACTIVE
@@ -298,7 +320,11 @@ class ArduPlane(MissionPilot):
     # --- messages and commands
 
     def _tell_total(self) -> None:
-        """MIS_TOTAL to everybody whenever the list's length has changed."""
+        """MIS_TOTAL and RALLY_TOTAL to everybody whenever a list's length has changed."""
+        rally = len(self.store.items(MissionKind.RALLY))
+        if rally != self.parameters["RALLY_TOTAL"]:
+            self.parameters["RALLY_TOTAL"] = rally
+            self.broadcast(self.parameters.message("RALLY_TOTAL", indexed=False))
         total = len(self.store.mission)
         if total != self._told_total:
             self._told_total = total

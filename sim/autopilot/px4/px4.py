@@ -79,6 +79,7 @@ class Px4(MissionPilot):
         self._transfer = Px4Transfer(self, self.say)
         self._mode = "LOITER"
         self._is_feasible = False
+        self._return_end: Target | None = None  # once the height is reached
         self._check_us: int | None = None
         self._tell_us = 0
         self._reached: tuple[int, int, int] | None = None  # item, times still to tell, when next [µs]
@@ -174,7 +175,9 @@ class Px4(MissionPilot):
         total = len(kept.items) or _NO_MISSION
         mode = 1 if self._mode == "MISSION" else 2
         message = mavlink.MAVLink_mission_current_message(self.runner.index, total, int(self.state), mode)
-        return Extended(message, kept.identity.to_bytes(4, "little"))
+        fence, rally = self._lists[MissionKind.FENCE], self._lists[MissionKind.RALLY]
+        names = (kept.identity, fence.identity, rally.identity)
+        return Extended(message, b"".join(name.to_bytes(4, "little") for name in names))
 
     def version(self) -> Message:
         """AUTOPILOT_VERSION."""
@@ -220,6 +223,8 @@ class Px4(MissionPilot):
         if self._mode == "MISSION" and not self.flight.is_standing:
             self.flight.goes_beyond = self.active_command == Command.NAV_LAND
             self.runner.update()
+        if self._mode == "RTL":
+            self._return()
         speed = self._speed_m_s
         self.flight.airspeed_m_s = self.parameters["AIRSPEED_CRUISE"] if speed is None else speed
         self._tell()
@@ -313,13 +318,28 @@ class Px4(MissionPilot):
         if name == "MISSION":
             self.runner.resume()
         elif name in ("RTL", "LAND"):
-            up = self.home.up_m + self.parameters["RTL_RETURN_ALT"]
-            self._steer_circle((self.home.east_m, self.home.north_m), self.parameters["WP_LOITER_RAD"], up)
+            self._return_end = end = self._chosen_return_end(height)
+            self._steer_circle(here, self.parameters["WP_LOITER_RAD"], end[2])
         elif name in _SUB:
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
         else:
             flight.steering = Level(0.0, height)
             self.telemetry.target = None
+
+    def _chosen_return_end(self, height_m: float) -> Target:
+        """Where a return leads: home, or a rally point that is nearer; no lower than RTL_RETURN_ALT."""
+        end, here = (self.home.east_m, self.home.north_m, self.home.up_m), self.flight.position
+        rally = self._nearest_rally_point(self._lists[MissionKind.RALLY].items)
+        if rally is not None and math.dist(rally[:2], here) < math.dist(end[:2], here):
+            end = rally
+        return (*end[:2], max(height_m, end[2] + self.parameters["RTL_RETURN_ALT"]))
+
+    def _return(self) -> None:
+        """Leave for where a return leads, once it has been climbed in a circle."""
+        end = self._return_end
+        if end is not None and self.flight.estimate.up_m >= end[2] - self.parameters["NAV_FW_ALT_RAD"]:
+            self._return_end = None
+            self._steer_circle(end[:2], self.parameters["RTL_LOITER_RAD"], end[2])
 
     def _switched(self, name: str) -> int:
         return ACCEPTED if self.set_mode(name) else DENIED

@@ -1,0 +1,184 @@
+"""The way that the autopilot takes by itself when it is told to return to launch, and what it breaks.
+
+References
+----------
+ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
+circle about the nearest rally point within RALLY_LIMIT_KM, else about home; up at once, down along the way;
+with RTL_AUTOLAND 2 to the mission's landing sequence instead.
+
+PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``: with RTL_TYPE 0 up to RTL_RETURN_ALT in a circle where
+it is, then straight to the circle about home or the nearest rally point.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.flight.flight_state import FlightState
+from companion.flight.shaping import guidance_of
+from companion.frames import FloatArray, wrapped_angle
+from companion.types.state import Ownship
+from companion.vehicle.guidance import Guidance, Track, track_of_circle
+
+MARGIN_SHARE = 0.5  # of clearance_min_m, as of every track that is not ours
+JOINED_S = 20.0  # in which the circle at the end is joined; then once round it
+WAY_MAX_S = 1200.0
+STEP_S = 0.5
+SLOWEST_M_S = 5.0
+BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
+EXITS = 36  # moments at which a climb in a circle may end, over a turn and a half
+LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; from there on the way is the mission's
+DIRECT = 0.0  # RTL_TYPE
+
+Place = tuple[float, float, float]
+
+
+def way_home(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
+    """What the way home breaks from here; None where it is not known what the autopilot would fly.
+
+    Parameters
+    ----------
+    state : FlightState
+        Home, rally points, parameters and the rules.
+    ownship : Ownship
+        Where the aircraft is.
+    """
+    ways = ways_home(state, ownship)
+    if ways is None:
+        return None
+    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
+    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in ways)
+    return next(filter(None, wrong), ())
+
+
+def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
+    """Places on each of the ways home that may be flown; None where they are not known.
+
+    Which side it is turned to when home lies behind, and when a PX4 leaves its climb, is decided by
+    little: both sides are looked at, and every moment of a turn.
+
+    Parameters
+    ----------
+    state, ownship
+        As of :func:`way_home`.
+
+    Returns
+    -------
+    list of ndarray, shape (K, 3)
+        East, north, up along each [m]; the likeliest first.
+    """
+    end = _end_of(state, ownship)
+    if end is None:
+        return None
+    guidance, radius = guidance_of(state), _radius(state)
+    headed = _headed(ownship, end)
+    if state.flies_by:
+        if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
+            end, radius = state.tail_enu_m, 0.0
+        return [_glided(_to(guidance, begun, end, radius).positions_enu_m, end) for begun in headed]
+    up = ownship.position_enu_m[2]
+    if up >= end[2] - guidance.height_acceptance_m:
+        return [_to(guidance, begun, (*end[:2], up), radius).positions_enu_m for begun in headed]
+    return _climbed_first(guidance, ownship, end, radius)
+
+
+def _end_of(state: FlightState, ownship: Ownship) -> Place | None:
+    """Where it is returned to, at the height that is flown there [m]; None where that is not known."""
+    told, home = state.settings, state.home_enu_m
+    if home is None or told.return_height_m is None or told.return_kind is None:
+        return None
+    if is_unforeseeable(state):
+        return None
+    up = ownship.position_enu_m[2]
+    rally = _rally_point(state, ownship, home)
+    if state.flies_by:
+        if rally is not None:
+            return rally
+        return (*home[:2], up if told.return_height_m < 0.0 else home[2] + told.return_height_m)
+    end = home if rally is None else rally
+    return (*end[:2], max(up, end[2] + told.return_height_m))
+
+
+def is_unforeseeable(state: FlightState) -> bool:
+    """Whether the autopilot's parameters make it return by ways that are not foreseen here."""
+    kind = state.settings.return_kind
+    return kind is not None and (kind > BY_MISSION_PATH if state.flies_by else kind != DIRECT)
+
+
+def _rally_point(state: FlightState, ownship: Ownship, home: Place) -> Place | None:
+    """The rally point that is returned to; None for home."""
+    here = ownship.position_enu_m[:2]
+    nearest = min(state.rally_points, key=lambda place: math.dist(place[:2], here), default=None)
+    if nearest is None:
+        return None
+    away = math.dist(nearest[:2], here)
+    is_home_nearer = math.dist(home[:2], here) < away
+    if not state.flies_by:
+        return None if is_home_nearer else nearest
+    limit_m = 1e3 * (state.settings.rally_limit_km or 0.0)
+    is_far = limit_m > 0.0 and away > limit_m
+    return None if is_far or (state.settings.rally_includes_home and is_home_nearer) else nearest
+
+
+def _radius(state: FlightState) -> float:
+    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
+    return state.settings.return_radius_m or 0.0
+
+
+def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
+    """Straight to a circle, and round it."""
+    wind = math.hypot(*ownship.wind_enu_m_s)
+    speed = max(ownship.airspeed_m_s - wind, SLOWEST_M_S)
+    circle_m = 2.0 * math.pi * guidance.circle_stretch * abs(radius_m or guidance.loiter_radius_m)
+    lasts_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, WAY_MAX_S)
+    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, lasts_s, STEP_S)
+
+
+def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
+    """The aircraft, and where the end lies behind it, as if it headed a little to either side."""
+    east, north, _ = ownship.position_enu_m
+    bearing = math.atan2(end[0] - east, end[1] - north)
+    if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
+        return [ownship]
+    asides = (0.0, -ASIDE_RAD, ASIDE_RAD)
+    return [replace(ownship, course_rad=(ownship.course_rad + aside) % (2.0 * math.pi)) for aside in asides]
+
+
+def _glided(positions: FloatArray, end: Place) -> FloatArray:
+    """``positions`` (K, 3) [m] with a descent spread over the way, as an ArduPlane's is, (K, 3)."""
+    begin = positions[0]
+    along = np.subtract(end[:2], begin[:2])
+    square = float(along @ along)
+    if end[2] >= begin[2] or square < 1.0:
+        return positions
+    share = np.clip((positions[:, :2] - begin[:2]) @ along / square, 0.0, 1.0)
+    heights = begin[2] + share * (end[2] - begin[2])
+    return np.column_stack([positions[:, :2], np.minimum.accumulate(heights)])
+
+
+def _climbed_first(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> list[FloatArray]:
+    """Places (K, 3) of a climb in a circle about here, and of the ways from where it may end [m]."""
+    here = np.array([*ownship.position_enu_m[:2], end[2]])
+    climb_s = (end[2] - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
+    turn_s = 2.0 * math.pi * abs(guidance.loiter_radius_m) / max(ownship.airspeed_m_s, SLOWEST_M_S)
+    climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
+    first = int(np.argmax(climb.positions_enu_m[:, 2] >= end[2] - guidance.height_acceptance_m))
+    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)  # it may climb faster
+    ways = []
+    for row in rows:
+        east, north, up = (float(value) for value in climb.positions_enu_m[row])
+        step = climb.positions_enu_m[row] - climb.positions_enu_m[row - 1]
+        begun = replace(
+            ownship,
+            position_enu_m=(east, north, up),
+            course_rad=float(climb.courses_rad[row]),
+            bank_rad=float(climb.banks_rad[row]),
+            ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
+        )
+        way = _to(guidance, begun, end, radius_m)
+        ways.append(np.vstack([climb.positions_enu_m[: row + 1], way.positions_enu_m]))
+    return ways
