@@ -57,7 +57,7 @@ test-long: $(STAMP) ## run the tests that take long
 	$(BIN)/pytest -q -m slow
 
 torture: $(STAMP) ## break uploads off everywhere, and fly N random fault schedules; prints counts
-	$(BIN)/python -m tests.torture -n $(N)
+	$(BIN)/python -m tests.torture -n $(N) --jobs $(patsubst logical,1,$(JOBS))
 
 campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pilot who takes over; prints counts
 	$(BIN)/python -m tests.torture losses -n 100

@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from companion.types.events import Dialect
@@ -16,6 +17,7 @@ from tests.torture.harness import WORLDS, broken_after, fly, num_messages, rando
 # In which the first mission is flown, and replaced; on ArduPlane a second time, then by a part only.
 EXCHANGE_S = {Dialect.ARDUPILOT: 23.0, Dialect.PX4: 34.0}
 SILENT_S, AFTER_S = 8.0, 14.0
+TOLD_FLIGHTS = 50
 
 
 def tally(counts, dialect, what, verdict):
@@ -39,27 +41,54 @@ def report(name, counts, began_s):
     sys.stdout.flush()
 
 
-def run_swaps(number, first_seed, every):
-    """Broken exchanges, and random schedules."""
+def broken_flight(dialect, message):
+    """A flight whose first exchanges are broken off after a message."""
+    duration_s = EXCHANGE_S[dialect] + AFTER_S
+    return fly(dialect, 1, Schedule(), broken_after(message, SILENT_S), duration_s)[0]
+
+
+def scheduled_flight(dialect, world, seed):
+    """A flight under a random schedule."""
+    return random_flight(dialect, seed, world)[0]
+
+
+def flown_all(name, dialect, flights, words, jobs):
+    """Fly them, so many at once, and print the counts; how many went wrong."""
+    began, counts = time.time(), Counter()
+    with ProcessPoolExecutor(jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)) as pool:
+        for what, verdict in zip(words, pool.map(*flights), strict=True):
+            tally(counts, dialect, what, verdict)
+            if sys.stderr.isatty() or counts["flights"] % TOLD_FLIGHTS == 0:
+                sys.stderr.write(f"{name}: {counts['flights']} of {len(words)}\n")
+    report(name, counts, began)
+    return counts["violations"] + counts["collisions"]
+
+
+def run_broken(dialects, every, jobs):
+    """Exchanges broken off after each message."""
     total = 0
-    for dialect in Dialect:
-        began, counts = time.time(), Counter()
+    for dialect in dialects:
         until = num_messages(dialect, EXCHANGE_S[dialect])
-        for message in range(1, until + 1, every):
-            verdict, _ = fly(
-                dialect, 1, Schedule(), broken_after(message, SILENT_S), EXCHANGE_S[dialect] + AFTER_S
-            )
-            tally(counts, dialect, f"broken after message {message}", verdict)
-        report(f"{dialect.value}, broken off after each of {until} messages", counts, began)
-        total += counts["violations"] + counts["collisions"]
-    for dialect in Dialect:
-        for place, world in enumerate(WORLDS):
-            began, counts = time.time(), Counter()
-            for seed in range(first_seed + place, first_seed + number // 2, len(WORLDS)):
-                verdict, _ = random_flight(dialect, seed, world)
-                tally(counts, dialect, f"seed {seed} in {world}", verdict)
-            report(f"{dialect.value}, random schedules in {world}", counts, began)
-            total += counts["violations"] + counts["collisions"]
+        messages = range(1, until + 1, every)
+        total += flown_all(
+            f"{dialect.value}, broken off after each of {until} messages", dialect,
+            (broken_flight, [dialect] * len(messages), messages),
+            [f"broken after message {message}" for message in messages], jobs,
+        )  # fmt: skip
+    return total
+
+
+def run_random(dialects, worlds, seeds, jobs):
+    """Random schedules; the seeds are dealt out to the worlds."""
+    total = 0
+    for dialect in dialects:
+        for place, world in enumerate(worlds):
+            dealt = seeds[place :: len(worlds)]
+            total += flown_all(
+                f"{dialect.value}, random schedules in {world}", dialect,
+                (scheduled_flight, [dialect] * len(dealt), [world] * len(dealt), dealt),
+                [f"seed {seed} in {world}" for seed in dealt], jobs,
+            )  # fmt: skip
     return total
 
 
@@ -72,16 +101,24 @@ def say(text):
 def main():
     """Run what was chosen, and end with 1 if anything was violated."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", default="swaps", choices=("swaps", "losses", "kills", "pilots"))
+    parser.add_argument(
+        "what", nargs="?", default="swaps", choices=("swaps", "random", "losses", "kills", "pilots")
+    )
     parser.add_argument(
         "-n", type=int, default=1000, help="flights of a random kind, half of them an autopilot"
     )
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--every", type=int, default=1, help="break after every so many messages")
+    parser.add_argument("--jobs", type=int, default=1, help="flights at once")
+    parser.add_argument("--kinds", default=",".join(dialect.value for dialect in Dialect))
+    parser.add_argument("--worlds", default=",".join(WORLDS))
     chosen = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    if chosen.what == "swaps":
-        total = run_swaps(chosen.n, chosen.first_seed, chosen.every)
+    if chosen.what in ("swaps", "random"):
+        dialects = [Dialect(kind) for kind in chosen.kinds.split(",")]
+        seeds = range(chosen.first_seed, chosen.first_seed + chosen.n // len(Dialect))
+        total = run_broken(dialects, chosen.every, chosen.jobs) if chosen.what == "swaps" else 0
+        total += run_random(dialects, chosen.worlds.split(","), seeds, chosen.jobs)
     elif chosen.what == "losses":
         total = campaigns.run_losses(chosen.n, chosen.first_seed, say)
     elif chosen.what == "pilots":
