@@ -353,6 +353,9 @@ class FlightJudge:
         row["verdict"] = "ok" if not row["faults"] else "; ".join(row["faults"])
         return row
 
+    def _texts(self, kind):
+        return [entry["message"].split(": ", 1)[-1] for entry in self.decided(kind)]
+
     def _told_violations(self, armed_s):
         return [
             [round(stamp - (armed_s or 0.0), 1), text, current]
@@ -377,6 +380,8 @@ class FlightJudge:
             found.append(f"{row['violations']} of {row['judged']} moments held what does not pass")
         if row["late_changes"]:
             found.append(f"{row['late_changes']} messages against the operator's other mission")
+        if self.event("rally points") is not None and "2 rally points" not in self._texts("rally"):
+            found.append("rally points not read")
         crashes = [entry for entry in self.log if entry["level"] == "error"]
         if crashes:
             found.append(f"{len(crashes)} errors in the log")

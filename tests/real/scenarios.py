@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import shapely
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.real.rig.course import Item
+from tests.real.rig.course import HOLD, Item
 
-HOLDS_S, HELD_S = 15.0, 30.0
+HOLDS_S, HELD_S, RETURNED_S = 15.0, 30.0, 60.0
+ONLY_GO_AROUND = 3.0  # RTL_AUTOLAND
 FENCE_AHEAD_M, FENCE_HALF_M = 900.0, 45.0
 KILL_AFTER_S = (3.0, 60.0)
 
@@ -124,6 +125,27 @@ def fenced(deck):
     ))  # fmt: skip
 
 
+def returned(deck):
+    """Rally points are uploaded; in flight the pilot has the autopilot return to one, and hands back."""
+    deck.start_service()
+    deck.upload(deck.course.mission())
+    rally = mavlink.MAV_CMD_NAV_RALLY_POINT
+    points = [Item(rally, place=HOLD), Item(rally, place=(HOLD[0], HOLD[1] + 3500.0, HOLD[2]))]
+    deck.note("rally points", result=deck.station.upload(points, mavlink.MAV_MISSION_TYPE_RALLY))
+    if deck.kind.num_home_items:  # to the rally point, and not to the landing at once
+        deck.station.set_parameter("RTL_AUTOLAND", ONLY_GO_AROUND)
+    deck.pause(8.0)
+    deck.take_off()
+    deck.wait_entered()
+    deck.pause(3.0)
+    deck.station.set_mode("return")
+    deck.note("return")
+    deck.pause(RETURNED_S)
+    deck.note("circled", away_m=math.dist(deck.station.here[:2], deck.course.local(HOLD)[:2]))
+    deck.station.set_mode("mission")
+    deck.note("handed back")
+
+
 def fence_ahead(deck):
     """Corners of a fence on the way ahead, in the paper map's metres; it leaves room on both sides."""
     (_, *before), (_, *here) = deck.station.path[-11], deck.station.path[-1]
@@ -186,5 +208,6 @@ SCENARIOS = (
     Scenario("9", "other mission", other_mission),
     Scenario("10", "a tenth lost", lossy, loss=0.1),
     Scenario("11", "fence", fenced),
+    Scenario("12", "rally point", returned),
 )
 BY_NUMBER = {scenario.number: scenario for scenario in SCENARIOS}

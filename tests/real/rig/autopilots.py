@@ -44,13 +44,13 @@ class Kind:
 ARDUPLANE = Kind(
     "arduplane", 1.0,
     {"airspeed_min_m_s": 12.0, "airspeed_max_m_s": 30.0, "airspeed_cruise_m_s": 22.0},
-    {"mission": (10, 0), "hold": (12, 0)}, 80.0, 1, 584.0,
+    {"mission": (10, 0), "hold": (12, 0), "return": (11, 0)}, 80.0, 1, 584.0,
 )  # fmt: skip
 PX4 = Kind(
     "px4", 0.56,
     {"airspeed_min_m_s": 10.0, "airspeed_max_m_s": 20.0, "airspeed_cruise_m_s": 14.0,
      "climb_angle_max_deg": 8, "descent_angle_max_deg": 7},
-    {"mission": (4, 4), "hold": (4, 3)}, 80.0, 0, 10.0,
+    {"mission": (4, 4), "hold": (4, 3), "return": (4, 5)}, 80.0, 0, 10.0,
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in (ARDUPLANE, PX4)}
 

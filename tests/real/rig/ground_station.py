@@ -170,6 +170,12 @@ class GroundStation(threading.Thread):
                 return answer.result
         return None
 
+    def set_parameter(self, name, value):
+        """Set one."""
+        self.send(mavlink.MAVLink_param_set_message(
+            self.system, 1, name.encode("ascii"), value, mavlink.MAV_PARAM_TYPE_REAL32
+        ))  # fmt: skip
+
     def set_mode(self, wanted):
         """Select a mode by what it is for."""
         main, sub = self.kind.modes[wanted]
