@@ -16,6 +16,7 @@ from companion.swapping.swap_protocol import Entry, SwapOrder, SwapParts
 from companion.types.mission import Mission, MissionItem
 
 LOOK_S = 0.2  # between looks at whether a way leads in
+LATE_S = 2.0  # that a jump asked for again may be late: a link that does not answer may be a slow one
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
 
 
@@ -76,7 +77,8 @@ class ArduPlaneSwap:
         while clock.now_s() < order.enter_s and not self._is_due(order):
             await clock.sleep_until(min(order.enter_s, clock.now_s() + LOOK_S))
         flight.apply_to_list(after_asked, order.pending(clock.now_s(), 0))
-        return await enter(link, mission, Entry(self._parts, order).sequence, self._parts.may_act)
+        entry = Entry(self._parts, order, late_s=LATE_S)
+        return await enter(link, mission, entry.sequence, self._parts.may_act)
 
     def _is_due(self, order: SwapOrder) -> bool:
         """Whether it is entered before its path begins: nothing of ours is flown, and a way leads in."""

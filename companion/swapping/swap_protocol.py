@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from companion.clock import Clock
@@ -124,6 +125,8 @@ class Entry:
         What is entered.
     lasts_s : float
         How long it takes from now until the aircraft is sent there [s].
+    late_s : float
+        How much later what is asked again may still take effect [s].
 
     Attributes
     ----------
@@ -131,9 +134,12 @@ class Entry:
         When it was asked last [s].
     """
 
-    def __init__(self, parts: SwapParts, order: SwapOrder, lasts_s: float = 0.0) -> None:
+    def __init__(
+        self, parts: SwapParts, order: SwapOrder, lasts_s: float = 0.0, *, late_s: float = 0.0
+    ) -> None:
         self._parts = parts
         self._order = order
+        self._late_s = late_s
         self._until_s = parts.clock.now_s() + lasts_s
         self._number: int | None = None
         self.asked_s = parts.clock.now_s()
@@ -146,10 +152,18 @@ class Entry:
             return None
         # Asked again, it is for the last word: what is still to be sent may go out at once.
         in_s = max(0.0, self._until_s - now_s) if self._number is None else 0.0
-        number = entry_of(
-            self._parts.flight.state, ownship, order.flown.path, order.waypoints, in_s, number=self._number
+        way_to = partial(
+            entry_of,
+            self._parts.flight.state,
+            ownship,
+            order.flown.path,
+            order.waypoints,
+            number=self._number,
         )
+        number = way_to(in_s)
         if number is None:
+            return None
+        if self._number is not None and self._late_s > 0.0 and way_to(self._late_s) is None:
             return None
         self._number = number
         return sequence_of_waypoint(order.flown.mission, number)

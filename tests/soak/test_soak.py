@@ -41,7 +41,14 @@ def test_a_flight_of_the_soak_ends(tmp_path):
     assert lasted_s > 30.0
 
 
-def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(tmp_path):
-    """Flight 242 of a soak from seed 1: paper-2d under faults, out of a holding circle (seed 243)."""
-    how, _ = flight(242, 1, tmp_path)
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(242, id="out of a holding circle"),
+        pytest.param(470, id="an entry asked for again, 2 s late, turned the aircraft back"),
+    ],
+)
+def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(number, tmp_path):
+    """Flights of a soak from seed 1, both paper-2d under faults."""
+    how, _ = flight(number, 1, tmp_path)
     assert how != "collision"
