@@ -6,8 +6,11 @@ ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_hom
 circle about the nearest rally point within RALLY_LIMIT_KM, else about home; up at once, down along the way;
 with RTL_AUTOLAND 2 to the mission's landing sequence instead.
 
-PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``: with RTL_TYPE 0 up to RTL_RETURN_ALT in a circle where
-it is, then straight to the circle about home or the nearest rally point.
+PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: up to RTL_RETURN_ALT above the
+end in a circle where it is, then straight there. With RTL_TYPE 0 the end is home; with 1, a fixed wing's
+default, the mission's landing, home without one; with 3 the nearer of both. Rally points change that: a PX4
+takes them in any global frame, does not tell which, and flies off anywhere with those that are not in frame 0
+or 3 ("RTL: unsupported MAV_FRAME", measured). Where it holds any, its way is not known.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from companion.assurance.violation import Violation
 from companion.flight.flight_state import FlightState
 from companion.flight.shaping import guidance_of
 from companion.frames import FloatArray, wrapped_angle
+from companion.mission.operator import position_of
+from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, Track, track_of_circle
 
@@ -32,7 +37,7 @@ SLOWEST_M_S = 5.0
 BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
 EXITS = 36  # moments at which a climb in a circle may end, over a turn and a half
 LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; from there on the way is the mission's
-DIRECT = 0.0  # RTL_TYPE
+HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE
 
 Place = tuple[float, float, float]
 
@@ -71,62 +76,78 @@ def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
     list of ndarray, shape (K, 3)
         East, north, up along each [m]; the likeliest first.
     """
-    end = _end_of(state, ownship)
-    if end is None:
+    home, height = state.home_enu_m, state.settings.return_height_m
+    if home is None or height is None or is_unforeseeable(state):
         return None
-    guidance, radius = guidance_of(state), _radius(state)
-    headed = _headed(ownship, end)
+    guidance, radius = guidance_of(state), state.settings.return_radius_m or 0.0
     if state.flies_by:
+        end = _arduplane_end(state, ownship, home)
         if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
             end, radius = state.tail_enu_m, 0.0
-        return [_glided(_to(guidance, begun, end, radius).positions_enu_m, end) for begun in headed]
+        return [
+            _glided(_to(guidance, begun, end, radius).positions_enu_m, end) for begun in _headed(ownship, end)
+        ]
+    found = _px4_end(state, ownship, home)
     up = ownship.position_enu_m[2]
-    if up >= end[2] - guidance.height_acceptance_m:
-        return [_to(guidance, begun, (*end[:2], up), radius).positions_enu_m for begun in headed]
-    return _climbed_first(guidance, ownship, end, radius)
-
-
-def _end_of(state: FlightState, ownship: Ownship) -> Place | None:
-    """Where it is returned to, at the height that is flown there [m]; None where that is not known."""
-    told, home = state.settings, state.home_enu_m
-    if home is None or told.return_height_m is None or told.return_kind is None:
-        return None
-    if is_unforeseeable(state):
-        return None
-    up = ownship.position_enu_m[2]
-    rally = _rally_point(state, ownship, home)
-    if state.flies_by:
-        if rally is not None:
-            return rally
-        return (*home[:2], up if told.return_height_m < 0.0 else home[2] + told.return_height_m)
-    end = home if rally is None else rally
-    return (*end[:2], max(up, end[2] + told.return_height_m))
+    high = (*found[:2], max(up, found[2] + height))
+    # To a landing the height is lost in the circle that it begins with, or already on the way there.
+    tail = state.tail_enu_m
+    ends = [high] if tail is None or tail[:2] != found[:2] else [high, tail]
+    ways = []
+    for place in ends:
+        if up >= high[2] - guidance.height_acceptance_m:
+            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
+        else:
+            ways += _climbed_first(guidance, ownship, high[2], place, radius)
+    return ways
 
 
 def is_unforeseeable(state: FlightState) -> bool:
-    """Whether the autopilot's parameters make it return by ways that are not foreseen here."""
+    """Whether the autopilot returns by ways that are not foreseen here, or has not told by which."""
     kind = state.settings.return_kind
-    return kind is not None and (kind > BY_MISSION_PATH if state.flies_by else kind != DIRECT)
+    if state.flies_by:
+        return kind is None or kind > BY_MISSION_PATH
+    return bool(state.rally_points) or kind not in (HOME, LANDING, NEAREST)
 
 
-def _rally_point(state: FlightState, ownship: Ownship, home: Place) -> Place | None:
-    """The rally point that is returned to; None for home."""
-    here = ownship.position_enu_m[:2]
-    nearest = min(state.rally_points, key=lambda place: math.dist(place[:2], here), default=None)
-    if nearest is None:
-        return None
-    away = math.dist(nearest[:2], here)
-    is_home_nearer = math.dist(home[:2], here) < away
-    if not state.flies_by:
-        return None if is_home_nearer else nearest
-    limit_m = 1e3 * (state.settings.rally_limit_km or 0.0)
+def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
+    """Where an ArduPlane's circle is: the nearest rally point within RALLY_LIMIT_KM, else home [m]."""
+    told, here = state.settings, ownship.position_enu_m
+    height = told.return_height_m or 0.0
+    end = (*home[:2], here[2] if height < 0.0 else home[2] + height)
+    rally = min(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]), default=None)
+    if rally is None:
+        return end
+    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (told.rally_limit_km or 0.0)
     is_far = limit_m > 0.0 and away > limit_m
-    return None if is_far or (state.settings.rally_includes_home and is_home_nearer) else nearest
+    is_home_nearer = bool(told.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
+    return end if is_far or is_home_nearer else rally
 
 
-def _radius(state: FlightState) -> float:
-    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
-    return state.settings.return_radius_m or 0.0
+def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
+    """Where a PX4 returns to, at the height that RTL_RETURN_ALT counts from [m]."""
+    kind, here = state.settings.return_kind, ownship.position_enu_m
+    landing = None if kind == HOME else _landing_of(state)
+    if landing is None:
+        return home
+    touchdown, begins = landing
+    is_nearer = math.dist(touchdown[:2], here[:2]) < math.dist(home[:2], here[:2])
+    return (*begins[:2], touchdown[2]) if kind == LANDING or is_nearer else home
+
+
+def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
+    """Where the mission's landing touches down, and where it begins [m]; None without."""
+    listed = state.mission_list
+    if listed.operator is None or state.tail_enu_m is None:
+        return None
+    tail = listed.operator.items[listed.operator.tail :]
+    if not any(item.command == Command.DO_LAND_START for item in tail):
+        return None
+    for item in tail:
+        place = position_of(item, state.mission.frame, listed.home_amsl_m)
+        if item.command == Command.NAV_LAND and place is not None:
+            return place, state.tail_enu_m
+    return None
 
 
 def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
@@ -160,13 +181,15 @@ def _glided(positions: FloatArray, end: Place) -> FloatArray:
     return np.column_stack([positions[:, :2], np.minimum.accumulate(heights)])
 
 
-def _climbed_first(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> list[FloatArray]:
+def _climbed_first(
+    guidance: Guidance, ownship: Ownship, up_m: float, end: Place, radius_m: float
+) -> list[FloatArray]:
     """Places (K, 3) of a climb in a circle about here, and of the ways from where it may end [m]."""
-    here = np.array([*ownship.position_enu_m[:2], end[2]])
-    climb_s = (end[2] - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
+    here = np.array([*ownship.position_enu_m[:2], up_m])
+    climb_s = (up_m - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
     turn_s = 2.0 * math.pi * abs(guidance.loiter_radius_m) / max(ownship.airspeed_m_s, SLOWEST_M_S)
     climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
-    first = int(np.argmax(climb.positions_enu_m[:, 2] >= end[2] - guidance.height_acceptance_m))
+    first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
     rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)  # it may climb faster
     ways = []
     for row in rows:

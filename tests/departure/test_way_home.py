@@ -11,7 +11,9 @@ from shapely import LineString, Point
 
 from companion.departure.way_home import way_home, ways_home
 from companion.flight.flight_state import after_home_told, after_rally_points, after_settings_told
+from companion.mission.operator import Operator
 from companion.types.events import Dialect, HomePosition
+from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings
 from sim.simulator import Simulator
 from tests.flight.test_cycle import BLOCK, begun, state
@@ -80,10 +82,46 @@ def test_which_rally_point_an_arduplane_returns_to(changes, rally, north_m):
     assert centre[1] == pytest.approx(north_m, abs=4.0)
 
 
-def test_a_px4_returns_to_a_rally_point_only_where_it_is_nearer_than_home():
-    for north, expected in ((2500.0, 2500.0), (3500.0, 0.0)):
-        centre, _ = circled(made(PX4, rally=[(3000.0, north, 20.0)]), HERE, 21.0)
-        assert centre[1] == pytest.approx(expected, abs=4.0)
+TOUCHDOWN, BEGINS = (1000.0, 3000.0, 0.0), (1400.0, 3000.0, 60.0)
+
+
+def with_landing(begins):
+    """Of a mission that ends in a circle to lose height in, and a landing."""
+    frame = begins.mission.frame
+    items = [MissionItem(0, Command.DO_LAND_START, MavFrame.MISSION, (0.0,) * 4, 0, 0, 0.0)]
+    for command, place in ((Command.NAV_LOITER_TO_ALT, BEGINS), (Command.NAV_LAND, TOUCHDOWN)):
+        latitude, longitude, altitude = frame.global_from_local(*place)
+        whole = round(1e7 * latitude), round(1e7 * longitude)
+        items.append(MissionItem(len(items), command, MavFrame.GLOBAL, (0.0,) * 4, *whole, altitude))
+    listed = replace(begins.mission_list, operator=Operator(tuple(items), 0))
+    return replace(begins, mission_list=listed, tail_enu_m=BEGINS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "landing", "north_m", "end"),
+    [
+        (0.0, True, 2500.0, (0.0, 0.0)),
+        (1.0, False, 0.0, (0.0, 0.0)),  # a fixed wing's default
+        (1.0, True, 0.0, BEGINS[:2]),
+        (3.0, True, -500.0, (0.0, 0.0)),
+        (3.0, True, 2500.0, BEGINS[:2]),
+    ],
+)
+def test_where_a_px4_returns_to_by_its_rtl_type(kind, landing, north_m, end):
+    begins = made(replace(PX4, return_kind=kind))
+    here = state(east=3000.0, north=north_m, up=100.0)
+    centre, _ = circled(with_landing(begins) if landing else begins, here, 21.0)
+    np.testing.assert_allclose(centre[:2], end, atol=4.0)
+
+
+def test_a_px4_with_rally_points_may_fly_anywhere():
+    assert way_home(made(PX4, rally=[(2000.0, 0.0, 20.0)]), HERE) is None
+
+
+def test_to_the_landing_the_height_may_be_lost_on_the_way_or_in_the_circle():
+    begins = with_landing(made(replace(PX4, return_kind=1.0)))
+    heights = sorted({round(float(way[-1, 2])) for way in ways_home(begins, HERE)})
+    assert heights == [60, 100]
 
 
 def test_an_arduplane_descends_along_the_way_and_climbs_at_once():
@@ -115,7 +153,8 @@ def test_a_px4_climbs_in_a_circle_before_it_leaves():
     "settings",
     [
         replace(ARDUPLANE, return_height_m=None), replace(ARDUPLANE, return_kind=None),
-        replace(ARDUPLANE, return_kind=4.0), replace(PX4, return_kind=1.0), replace(PX4, return_kind=2.0),
+        replace(ARDUPLANE, return_kind=4.0), replace(PX4, return_kind=2.0), replace(PX4, return_kind=4.0),
+        replace(PX4, return_kind=5.0),
     ],
 )  # fmt: skip
 def test_what_is_not_foreseen_is_not_known(settings):
@@ -154,8 +193,9 @@ def test_every_way_begins_here_and_ends_in_the_circle(east, north, up, course, i
     assert np.linalg.norm(track[-20:, :2], axis=1).max() < 1.15 * 125.0 + 30.0
 
 
-@BOTH
-@pytest.mark.parametrize("place", ["home", "rally"])
+@pytest.mark.parametrize(
+    ("dialect", "place"), [(Dialect.ARDUPILOT, "home"), (Dialect.ARDUPILOT, "rally"), (Dialect.PX4, "home")]
+)
 def test_the_simulated_autopilots_fly_the_way_that_was_foreseen(dialect, place):
     simulator = Simulator(plain_mission(), seed=1, dialect=dialect)
     simulator.step(20.0)
@@ -169,8 +209,8 @@ def test_the_simulated_autopilots_fly_the_way_that_was_foreseen(dialect, place):
     )  # fmt: skip
     begins = replace(made(settings, home=(-1500.0, -600.0, 0.0)), flies_by=dialect.flies_by)
     if place == "rally":
-        rally_points(harness, (900.0, 400.0, 120.0 if is_plane else 0.0))
-        begins = after_rally_points(begins, ((900.0, 400.0, 120.0 if is_plane else 0.0),))
+        rally_points(harness, (900.0, 400.0, 120.0))
+        begins = after_rally_points(begins, ((900.0, 400.0, 120.0),))
     foreseen = ways_home(begins, state_of(simulator))
     simulator.set_mode("RTL")
     flown = []

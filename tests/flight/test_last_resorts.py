@@ -13,6 +13,7 @@ from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored
 from sim.mission_types import MissionKind
+from sim.vehicle.control import Level
 from tests.flight.test_app import at
 from tests.flight.test_cycle import BLOCK, OPEN
 from tests.support.sitl_harness import SitlHarness
@@ -76,14 +77,14 @@ def home_at(harness, east_m, north_m):
     autopilot.home = autopilot.telemetry._home = home
 
 
-def rally_points(harness, *places):
+def rally_points(harness, *places, frame=MavFrame.GLOBAL_RELATIVE_ALT):
     """Put rally points into the autopilot: east, north, height above home [m]."""
     autopilot = harness.simulator.autopilot
     items = []
     for number, (east, north, up) in enumerate(places):
         latitude, longitude = autopilot.projection.degrees(east, north)
         place = round(latitude * 1e7), round(longitude * 1e7)
-        items.append(MissionItem(number, RALLY_POINT, MavFrame.GLOBAL_RELATIVE_ALT, (0.0,) * 4, *place, up))
+        items.append(MissionItem(number, RALLY_POINT, frame, (0.0,) * 4, *place, up))
     if harness.flight.dialect is Dialect.PX4:
         autopilot.switch(MissionKind.RALLY, stored(items), None)
         return
@@ -184,3 +185,15 @@ def test_rally_points_that_are_taken_away_are_forgotten(dialect):
     harness.fly(22.0, at(12.0, rally_points))
     assert harness.texts("rally") == ["1 rally point", "0 rally points"]
     assert harness.app.state.rally_points == ()
+
+
+def test_a_px4_with_rally_points_is_not_told_to_return():
+    """It may not understand their frame, and then flies off."""
+    harness = returning(Dialect.PX4, 2200.0)
+    rally_points(harness, (2000.0, 0.0, 0.0), frame=MavFrame.GLOBAL_RELATIVE_ALT_INT)
+    harness.fly(35.0)
+    assert "the way home is not known" in harness.texts("emergency")[0]
+    assert harness.simulator.autopilot.mode == "MISSION"
+    # Told nevertheless, the simulated one flies off, as the real one.
+    harness.simulator.set_mode("RTL")
+    assert isinstance(harness.simulator.autopilot.flight.steering, Level)

@@ -11,7 +11,7 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.types.mission import Command, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.arduplane.arduplane_runner import MissionState
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import ACCEPTED, DENIED, FAILED, CommandRequest
@@ -26,6 +26,7 @@ from sim.projection import FastProjection
 from sim.vehicle.control import Flight, Leg, Level
 
 _AUTO = 4
+_RALLY_FRAMES = (MavFrame.GLOBAL, MavFrame.GLOBAL_RELATIVE_ALT)
 _MAIN = {"MANUAL": 1, "ALTCTL": 2, "POSCTL": 3, "ACRO": 5, "STABILIZED": 7}
 _SUB = {"TAKEOFF": 2, "LOITER": 3, "MISSION": 4, "RTL": 5, "LAND": 6}
 MODES = {name: main << 16 for name, main in _MAIN.items()}
@@ -318,13 +319,24 @@ class Px4(MissionPilot):
         if name == "MISSION":
             self.runner.resume()
         elif name in ("RTL", "LAND"):
-            self._return_end = end = self._chosen_return_end(height)
-            self._steer_circle(here, self.parameters["WP_LOITER_RAD"], end[2])
+            self._begin_return(here, height)
         elif name in _SUB:
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
         else:
             flight.steering = Level(0.0, height)
             self.telemetry.target = None
+
+    def _begin_return(self, here: tuple[float, float], height_m: float) -> None:
+        """Climb in a circle first; with a rally point in a frame that it does not know it flies off."""
+        if self._is_astray():
+            self.flight.steering = Level(0.0, height_m)
+            return
+        self._return_end = end = self._chosen_return_end(height_m)
+        self._steer_circle(here, self.parameters["WP_LOITER_RAD"], end[2])
+
+    def _is_astray(self) -> bool:
+        """Whether a rally point is in a frame that it took and cannot return by."""
+        return any(item.frame not in _RALLY_FRAMES for item in self._lists[MissionKind.RALLY].items)
 
     def _chosen_return_end(self, height_m: float) -> Target:
         """Where a return leads: home, or a rally point that is nearer; no lower than RTL_RETURN_ALT."""
@@ -398,6 +410,8 @@ class Px4(MissionPilot):
         if self.now_us >= self._tell_us:
             self._tell_us = self.now_us + _SECOND_US
             self.tell_current()
+            if self._is_astray():
+                self.say(mavlink.MAV_SEVERITY_CRITICAL, "RTL: unsupported MAV_FRAME")
         if self._reached is not None and self.now_us >= self._reached[2]:
             sequence, left, due_us = self._reached
             self.broadcast(mavlink.MAVLink_mission_item_reached_message(sequence))
