@@ -94,13 +94,19 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
         found.append(f"takeover after item {last + 1 - operator.first}, and none follows before the landing")
     if takeoff_of(operator) is None and not state.phase.is_airborne:
         found.append("no take-off item")
-    kind = state.settings.return_kind
-    if state.mission.authority.allow_rtl and kind is not None and is_unforeseeable(state):
-        name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
-        found.append(f"no return to launch with {name} {kind:g}")
+    found += _return(state)
     found += _unplaced(state, operator)
     found += _legs(state, operator)
     return found[:FAULTS_TOLD]
+
+
+def _return(state: FlightState) -> list[str]:
+    """A return to launch that the mission file allows, and that is not foreseen."""
+    kind = state.settings.return_kind
+    if not state.mission.authority.allow_rtl or kind is None or not is_unforeseeable(state):
+        return []
+    name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
+    return [f"no return to launch with {name} {kind:g}"]
 
 
 def _is_item(state: FlightState) -> bool:

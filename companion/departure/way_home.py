@@ -79,27 +79,10 @@ def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
     home, height = state.home_enu_m, state.settings.return_height_m
     if home is None or height is None or is_unforeseeable(state):
         return None
-    guidance, radius = guidance_of(state), state.settings.return_radius_m or 0.0
     if state.flies_by:
-        end = _arduplane_end(state, ownship, home)
-        if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
-            end, radius = state.tail_enu_m, 0.0
-        return [
-            _glided(_to(guidance, begun, end, radius).positions_enu_m, end) for begun in _headed(ownship, end)
-        ]
-    found = _px4_end(state, ownship, home)
-    up = ownship.position_enu_m[2]
-    high = (*found[:2], max(up, found[2] + height))
-    # To a landing the height is lost in the circle that it begins with, or already on the way there.
-    tail = state.tail_enu_m
-    ends = [high] if tail is None or tail[:2] != found[:2] else [high, tail]
-    ways = []
-    for place in ends:
-        if up >= high[2] - guidance.height_acceptance_m:
-            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
-        else:
-            ways += _climbed_first(guidance, ownship, high[2], place, radius)
-    return ways
+        return _arduplane_ways(state, ownship, _arduplane_end(state, ownship, home))
+    end = _px4_end(state, ownship, home)
+    return _px4_ways(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
 
 
 def is_unforeseeable(state: FlightState) -> bool:
@@ -108,6 +91,35 @@ def is_unforeseeable(state: FlightState) -> bool:
     if state.flies_by:
         return kind is None or kind > BY_MISSION_PATH
     return bool(state.rally_points) or kind not in (HOME, LANDING, NEAREST)
+
+
+def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
+    """Places (K, 3) on an ArduPlane's ways to the end, or to the landing sequence at once [m]."""
+    guidance, radius = guidance_of(state), _radius(state)
+    if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
+        end, radius = state.tail_enu_m, 0.0
+    ways = (_to(guidance, begun, end, radius).positions_enu_m for begun in _headed(ownship, end))
+    return [_glided(way, end) for way in ways]
+
+
+def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
+    """Places (K, 3) on a PX4's ways to the end, at a height that is climbed to first [m]."""
+    guidance, radius, tail = guidance_of(state), _radius(state), state.tail_enu_m
+    high = (*end[:2], up_m)
+    # To a landing the height is lost in the circle that it begins with, or already on the way there.
+    ends = [high] if tail is None or tail[:2] != end[:2] else [high, tail]
+    ways: list[FloatArray] = []
+    for place in ends:
+        if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
+            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
+        else:
+            ways += _climbed_first(guidance, ownship, up_m, place, radius)
+    return ways
+
+
+def _radius(state: FlightState) -> float:
+    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
+    return state.settings.return_radius_m or 0.0
 
 
 def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
