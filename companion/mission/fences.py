@@ -1,7 +1,8 @@
 """Fences in the autopilot: where the aircraft must not be, as obstacles.
 
 Exclusion zones are obstacles as they stand; of inclusion zones, which the aircraft must all stay inside,
-it is what lies outside them within the mission's bounds.
+it is what lies outside them within the mission's bounds. Fences that are parameters, a circle about home and
+a ceiling, are an inclusion and what lies above.
 
 References
 ----------
@@ -14,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -49,10 +50,44 @@ class Fences:
     ----------
     exclusions, inclusions : tuple of ndarray, shape (N, 2)
         Not closed. Circles are polygons: round an exclusion, inside an inclusion.
+    ceiling_m : float or None
+        Height above the mission's origin that the aircraft must stay below [m].
     """
 
     exclusions: tuple[FloatArray, ...] = ()
     inclusions: tuple[FloatArray, ...] = ()
+    ceiling_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FenceLimits:
+    """Fences that are parameters: FENCE_RADIUS and FENCE_ALT_MAX, GF_MAX_HOR_DIST and GF_MAX_VER_DIST.
+
+    Parameters
+    ----------
+    home_enu_m : tuple of float
+        What they count from [m].
+    radius_m : float or None
+        Distance from home to stay within [m]; None without.
+    height_m : float or None
+        Height above home to stay below [m]; None without.
+    """
+
+    home_enu_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius_m: float | None = None
+    height_m: float | None = None
+
+    def __str__(self) -> str:
+        radius = "" if self.radius_m is None else f", within {self.radius_m:.0f} m of home"
+        return radius + ("" if self.height_m is None else f", below {self.height_m:.0f} m")
+
+    def added_to(self, fences: Fences) -> Fences:
+        """Fences with these among them."""
+        east, north, up = self.home_enu_m
+        if self.radius_m is not None:
+            circle = _round(np.array([east, north]), self.radius_m)
+            fences = replace(fences, inclusions=(*fences.inclusions, circle))
+        return fences if self.height_m is None else replace(fences, ceiling_m=up + self.height_m)
 
 
 def fences_of(items: Sequence[MissionItem], frame: LocalFrame) -> Fences:
@@ -124,8 +159,13 @@ def _circle(item: MissionItem, frame: LocalFrame, *, is_inside: bool) -> FloatAr
     if not 0.0 < radius < 1e6:
         raise FenceError(f"item {item.sequence}: a circle of radius {radius:g} m")
     reach = radius if is_inside else radius / math.cos(math.pi / CIRCLE_SIDES)
+    return _round(np.array(_place(item, frame)), reach)
+
+
+def _round(centre: FloatArray, reach_m: float) -> FloatArray:
+    """Polygon (N, 2) with its corners so far from ``centre`` (2,): east and north [m]."""
     angles = np.arange(CIRCLE_SIDES) * 2.0 * math.pi / CIRCLE_SIDES
-    return np.array(_place(item, frame)) + reach * np.column_stack([np.sin(angles), np.cos(angles)])
+    return np.asarray(centre + reach_m * np.column_stack([np.sin(angles), np.cos(angles)]))
 
 
 def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
@@ -141,17 +181,25 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
     base, top = bounds[4] - ABOVE_AND_BELOW_M, bounds[5] + ABOVE_AND_BELOW_M
     excluded = (points for zone in fences.exclusions for points in _simple(shapely.Polygon(zone)))
     polygons = itertools.chain(excluded, _outside(fences.inclusions, bounds))
-    return tuple(Obstacle(f"fence {n}", points, base, top) for n, points in enumerate(polygons, 1))
+    walls = tuple(Obstacle(f"fence {n}", points, base, top) for n, points in enumerate(polygons, 1))
+    if fences.ceiling_m is None or fences.ceiling_m >= bounds[5]:
+        return walls
+    everywhere = np.array(_with_rim(bounds).exterior.coords)[:-1]
+    return (*walls, Obstacle("fence ceiling", everywhere, fences.ceiling_m, top))
 
 
 def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[FloatArray]:
     """What of the bounds, with a rim, is not inside all ``inclusions`` (N, 2): polygons (M, 2) [m]."""
     if not inclusions:
         return
-    rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
-    box = shapely.box(bounds[0] - rim, bounds[2] - rim, bounds[1] + rim, bounds[3] + rim)
     inside = shapely.intersection_all([shapely.Polygon(zone) for zone in inclusions])
-    yield from _simple(box.difference(inside))
+    yield from _simple(_with_rim(bounds).difference(inside))
+
+
+def _with_rim(bounds: Bounds) -> shapely.Polygon:
+    """The bounds' rectangle, and a little beyond."""
+    rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
+    return shapely.box(bounds[0] - rim, bounds[2] - rim, bounds[1] + rim, bounds[3] + rim)
 
 
 def _simple(shape: shapely.Geometry) -> Iterator[FloatArray]:

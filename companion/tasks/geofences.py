@@ -1,4 +1,4 @@
-"""The autopilot's fences, read once a plan and made obstacles of."""
+"""The autopilot's fences, its list and its parameters, looked at once a plan and made obstacles of."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import logging
 
 from companion.comms.announcer import Announcer
 from companion.config.compose import bounds_of
+from companion.departure.capability import FENCE_CIRCLE, FENCE_HEIGHT
 from companion.errors import CompanionError
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import StateOwner, after_fences
 from companion.flight.situation import Situation
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.mission.fences import FenceError, fence_obstacles, fences_of
+from companion.mission.fences import FenceError, FenceLimits, fence_obstacles, fences_of
 from companion.types.mission import MissionItem
 
 _log = logging.getLogger(__name__)
@@ -40,28 +41,41 @@ class Geofences:
         self._link = link
         self._announcer = announcer
         self._items: tuple[MissionItem, ...] = ()
+        self._limits = FenceLimits()
 
     async def renew(self) -> None:
         """Read the fences; what cannot be read or understood leaves those that are known."""
+        items, limits = self._items, self._limits_told()
         try:
             items = await self._link.download_fence()
         except CompanionError as error:
             _log.debug("fences: %s", error)
+        if (items, limits) == (self._items, self._limits):
             return
-        if items == self._items:
-            return
-        self._items = items
+        self._items, self._limits = items, limits
         self._apply()
 
     def lay_anew(self) -> None:
         """Fit the fences into the bounds of another mission file."""
-        if self._items:
+        if self._items or self._limits != FenceLimits():
             self._apply()
+
+    def _limits_told(self) -> FenceLimits:
+        """What the autopilot's parameters say, once it has told where home is."""
+        state = self._flight.state
+        told = state.settings
+        radius = told.fence_limit_m(told.fence_radius_m, FENCE_CIRCLE)
+        height = told.fence_limit_m(told.fence_height_m, FENCE_HEIGHT)
+        if state.home_enu_m is None or (radius is None and height is None):
+            return FenceLimits()
+        # Home is told again and again, a little elsewhere perhaps.
+        east, north, up = (float(round(value)) for value in state.home_enu_m)
+        return FenceLimits((east, north, up), radius, height)
 
     def _apply(self) -> None:
         mission = self._flight.state.mission
         try:
-            fences = fences_of(self._items, mission.frame)
+            fences = self._limits.added_to(fences_of(self._items, mission.frame))
         except FenceError as error:
             self._announcer.decide(DecisionKind.FENCE, f"not understood: {error}")
             return
@@ -69,5 +83,5 @@ class Geofences:
         self._situation.follow_fences(state.rules)
         self._announcer.decide(
             DecisionKind.FENCE,
-            f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in",
+            f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in{self._limits}",
         )

@@ -17,8 +17,8 @@ from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings
 from sim.simulator import Simulator
 from tests.flight.test_cycle import BLOCK, begun, state
-from tests.flight.test_last_resorts import home_at, rally_points
 from tests.sim.client import plain_mission
+from tests.support.operator_places import home_at, rally_points
 from tests.vehicle.test_guidance import state_of
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)

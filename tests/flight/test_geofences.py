@@ -12,7 +12,9 @@ from companion.types.mission import MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored
 from sim.mission_types import MissionKind
 from tests.flight.test_app import at
+from tests.flight.test_cycle import BLOCK
 from tests.sim.client import PLAIN
+from tests.support.operator_places import home_at
 from tests.support.sitl_harness import SitlHarness
 
 CIRCLE_OUT, POLYGON_OUT = 5004, 5002
@@ -82,3 +84,54 @@ def test_a_fence_that_is_not_understood_is_said_once_and_changes_nothing():
     assert len(harness.texts("fence")) == 1
     assert "not complete" in harness.texts("fence")[0]
     assert harness.app.num_swaps >= 1
+
+
+HOME = (800.0, 1000.0)
+SHORTER = BLOCK.format("wall", 1500, -400, 1550, 2150)
+
+
+@BOTH
+@pytest.mark.parametrize("radius_m", [0.0, 1500.0])
+def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_m):
+    """The shorter way round a wall leads out of it; it is told after the first plan."""
+    text = PLAIN.replace("{east_m: 1750, north_m: 750", "{east_m: 2000, north_m: 900")
+    mission = mission_from_text(
+        text.replace("total_planning_time_s: 80", "total_planning_time_s: 200") + "obstacles:\n" + SHORTER,
+        "fence.yaml",
+    )
+    harness = SitlHarness(mission, dialect=dialect)
+    home_at(harness, *HOME)
+    fenced_by(harness, radius_m, 0.0)
+    harness.fly(190.0)
+    assert harness.app.mode.value == "arrived"
+    rows = np.array(harness.simulator.truth.path)[:, 1:3]
+    reach = np.linalg.norm(rows - HOME, axis=1).max()
+    assert bool(reach < 1500.0) is (radius_m > 0.0)
+    assert harness.texts("fence") == (
+        ["0 to stay out of, 1 to stay in, within 1500 m of home"] if radius_m else []
+    )
+
+
+def fenced_by(harness, radius_m, height_m):
+    parameters = harness.simulator.autopilot.parameters
+    if harness.flight.dialect is Dialect.PX4:
+        parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"] = radius_m, height_m
+        return
+    parameters["FENCE_ENABLE"] = 1.0 if radius_m or height_m else 0.0
+    parameters["FENCE_TYPE"] = 3.0
+    parameters["FENCE_RADIUS"], parameters["FENCE_ALT_MAX"] = radius_m, height_m
+
+
+@BOTH
+@pytest.mark.parametrize("height_m", [0.0, 140.0])
+def test_a_ceiling_that_is_a_parameter_is_kept_below(dialect, height_m):
+    """A wall in the way is lower than the bounds, and higher than the ceiling."""
+    text = PLAIN.replace("dimension: 2", "dimension: 3").replace("up_m: [60, 160]", "up_m: [60, 260]")
+    text = text.replace("{east_m: 1750, north_m: 750", "{east_m: 2600, north_m: 0")
+    wall = BLOCK.format("wall", 1400, -1800, 1450, 1800).replace("top_m: 300", "top_m: 130")
+    mission = mission_from_text(text + "obstacles:\n" + wall, "fence.yaml")
+    harness = SitlHarness(mission, dialect=dialect)
+    fenced_by(harness, 0.0, height_m)
+    harness.fly(100.0 if not height_m else 60.0)
+    flown_up = np.array(harness.simulator.truth.path)[:, 3]
+    assert bool(flown_up.max() < 140.0) is (height_m > 0.0)

@@ -11,16 +11,14 @@ from companion.flight.modes import Mode
 from companion.tasks import replanning
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
-from sim.autopilot.px4.px4_store import stored
-from sim.mission_types import MissionKind
 from sim.vehicle.control import Level
 from tests.flight.test_app import at
 from tests.flight.test_cycle import BLOCK, OPEN
+from tests.support.operator_places import home_at, rally_points
 from tests.support.sitl_harness import SitlHarness
 from tests.torture.harness import MISSION_MODE
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
-RALLY_POINT = 5100
 SHUT_IN = OPEN.replace("acceptance_radius_m: 400", "acceptance_radius_m: 60").replace(
     "total_planning_time_s: 80", "total_planning_time_s: 80, max_iterations: 4000"
 )
@@ -64,33 +62,6 @@ def waypoint(autopilot, number, east_m):
     latitude, longitude = autopilot.projection.degrees(east_m, 0.0)
     place = round(latitude * 1e7), round(longitude * 1e7)
     return MissionItem(number, 16, MavFrame.GLOBAL_RELATIVE_ALT, (0.0,) * 4, *place, 100.0)
-
-
-def home_at(harness, east_m, north_m):
-    """Move home, before anything of it is told."""
-    autopilot = harness.simulator.autopilot
-    latitude, longitude = autopilot.projection.degrees(east_m, north_m)
-    home = replace(
-        autopilot.home, east_m=east_m, north_m=north_m, latitude_e7=round(latitude * 1e7),
-        longitude_e7=round(longitude * 1e7),
-    )  # fmt: skip
-    autopilot.home = autopilot.telemetry._home = home
-
-
-def rally_points(harness, *places, frame=MavFrame.GLOBAL_RELATIVE_ALT):
-    """Put rally points into the autopilot: east, north, height above home [m]."""
-    autopilot = harness.simulator.autopilot
-    items = []
-    for number, (east, north, up) in enumerate(places):
-        latitude, longitude = autopilot.projection.degrees(east, north)
-        place = round(latitude * 1e7), round(longitude * 1e7)
-        items.append(MissionItem(number, RALLY_POINT, frame, (0.0,) * 4, *place, up))
-    if harness.flight.dialect is Dialect.PX4:
-        autopilot.switch(MissionKind.RALLY, stored(items), None)
-        return
-    autopilot.store.truncate(MissionKind.RALLY, 0)
-    for item in items:
-        autopilot.store.put(MissionKind.RALLY, item)
 
 
 def nearest(harness, since_s=0.0):

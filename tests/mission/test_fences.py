@@ -16,6 +16,8 @@ from companion.mission.fences import (
     POLYGON_OUT,
     RETURN_POINT,
     FenceError,
+    FenceLimits,
+    Fences,
     fence_obstacles,
     fences_of,
 )
@@ -145,3 +147,28 @@ def test_a_point_is_free_if_and_only_if_it_is_inside_of_all_and_outside_of_all(o
     if any(-1.0 <= gap <= room for gap, room in zip(gaps, slack, strict=True)):
         return
     assert covered(found, east, north) is any(gap < 0.0 for gap in gaps)
+
+
+def test_a_circle_about_home_that_is_a_parameter_is_stayed_in():
+    limits = FenceLimits((100.0, 200.0, 5.0), radius_m=400.0)
+    (zone,) = limits.added_to(Fences()).inclusions
+    away = np.linalg.norm(zone - (100.0, 200.0), axis=1)
+    np.testing.assert_allclose(away, 400.0)
+    assert str(limits) == ", within 400 m of home"
+
+
+def test_a_ceiling_that_is_a_parameter_is_what_lies_above():
+    limits = FenceLimits((0.0, 0.0, 5.0), height_m=120.0)
+    (ceiling,) = fence_obstacles(limits.added_to(Fences()), BOUNDS)
+    assert ceiling.base_m == 125.0
+    assert ceiling.top_m > BOUNDS[5]
+    assert shapely.Polygon(ceiling.polygon_enu_m).contains(
+        shapely.box(BOUNDS[0], BOUNDS[2], BOUNDS[1], BOUNDS[3])
+    )
+    assert str(limits) == ", below 120 m"
+
+
+def test_a_ceiling_above_the_bounds_is_no_obstacle():
+    limits = FenceLimits((0.0, 0.0, 0.0), height_m=BOUNDS[5])
+    assert fence_obstacles(limits.added_to(Fences()), BOUNDS) == ()
+    assert FenceLimits().added_to(Fences()) == Fences()
