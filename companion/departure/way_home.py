@@ -89,8 +89,9 @@ def is_unforeseeable(state: FlightState) -> bool:
     """Whether the autopilot returns by ways that are not foreseen here, or has not told by which."""
     kind = state.settings.return_kind
     if state.flies_by:
-        return kind is None or kind > BY_MISSION_PATH
-    return bool(state.rally_points) or kind not in (HOME, LANDING, NEAREST)
+        is_unread = state.holds_rally_points and not state.rally_points
+        return is_unread or kind is None or kind > BY_MISSION_PATH
+    return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
 def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:

@@ -14,7 +14,7 @@ off the ground        :func:`after_landed_told`, :func:`after_movement_told`
 mission file reloaded :func:`after_reload`
 restart in flight     :func:`after_restart`, once it is known what the autopilot flies
 fences read           :func:`after_fences`
-rally points read     :func:`after_rally_points`
+rally points          :func:`after_rally_told`, :func:`after_rally_points` once they are read
 home told             :func:`after_home_told`
 the list              :func:`after_list`, with a function of ``list_state``
 list laid out anew    :func:`after_list_adopted`
@@ -100,7 +100,9 @@ class FlightState:
     home_enu_m : tuple of float, or None
         Where it returns to; None until it is told [m].
     rally_points : tuple of tuple of float
-        Where it may return to instead [m].
+        Where it may return to instead, as far as they were read [m].
+    holds_rally_points : bool
+        Whether it has told that there are any.
     mission_list : ListState
         What is known of the autopilot's list.
     """
@@ -119,6 +121,7 @@ class FlightState:
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
     home_enu_m: tuple[float, float, float] | None = None
     rally_points: tuple[tuple[float, float, float], ...] = ()
+    holds_rally_points: bool = False
     mission_list: ListState = field(default_factory=ListState)
 
     @property
@@ -291,6 +294,11 @@ def after_home_told(state: FlightState, home: HomePosition) -> FlightState:
 def after_rally_points(state: FlightState, places: tuple[tuple[float, float, float], ...]) -> FlightState:
     """The state with the autopilot's rally points, each east, north, up [m]."""
     return replace(state, rally_points=places)
+
+
+def after_rally_told(state: FlightState, *, holds_any: bool) -> FlightState:
+    """The state after the autopilot told whether it holds rally points."""
+    return state if state.holds_rally_points is holds_any else replace(state, holds_rally_points=holds_any)
 
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:

@@ -169,7 +169,7 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
-        home = way_home(state, ownship)
+        home = way_home(state, ownship) if state.mission.authority.allow_rtl else None
         run, found = await self._maker.make(
             least_threat_request(state, start, request.snapshot),
             lambda plan: conclude_emergency(state, plan, failed.plan, start, home),

@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 from shapely import LineString, Point
 
 from companion.departure.way_home import way_home, ways_home
-from companion.flight.flight_state import after_home_told, after_rally_points, after_settings_told
+from companion.flight.flight_state import (
+    after_home_told,
+    after_rally_points,
+    after_rally_told,
+    after_settings_told,
+)
 from companion.mission.operator import Operator
 from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem
@@ -35,6 +40,7 @@ def made(settings=ARDUPLANE, *, extra="", home=(0.0, 0.0, 0.0), rally=()):
     begins = after_settings_told(begins, settings)
     latitude, longitude, altitude = begins.mission.frame.global_from_local(*home)
     begins = after_home_told(begins, HomePosition(1.0, latitude, longitude, altitude))
+    begins = after_rally_told(begins, holds_any=bool(rally))
     return after_rally_points(begins, tuple(rally))
 
 
@@ -159,6 +165,10 @@ def test_a_px4_climbs_in_a_circle_before_it_leaves():
 )  # fmt: skip
 def test_what_is_not_foreseen_is_not_known(settings):
     assert way_home(made(settings), HERE) is None
+
+
+def test_rally_points_that_were_told_of_and_not_read_may_be_anywhere():
+    assert way_home(after_rally_told(made(), holds_any=True), HERE) is None
 
 
 def test_without_a_home_it_is_not_known():
