@@ -1,6 +1,7 @@
 """The emergency strategy carried out: what is flown when no plan passes, and that it is announced."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from companion.config import mission_from_text
 from companion.flight.fallback import flown_violations, respond, straight_ahead
 from companion.flight.modes import Mode
 from companion.flight.progress import is_on_last_leg, start_after
+from companion.flight.shaping import carried
 from companion.types.plan import PlanStatus
 from tests.flight.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
 from tests.support.sitl_harness import SitlHarness
@@ -86,6 +88,13 @@ def test_straight_ahead_is_a_refuge_only_as_far_as_it_is_clear():
     assert response.route.path.positions_enu_m[-1, 0] < 685.0
     wall = Polygon([(700, -100), (750, -100), (750, 100), (700, 100)])
     assert wall.distance(LineString([centre[:2], centre[:2] + 1e-6])) >= 125.0
+
+
+def test_a_refuge_at_the_end_of_a_path_does_not_go_on_to_the_landing():
+    made = replace(begun(), tail_enu_m=(1500.0, 900.0, 80.0))
+    to_the_goal, short = straight(rows=60), straight(rows=20)
+    assert carried(made, to_the_goal, len(to_the_goal) - 1)[0].continues_with_operator_items
+    assert not carried(made, short, len(short) - 1)[0].continues_with_operator_items
 
 
 def test_paths_from_elsewhere_are_no_refuge():
