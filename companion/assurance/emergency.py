@@ -114,17 +114,13 @@ def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
         EmergencyStep.KEEP_FLOWN: _refusal("the flown plan", options.flown),
         EmergencyStep.LEAST_THREAT: _refusal("the least-threat plan", options.least_threat),
         EmergencyStep.LOITER: _refusal("the loiter", options.loiter),
-        EmergencyStep.RALLY_POINT: (
-            "no rally point that can be planned to"
-            if options.rally is None
-            else _refusal("the way to a rally point", options.rally)
+        EmergencyStep.RALLY_POINT: _refusal(
+            "the way to a rally point", options.rally, "no rally point that can be planned to"
         ),
         EmergencyStep.RETURN_TO_LAUNCH: (
-            "the mission file does not allow return to launch"
-            if not options.may_return
-            else "the way home is not known"
-            if options.way_home is None
-            else _refusal("the way home", options.way_home)
+            _refusal("the way home", options.way_home, "the way home is not known")
+            if options.may_return
+            else "the mission file does not allow return to launch"
         ),
     }
     reasons: list[str] = []
@@ -135,10 +131,10 @@ def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
     raise AssertionError("the table's last row always holds")
 
 
-def _refusal(name: str, violations: Sequence[Violation] | None) -> str:
+def _refusal(name: str, violations: Sequence[Violation] | None, missing: str = "") -> str:
     """Why a candidate is not taken: that there is none, or the first hard rule it breaks."""
     if violations is None:
-        return f"no {name.removeprefix('the ')}"
+        return missing or f"no {name.removeprefix('the ')}"
     ordered = sorted(violations, key=lambda violation: violation.rule in SOFT_RULES)
     more = f" and {len(ordered) - 1} more" if len(ordered) > 1 else ""
     return f"{name} breaks {ordered[0]}{more}" if ordered else f"{name} passes"

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.departure.way_back import MARGIN_SHARE
 from companion.flight.flight_state import FlightState
 from companion.flight.shaping import guidance_of
 from companion.frames import FloatArray, wrapped_angle
@@ -29,7 +30,6 @@ from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, Track, track_of_circle
 
-MARGIN_SHARE = 0.5  # of clearance_min_m, as of every track that is not ours
 JOINED_S = 20.0  # in which the circle at the end is joined; then once round it
 WAY_MAX_S = 1200.0
 STEP_S = 0.5

@@ -12,7 +12,7 @@ from companion.assurance.emergency import EmergencyOptions, EmergencyStep
 from companion.assurance.violation import Violation
 from companion.flight.decision import Verdict
 from companion.flight.fallback import Response, flown_violations, respond, respond_by_rally_point
-from companion.flight.flight_state import GOAL_RADIUS_M, FlightState
+from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s
 from companion.flight.shaping import ShapedPath
 from companion.mission.waypoints import mission_part
@@ -68,13 +68,9 @@ def conclude_rally(
 
 def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
     """The rally points that are worth a plan, the nearest first."""
-    level = state.rules.level_m
     here = start.state.position_enu_m
     nearest = sorted(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]))
-    return [
-        GoalRegion((*place[:2], level) if state.mission.dimension == 2 else place, GOAL_RADIUS_M)
-        for place in nearest[:RALLY_POINTS_TRIED]
-    ]
+    return [state.region_at(place) for place in nearest[:RALLY_POINTS_TRIED]]
 
 
 def _shaped(state: FlightState, start: Start, response: Response) -> EmergencyConclusion:

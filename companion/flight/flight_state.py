@@ -168,6 +168,12 @@ class FlightState:
         away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
         return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
 
+    def region_at(self, place_enu_m: tuple[float, float, float]) -> GoalRegion:
+        """A place of the operator's [m] as one to be planned to; in the plane at the mission's level."""
+        if self.mission.dimension == 2:
+            place_enu_m = (*place_enu_m[:2], self.rules.level_m)
+        return GoalRegion(place_enu_m, GOAL_RADIUS_M)
+
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path that should reach the last goal."""
         goal = self.goals[-1]
@@ -336,14 +342,9 @@ def after_list_adopted(
 
 def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
     """The state with the operator's waypoints for goals; in the plane at the mission's level."""
-    level = state.rules.level_m
-    places = [
-        (*goal.position_enu_m[:2], level) if state.mission.dimension == 2 else goal.position_enu_m
-        for goal in goals
-    ]
     return replace(
         state,
-        goals=tuple(GoalRegion(place, GOAL_RADIUS_M) for place in places),
+        goals=tuple(state.region_at(goal.position_enu_m) for goal in goals),
         actions=tuple(goal.actions for goal in goals),
         goal_items=tuple(goal.sequence for goal in goals),
         next_goal=0,

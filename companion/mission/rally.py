@@ -11,9 +11,7 @@ from collections.abc import Sequence
 
 from companion.frames import LocalFrame
 from companion.mission.operator import altitude_amsl_of
-from companion.types.mission import MissionItem
-
-RALLY_POINT = 5100
+from companion.types.mission import Command, MissionItem
 
 Place = tuple[float, float, float]
 
@@ -32,7 +30,11 @@ def rally_points_of(
     home_amsl_m : float or None
         Height that relative altitudes count from, where it is known [m].
     """
-    placed = [(item, altitude_amsl_of(item, home_amsl_m)) for item in items if item.command == RALLY_POINT]
+    placed = [
+        (item, altitude_amsl_of(item, home_amsl_m))
+        for item in items
+        if item.command == Command.NAV_RALLY_POINT
+    ]
     return tuple(
         frame.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, altitude)
         for item, altitude in placed

@@ -9,12 +9,11 @@ from shapely.geometry import LineString, Point
 from companion.config import mission_from_text
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
-from sim.autopilot.px4.px4_store import stored
 from sim.mission_types import MissionKind
 from tests.flight.test_app import at
 from tests.flight.test_cycle import BLOCK
 from tests.sim.client import PLAIN
-from tests.support.operator_places import home_at
+from tests.support.operator_places import home_at, put
 from tests.support.sitl_harness import SitlHarness
 
 CIRCLE_OUT, POLYGON_OUT = 5004, 5002
@@ -31,13 +30,7 @@ def vertex(harness, command, value, east, north):
 def fence(harness, *vertices):
     """Put a fence into the autopilot."""
     items = [replace(vertex(harness, *entry), sequence=n) for n, entry in enumerate(vertices)]
-    autopilot = harness.simulator.autopilot
-    if harness.flight.dialect is Dialect.PX4:
-        autopilot.switch(MissionKind.FENCE, stored(items), None)
-        return
-    autopilot.store.truncate(MissionKind.FENCE, 0)
-    for entry in items:
-        autopilot.store.put(MissionKind.FENCE, entry)
+    put(harness, MissionKind.FENCE, items)
 
 
 def deck_of(dialect):

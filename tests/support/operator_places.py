@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 from companion.types.events import Dialect
-from companion.types.mission import MavFrame, MissionItem
+from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored
 from sim.mission_types import MissionKind
-
-RALLY_POINT = 5100
 
 
 def home_at(harness, east_m, north_m):
@@ -28,10 +26,16 @@ def rally_points(harness, *places, frame=MavFrame.GLOBAL_RELATIVE_ALT):
     for number, (east, north, up) in enumerate(places):
         latitude, longitude = autopilot.projection.degrees(east, north)
         place = round(latitude * 1e7), round(longitude * 1e7)
-        items.append(MissionItem(number, RALLY_POINT, frame, (0.0,) * 4, *place, up))
+        items.append(MissionItem(number, Command.NAV_RALLY_POINT, frame, (0.0,) * 4, *place, up))
+    put(harness, MissionKind.RALLY, items)
+
+
+def put(harness, kind, items):
+    """Put a list into the autopilot, as if it had been uploaded."""
+    autopilot = harness.simulator.autopilot
     if harness.flight.dialect is Dialect.PX4:
-        autopilot.switch(MissionKind.RALLY, stored(items), None)
+        autopilot.switch(kind, stored(items), None)
         return
-    autopilot.store.truncate(MissionKind.RALLY, 0)
+    autopilot.store.truncate(kind, 0)
     for item in items:
-        autopilot.store.put(MissionKind.RALLY, item)
+        autopilot.store.put(kind, item)
