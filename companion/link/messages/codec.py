@@ -47,6 +47,7 @@ COMPONENT_ID = ComponentId.PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
+_LENGTHS_MAX = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
 _OWN_SYSTEM_UNTIL_KNOWN = 1
 
 
@@ -91,7 +92,7 @@ class Codec:
         limits: SourceLimits | None = None,
     ) -> None:
         self.counters: Counter[str] = Counter()
-        self._framer = Framer(_EXTRAS, self.counters)
+        self._framer = Framer(_EXTRAS, self.counters, _LENGTHS_MAX)
         self._reader = mavlink.MAVLink(None)
         self._writer = mavlink.MAVLink(None, srcComponent=COMPONENT_ID)
         self._telemetry = Telemetry(vehicle_system_id)

@@ -10,17 +10,21 @@ MAVLink guide, *Packet Serialization*: header layout, CRC-16/MCRF4XX with the me
 
 from __future__ import annotations
 
-from collections import Counter
+import re
+from collections import Counter, OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from fastcrc.crc16 import mcrf4xx
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
-_HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
+_HEADER_V1, _HEADER_V2 = 6, 10
+_HEADERS = {MAGIC_V1: _HEADER_V1, MAGIC_V2: _HEADER_V2}
 _CHECKSUM = 2
 SIGNATURE = 13
 _SIGNED = 0x01
+_LENGTH_KNOWN = 3  # bytes of a header that tell the frame's length
+_MAGICS = re.compile(rb"[\xfd\xfe]").finditer
 
 
 def checksum(data: bytes | bytearray, extra: int) -> int:
@@ -73,11 +77,6 @@ def _length_at(data: bytes | bytearray, start: int) -> int:
     return length
 
 
-def _fits(raw: bytes, body: int, extra: int) -> bool:
-    """Whether the checksum behind a frame's body, which ends at an index, is that of the body."""
-    return checksum(raw[1:body], extra) == int.from_bytes(raw[body : body + _CHECKSUM], "little")
-
-
 def frames_in(data: bytes) -> Iterator[bytes]:
     """Cut whole frames that stand one behind the other, as we packed them."""
     start = 0
@@ -88,78 +87,130 @@ def frames_in(data: bytes) -> Iterator[bytes]:
 
 
 class Framer:
-    """Bytes in, frames out.
+    """Bytes in, frames out; each place in the stream is judged once, whatever the bytes are.
 
     Parameters
     ----------
     extras : mapping of int to int
         CRC extra byte of each message id the dialect knows.
     counters : Counter
-        Counts ``garbage_bytes``, ``bad_checksum`` and ``incompatible`` frames.
+        Counts ``garbage_bytes``, ``bad_checksum``, ``bad_length`` and ``incompatible`` frames.
+    lengths_max : mapping of int to int, optional
+        Bytes of each message with all its extensions: a MAVLink 1 frame cannot carry more. (A MAVLink 2
+        frame can, of extensions that are younger than the dialect.)
+
+    Notes
+    -----
+    Places are counted from the stream's first byte. A place where a frame may begin, but cannot be told
+    yet, is *open*: it waits for its last byte, or holds a whole frame of an unknown message, which is
+    given up for a verified one that begins inside. A verified frame ends all that is open before it.
     """
 
-    def __init__(self, extras: Mapping[int, int], counters: Counter[str]) -> None:
-        self._extras = extras
+    def __init__(
+        self,
+        extras: Mapping[int, int],
+        counters: Counter[str],
+        lengths_max: Mapping[int, int] | None = None,
+    ) -> None:
+        self._lengths_max = lengths_max or {}
+        self._extras = {number: bytes((extra,)) for number, extra in extras.items()}
         self._counters = counters
-        self._buffer = bytearray()
+        self._buffer = b""
+        self._begin = 0  # place of the buffer's first byte
+        self._start = 0  # before it nothing is left to tell
+        self._seen = 0  # before it every place was looked at
+        self._open: OrderedDict[int, RawFrame | None] = OrderedDict()
+        self._awaited: dict[int, list[int]] = {}  # open places by where what begins there ends
 
-    def feed(self, data: bytes) -> Iterator[RawFrame]:
-        """Take bytes; yield the frames that are complete."""
-        self._buffer += data
-        start = 0
-        while start < len(self._buffer):
-            frame, is_waiting = self._frame_at(start)
-            if frame is None and is_waiting:
-                skipped = self._next_verified(start + 1, len(self._buffer))
-                if skipped is None:
-                    break
-                self._counters["garbage_bytes"] += skipped - start
-                start = skipped
-                continue
-            if frame is None:
-                self._counters["garbage_bytes"] += 1
-                start += 1
-                continue
-            start += len(frame.raw)
-            yield frame
-        del self._buffer[:start]
+    def feed(self, data: bytes) -> list[RawFrame]:
+        """Take bytes; return the frames that became complete, in order."""
+        buffer = self._buffer = self._buffer[self._start - self._begin :] + data
+        begin = self._begin = self._start
+        end = begin + len(buffer)
+        found: list[RawFrame] = []
+        for place in self._completed(end - len(data), end):
+            self._judge(place, found)
+        seen = end
+        for magic in _MAGICS(buffer, max(self._seen, self._start) - begin):
+            place = begin + magic.start()
+            if place + _LENGTH_KNOWN > end:
+                seen = place
+                break
+            if place >= self._start:
+                self._judge(place, found)
+        self._seen = seen
+        self._give_unknown(end, found)
+        self._skip_to(next(iter(self._open), seen))
+        return found
 
-    def _next_verified(self, start: int, end: int) -> int | None:
-        """Where a whole verified frame begins behind one that is incomplete or cannot be verified."""
-        for index in range(start, end):
-            if self._buffer[index] in _HEADERS:
-                frame, _ = self._frame_at(index, is_counted=False)
-                if frame is not None and frame.is_verified:
-                    return index
-        return None
+    def _completed(self, before: int, end: int) -> list[int]:
+        """Open places, in order, whose last byte came behind one place and before another."""
+        if not self._awaited:
+            return []
+        ends = [last for last in range(before + 1, end + 1) if last in self._awaited]
+        return sorted(place for last in ends for place in self._awaited.pop(last) if place >= self._start)
 
-    def _frame_at(self, start: int, *, is_counted: bool = True) -> tuple[RawFrame | None, bool]:
-        """Return the frame that begins at an index, and whether more bytes are needed to tell."""
-        buffer = self._buffer
-        header = _HEADERS.get(buffer[start])
-        if header is None:
-            return None, False
-        if len(buffer) - start < 3:
-            return None, True
-        if buffer[start] == MAGIC_V2 and buffer[start + 2] & ~_SIGNED:
-            self._count("incompatible", is_counted)
-            return None, False
-        end = start + _length_at(buffer, start)
-        if end > len(buffer):
-            return None, True
-        frame = raw_frame(bytes(buffer[start:end]))
-        extra = self._extras.get(frame.message_id)
+    def _judge(self, place: int, found: list[RawFrame]) -> None:
+        """Tell what begins at a place where a magic byte and a length stand."""
+        if self._open:
+            self._give_unknown(place, found)
+        if place < self._start:
+            return
+        buffer, start = self._buffer, place - self._begin
+        size, length = len(buffer), buffer[start + 1]
+        is_v1 = buffer[start] == MAGIC_V1
+        if is_v1:
+            if start + 5 < size and length > self._lengths_max.get(buffer[start + 5], 255):
+                self._deny(place, "bad_length")
+                return
+            body = start + _HEADER_V1 + length
+            end = body + _CHECKSUM
+        elif (flags := buffer[start + 2]) & ~_SIGNED:
+            self._deny(place, "incompatible")
+            return
+        else:
+            body = start + _HEADER_V2 + length
+            end = body + _CHECKSUM + (SIGNATURE if flags else 0)
+        if end > size:
+            self._open[place] = None
+            self._awaited.setdefault(self._begin + end, []).append(place)
+            return
+        number = buffer[start + 5] if is_v1 else int.from_bytes(buffer[start + 7 : start + 10], "little")
+        extra = self._extras.get(number)
         if extra is None:
-            # A header cut short joins with what follows to any id: a true frame inside gives it away.
-            is_torn = is_counted and self._next_verified(start + 1, end) is not None
-            if is_torn or (end < len(buffer) and buffer[end] not in _HEADERS):
-                return None, False
-            return raw_frame(frame.raw, is_verified=False), False
-        if not _fits(frame.raw, header + frame.raw[1], extra):
-            self._count("bad_checksum", is_counted)
-            return None, False
-        return frame, False
+            if end < size and buffer[end] not in _HEADERS:
+                self._deny(place, "")
+            else:
+                self._open[place] = raw_frame(buffer[start:end], is_verified=False)
+        elif mcrf4xx(extra, mcrf4xx(buffer[start + 1 : body])) == buffer[body] | buffer[body + 1] << 8:
+            self._give(place, raw_frame(buffer[start:end]), found)
+        else:
+            self._deny(place, "bad_checksum")
 
-    def _count(self, reason: str, is_counted: bool) -> None:
-        if is_counted:
+    def _deny(self, place: int, reason: str) -> None:
+        """No frame begins here; why not is counted where none could begin before it either."""
+        if reason and next(iter(self._open), place) >= place:
             self._counters[reason] += 1
+        self._open.pop(place, None)
+
+    def _give(self, place: int, frame: RawFrame, found: list[RawFrame]) -> None:
+        found.append(frame)
+        self._skip_to(place)
+        self._start = place + len(frame.raw)
+        while self._open and next(iter(self._open)) < self._start:
+            self._open.popitem(last=False)
+
+    def _give_unknown(self, until: int, found: list[RawFrame]) -> None:
+        """Give frames of unknown messages that end by a place, with nothing open before them."""
+        while self._open:
+            place = next(iter(self._open))
+            frame = self._open[place]
+            if frame is None or place + len(frame.raw) > until:
+                return
+            self._give(place, frame, found)
+
+    def _skip_to(self, place: int) -> None:
+        """Count what lies before a place, and belongs to no frame."""
+        if place > self._start:
+            self._counters["garbage_bytes"] += place - self._start
+            self._start = place
