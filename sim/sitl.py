@@ -21,7 +21,7 @@ from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig
 from companion.errors import NoAutopilotError
 from companion.flight.modes import Mode
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
 from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step

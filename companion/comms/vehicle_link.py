@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 from companion.clock import Clock
 from companion.comms.observer import Observer
+from companion.comms.speech import Speech
 from companion.config import MissionConfig
 from companion.link.messages.codec import Codec
-from companion.link.messages.component import ParameterStore, answer
+from companion.link.messages.component import ParameterStore
 from companion.link.messages.streams import Streams
-from companion.link.messages.vehicle_telemetry import AUTOPILOT_COMPONENT
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.framing import frames_in
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.source_limits import SourceLimits
-from companion.link.wire.transport import Transport
+from companion.link.wire.transport import Address, Transport
 from companion.recording.recorder import Recorder
 from companion.types.events import Event
 
@@ -69,7 +69,7 @@ class VehicleLink:
     ) -> None:
         settings = mission.link
         limits = SourceLimits(float(settings.source_rate_max_hz), settings.systems)
-        self.codec = Codec(track_sources=settings.track_sources, signer=signer, limits=limits)
+        self.codec = Codec(settings.vehicle_system_id, settings.track_sources, signer=signer, limits=limits)
         self.transport = transport
         self.streams = Streams(float(settings.stream_rate_hz))
         self.quality = LinkQuality()
@@ -77,13 +77,13 @@ class VehicleLink:
         self._recorder = recorder
         self._observer = observer or Observer()
         self._take: Callable[[Event, float], None] = _ignore
-        self._parameters: ParameterStore | None = None
+        self._speech = Speech(self.codec, transport.bytes_per_s)
         self.autopilot = link_kind(self.codec, clock, self.send)
 
     @property
     def has_heard(self) -> bool:
-        """Whether the vehicle is known."""
-        return self.codec.vehicle_system_id is not None
+        """Whether the vehicle is known, and was heard."""
+        return self.autopilot.dialect is not None
 
     async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
         """Open the transport.
@@ -95,24 +95,30 @@ class VehicleLink:
         parameters : ParameterStore
             What others may ask for or set.
         """
-        self._take, self._parameters = take, parameters
+        self._take = take
+        self._speech.begin(parameters)
         self.transport.set_receiver(self.receive)
         await self.transport.open()
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, data: bytes, address: Address | None = None) -> None:
         """Take bytes from the transport: record, pass on and answer each frame, then hand out its events."""
-        now_s = self._clock.now_s()
-        for frame in self.codec.feed(data, now_s):
+        now_s, peer, had_heard = self._clock.now_s(), self.codec.identity.peer, self.has_heard
+        frames = self.codec.feed(data, now_s, address)
+        if (now_at := self.codec.identity.peer) is not None and now_at != peer:
+            self.transport.answer_to(now_at)
+        for frame in frames:
             self._recorder.frame(now_s, frame.raw)
-            self.streams.note(frame, now_s)
-            if (frame.system_id, frame.component_id) == (self.codec.vehicle_system_id, AUTOPILOT_COMPONENT):
+            if self.codec.identity.is_autopilot(frame.system_id, frame.component_id):
+                self.streams.note(frame, now_s)
                 self.quality.note(frame.raw)
             self.autopilot.receive(frame)
             if self.autopilot.is_part_of_exchange(frame):
                 self._observer.progress()
-            self.send(answer(frame, self.codec, self._parameters))
+            self.send(self._speech.answer(frame, now_s))
             for event in frame.events:
                 self._take(event, now_s)
+        if self.has_heard and not had_heard:
+            self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:
         """Send packed frames, signed where there is a key, and record them."""
@@ -125,7 +131,7 @@ class VehicleLink:
     def tell(self, severity: int, text: str) -> None:
         """Tell the pilot in words, with a MAV_SEVERITY; nobody before the vehicle is heard."""
         if self.has_heard:
-            self.send(self.codec.status_text(severity, text))
+            self.send(self._speech.text(severity, text, self._clock.now_s()))
 
     def keep_up(self, now_s: float, *, is_active: bool) -> None:
         """Send what is due every second: the heartbeat, and requests for streams that do not come."""

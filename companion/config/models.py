@@ -25,6 +25,7 @@ Speed = Annotated[float, Field(gt=0.0, le=340.0)]
 Seconds = Annotated[float, Field(gt=0.0, le=86_400.0)]
 CourseDegrees = Annotated[float, Field(ge=0.0, le=360.0)]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$")]
+Identity = Annotated[str, Field(max_length=80, pattern=r"^(icao|callsign|mmsi|rid|utm|system):[0-9A-Za-z]+$")]
 SystemId = Annotated[int, Field(ge=1, le=255)]
 
 
@@ -188,6 +189,10 @@ class DynamicThreatConfig(Section):
     """How tightly it turns."""
     behaviour: Literal["pursue", "stand"] = "pursue"
     """What the simulated one does."""
+    identity: Identity | None = None
+    """As it is reported, `icao:00ABCD` say; left out, it is told by kind and place."""
+    system_id: SystemId | None = None
+    """The system that reports it; left out, any."""
 
 
 class ObstacleConfig(Section):
@@ -239,6 +244,10 @@ class LinkConfig(Section):
     ``source_rate_max_hz`` bounds the messages of each source but the own autopilot.
     """
 
+    vehicle_system_id: SystemId | None = None
+    """System id of the vehicle; left out, that of the first autopilot heard for a while."""
+    parameter_sources: tuple[SystemId, ...] = (255,)
+    """Systems that may set parameters of this service; ground stations are 255."""
     track_sources: tuple[SystemId, ...] | None = None
     """Systems whose sightings are believed; left out, every one but the own."""
     systems: tuple[SystemId, ...] | None = None
@@ -381,6 +390,8 @@ class MissionConfig(Section):
                 speed_m_s=float(entry.speed_m_s),
                 max_threat_radius_m=float(entry.max_threat_radius_m),
                 turn_radius_m=float(entry.turn_radius_m),
+                identity=entry.identity or "",
+                system_id=entry.system_id,
             )
             for entry in self.dynamic_threats
         )

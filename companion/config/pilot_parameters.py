@@ -18,6 +18,8 @@ from pydantic import ValidationError
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
 
+Sender = tuple[int, int]  # system, component
+
 DIGITS = 6  # that a 32-bit float carries for certain
 
 _log = logging.getLogger(__name__)
@@ -59,8 +61,9 @@ class Parameters:
     def __init__(self, mission: MissionConfig, file: Path | None) -> None:
         self._mission = mission
         self._file = file
-        self._listeners: list[Callable[[str], None]] = []
+        self._listeners: list[Callable[[str, Sender], None]] = []
         self._set: dict[str, float] = {}
+        self._is_kept = True
         for name, value in self._kept().items():
             reason = self._refusal(name, value)
             if reason:
@@ -69,8 +72,8 @@ class Parameters:
                 self._set[name] = value
                 _log.warning("%s is %g, as it was set before; the mission file does not count", name, value)
 
-    def listen(self, listener: Callable[[str], None]) -> None:
-        """Have a function called with the name of each value that is set from now on."""
+    def listen(self, listener: Callable[[str, Sender], None]) -> None:
+        """Have a function called with the name of each value that changes from now on, and who set it."""
         self._listeners.append(listener)
 
     @property
@@ -102,16 +105,32 @@ class Parameters:
             return known
         return float(getattr(self._mission.planning, key)) if key else 1.0
 
-    def set(self, name: str, value: float) -> str:
-        """Set a value and keep it; returns why that was refused, '' if it was not."""
+    def may_set(self, system_id: int) -> bool:
+        """Whether a system is one of the mission file's ``link.parameter_sources``."""
+        return system_id in self._mission.link.parameter_sources
+
+    def set(self, name: str, value: float, sender: Sender) -> str:
+        """Set a value; returns why that was refused, '' if it was not.
+
+        The value in force is no change. What is set lasts when :meth:`keep` is called next.
+
+        Parameters
+        ----------
+        name : str
+            The parameter's name.
+        value : float
+            What it is to be.
+        sender : tuple of int
+            System and component that ask for it, and :meth:`may_set`.
+        """
         value = float(f"{value:.{DIGITS}g}") if math.isfinite(value) else value
         reason = self._refusal(name, value)
-        if reason:
+        if reason or value == self.value(name):
             return reason
         self._set[name] = value
-        self._keep()
+        self._is_kept = False
         for listener in self._listeners:
-            listener(name)
+            listener(name, sender)
         return ""
 
     def set_mission(self, mission: MissionConfig) -> MissionConfig:
@@ -156,9 +175,11 @@ class Parameters:
             _log.warning("parameters are the mission file's: %s: %s", self._file, error)
             return {}
 
-    def _keep(self) -> None:
-        if self._file is None:
+    def keep(self) -> None:
+        """Write down what was set since the last time, if anything was."""
+        if self._file is None or self._is_kept:
             return
+        self._is_kept = True
         part = self._file.with_name(self._file.name + ".part")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)

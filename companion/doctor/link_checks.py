@@ -16,9 +16,9 @@ from companion.link.messages.streams import Streams
 from companion.link.wire.decoded_frame import ParameterTold, VersionTold
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
-from companion.link.wire.transport import Transport
+from companion.link.wire.transport import Address, Transport
 from companion.types.events import Dialect, Heartbeat
-from companion.types.mavlink_enums import ComponentId, MessageId
+from companion.types.mavlink_enums import MessageId
 
 HEARD_S = 10.0  # for the first heartbeat
 ASK_S = 0.5  # between repetitions of what was not answered
@@ -60,7 +60,8 @@ class LinkDoctor:
         self._clock = clock
         self._url = url
         self._mission = mission
-        self._codec = Codec(signer=signer)
+        named = None if mission is None else mission.link.vehicle_system_id
+        self._codec = Codec(named, signer=signer)
         self._streams = Streams(RATE_HZ if mission is None else float(mission.link.stream_rate_hz))
         self._quality = LinkQuality()
         self._num_bytes = 0
@@ -113,15 +114,14 @@ class LinkDoctor:
         if self._transport.is_open:
             self._transport.send(self._codec.on_the_wire(data))
 
-    def _receive(self, data: bytes) -> None:
-        now = self._clock.now_s()
+    def _receive(self, data: bytes, address: Address | None = None) -> None:
+        now, identity = self._clock.now_s(), self._codec.identity
         self._num_bytes += len(data)
-        for frame in self._codec.feed(data, now):
-            if (frame.system_id, frame.component_id) != (
-                self._codec.vehicle_system_id,
-                ComponentId.AUTOPILOT1,
-            ):
+        for frame in self._codec.feed(data, now, address):
+            if not identity.is_autopilot(frame.system_id, frame.component_id):
                 continue
+            if identity.peer is not None:
+                self._transport.answer_to(identity.peer)
             self._streams.note(frame, now)
             if self._of_mission is not None:
                 self._of_mission.receive(frame)

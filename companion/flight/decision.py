@@ -43,6 +43,7 @@ class DecisionKind(Enum):
     READY = "ready", Severity.INFO
     HANDBACK = "handback", Severity.NOTICE
     RESTART = "restart", Severity.INFO
+    LINK = "link", Severity.WARNING
     FENCE = "fence", Severity.INFO
     RALLY = "rally", Severity.INFO
     RELOAD = "reload", Severity.NOTICE

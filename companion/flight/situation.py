@@ -86,7 +86,7 @@ class Situation:
         snapshot = self._snapshot
         if state is not None:
             east, north, _ = state.position_enu_m
-            self.tracker.note_ownship(east, north)
+            self.tracker.note_ownship(east, north, state.velocity_m_s)
             snapshot = snapshot.with_known(snapshot.sensed(east, north, self._horizon_m))
         self._snapshot = snapshot.with_tracks(now_s, self.tracker.tracks(now_s))
         return self._snapshot

@@ -25,7 +25,7 @@ from companion.errors import ConfigError
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_sniffer import MissionSniffer, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import RecordedFrame, Recording
 from companion.replay.arrivals import Arrivals, is_told, message_name
 from companion.replay.lockstep import TURN_TIMEOUT_S, step

@@ -11,7 +11,7 @@ import asyncio
 import time
 
 from companion.clock import ManualClock
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.tasks.app import App
 
 STEP_S = 0.02

@@ -117,7 +117,8 @@ class RecordedFlight:
         """Wait for the end of the flight, or of an hour on the ground."""
         while True:
             now = self.clock.now_s()
-            if self.app.state.phase.is_over(now) or self.app.state.phase.is_idle(now):
+            phase = self.app.state.phase
+            if phase.is_over(now) or phase.is_idle(now) or self.app.has_lost_vehicle(now):
                 return
             await self.clock.sleep_until(now + LOOK_S)
 

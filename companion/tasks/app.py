@@ -10,8 +10,9 @@ import math
 from collections.abc import Awaitable, Callable
 
 from companion.assurance.emergency import EmergencyStep
+from companion.comms.link_watch import LinkWatch
 from companion.config import MissionConfig
-from companion.config.pilot_parameters import ENABLE
+from companion.config.pilot_parameters import ENABLE, Sender
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import (
     FlightState,
@@ -28,6 +29,7 @@ from companion.flight.flight_state import (
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
+from companion.token_bucket import TokenBucket
 from companion.types.events import (
     Event,
     GlobalPosition,
@@ -42,6 +44,8 @@ from companion.types.state import Ownship
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
 HOUSEKEEPING_S = 1.0
 STATE_S = 0.2
+LET_GO_S = 30.0  # a vehicle silent for so long on the ground may be followed by another
+LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # of the autopilot's words; a boot has some forty
 FAREWELL_S = 0.2  # for the last words to leave before the link is closed
 TOLD = {
     Mode.SUSPENDED: (DecisionKind.SUSPENDED, "by the pilot"),
@@ -82,6 +86,8 @@ class App:
         self._said_failure = self._said_landed = False
         self._planning: asyncio.Task[None] | None = None
         self._changed: MissionConfig | None = None
+        self._link_watch = LinkWatch(self.link, self.announcer)
+        self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
@@ -101,6 +107,7 @@ class App:
                     tasks.create_task(_guarded(name, task), name=name)
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
+            self._parameters.keep()
             await self.link.close()
 
     async def withdraw(self) -> None:
@@ -149,6 +156,11 @@ class App:
         """Whether a heartbeat came lately."""
         return self._clock.now_s() - self._heartbeat_s <= SILENT_S
 
+    def has_lost_vehicle(self, now_s: float) -> bool:
+        """Whether the vehicle fell silent on the ground, so that another may come in its place."""
+        is_silent = now_s - self._heartbeat_s > LET_GO_S
+        return self.link.has_heard and is_silent and not self.state.phase.is_armed
+
     def warmed_up(self) -> None:
         """Every kernel is compiled: plans can be made from now on."""
         self._is_warm = True
@@ -159,6 +171,10 @@ class App:
         """Take what was heard."""
         if isinstance(event, Heartbeat):
             self._heartbeat_s = now
+            self._link_watch.note_heartbeat(event)
+            if event.is_contradicted:
+                self.change(ModeEvent.MISSION_NOT_FLOWN)
+                return
             self.autopilot_mode = event.mode
             self._flight.apply(after_autopilot_told, flies_by=event.dialect.flies_by)
             self._note_armed(now, is_armed=event.is_armed)
@@ -171,7 +187,7 @@ class App:
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
             self._follow(self.replanning.handover.reader.position)
-            if isinstance(event, StatusText):
+            if isinstance(event, StatusText) and self._logged.takes(now):
                 _log.info("autopilot: %s", event.text)
         else:
             if isinstance(event, GlobalPosition):
@@ -216,6 +232,8 @@ class App:
         kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
         if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
             words = "return to launch"
+        elif mode is Mode.SUSPENDED and self._link_watch.is_contradicted:
+            words = "heartbeats contradict"
         self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
         if mode in BACK and self.state.mission.authority.resume == "auto":
             self.announcer.decide(
@@ -243,10 +261,12 @@ class App:
         """Say that a mission file that was read again is not gone by, for a key of it."""
         self.announcer.decide(DecisionKind.RELOAD, f"refused: {key}")
 
-    def _note_parameter(self, name: str) -> None:
+    def _note_parameter(self, name: str, sender: Sender) -> None:
         """A pilot has set one: take it up like another mission file."""
         self._changed = self._parameters.mission()
-        self.announcer.decide(DecisionKind.PARAMETERS, f"{name} is {self._parameters.value(name):g}")
+        words = f"{name} is {self._parameters.value(name):g}, by {sender[0]}/{sender[1]}"
+        _log.warning("%s", words)
+        self.announcer.decide(DecisionKind.PARAMETERS, words)
 
     def _renew(self) -> None:
         """Take up a changed mission file, between plans."""
@@ -288,6 +308,8 @@ class App:
         """Between plans and exchanges."""
         self._observer.progress()
         self._renew()
+        if self.mode is Mode.ACTIVE and self.replanning.geofences.follow_limits():
+            self.replanning.plan_at_once()
 
     def _may_plan(self) -> bool:
         """Whether plans can be made, and are wanted."""
@@ -305,6 +327,8 @@ class App:
             if settings != self.state.settings:
                 self._flight.apply(after_settings_told, settings)
             self._departure.handback.look()
+            self._link_watch.look(now)
+            self._parameters.keep()
             self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
 

@@ -55,6 +55,15 @@ class Geofences:
         self._items, self._limits = items, limits
         self._apply()
 
+    def follow_limits(self) -> bool:
+        """Go by the fences that are parameters as they are told now; whether they changed."""
+        limits = self._limits_told()
+        if limits == self._limits:
+            return False
+        self._limits = limits
+        self._apply()
+        return True
+
     def lay_anew(self) -> None:
         """Fit the fences into the bounds of another mission file."""
         if self._items or self._limits != FenceLimits():

@@ -1,4 +1,8 @@
-"""Which of the mission file's moving threats a tracked vehicle is."""
+"""Which of the mission file's moving threats a tracked vehicle is.
+
+It is told by what a vehicle is and where it is seen, never by who is seen first: nobody takes a named
+threat away from another. Where several fit, each is taken for it, which errs towards caution.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ class VehicleClass:
     Parameters
     ----------
     number : int or None
-        Place in the mission file's list; None for a vehicle it does not name.
+        Place in the mission file's list; None for a vehicle that is not taken for one it names.
     speed_m_s : float
         Highest ground speed [m/s].
     max_threat_radius_m : float
@@ -31,6 +35,15 @@ class VehicleClass:
     speed_m_s: float
     max_threat_radius_m: float
     turn_radius_m: float
+
+    def at_least(self, other: VehicleClass) -> VehicleClass:
+        """A vehicle of no name that can do what either can."""
+        return VehicleClass(
+            None,
+            max(self.speed_m_s, other.speed_m_s),
+            max(self.max_threat_radius_m, other.max_threat_radius_m),
+            min(self.turn_radius_m, other.turn_radius_m),
+        )
 
     @property
     def stands(self) -> bool:
@@ -46,14 +59,13 @@ class VehicleClassSettings:
     ----------
     ground, air : VehicleClass
         What is assumed of a ground vehicle, and of an aircraft, that the mission file does not name.
-    air_match_distance_m : float
-        The mission file names ground vehicles; a detection that says it is airborne, or does not say
-        what it is, counts as one of them only within this distance of its start [m].
+    match_distance_m : float
+        Within this distance of its start a vehicle is taken for the threat that the mission file names [m].
     """
 
     ground: VehicleClass = VehicleClass(None, speed_m_s=25.0, max_threat_radius_m=250.0, turn_radius_m=15.0)
     air: VehicleClass = VehicleClass(None, speed_m_s=40.0, max_threat_radius_m=250.0, turn_radius_m=50.0)
-    air_match_distance_m: float = 300.0
+    match_distance_m: float = 300.0
 
     def __post_init__(self) -> None:
         if self.ground.number is not None or self.air.number is not None:
@@ -61,7 +73,7 @@ class VehicleClassSettings:
 
 
 class ThreatAssigner:
-    """Gives each named threat to one identity at a time.
+    """Tells the kind of a vehicle that is seen.
 
     Parameters
     ----------
@@ -74,41 +86,68 @@ class ThreatAssigner:
     def __init__(self, threats: Sequence[DynamicThreat], settings: VehicleClassSettings) -> None:
         self._threats = tuple(threats)
         self._settings = settings
-        self._holders: dict[int, str] = {}
         self._remembered: dict[str, int] = {}
+        self._standing: dict[int, str] = {}
 
-    def assigned(self, identity: str, east_m: float, north_m: float, *, is_airborne: bool) -> VehicleClass:
-        """Assign the free threat that starts nearest, and return its class.
+    def assigned(
+        self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
+    ) -> VehicleClass:
+        """The class of a vehicle that is seen for the first time, or again.
 
-        An identity that held a threat before gets the same again while nobody else holds it: where a
-        vehicle reappears says less than what it was.
+        One that the mission file names by its identity is that threat wherever it is, and nobody else is. Of
+        those that fit by kind and sender the nearest is meant: near its start as it stands in the file, and
+        farther away with at least what is assumed of a stranger. A threat that does not move is taken for
+        one only near its place, and one vehicle only: a second is taken to move. An identity seen before
+        stays what it was, since where a vehicle reappears says less.
+
+        Parameters
+        ----------
+        identity : str
+            As reported, for instance ``icao:00ABCD``.
+        east_m, north_m : float
+            Where it is seen [m].
+        is_airborne : bool
+            Whether it says that it flies, or does not say what it is.
+        system_id : int, optional
+            Who reports it.
         """
-        reach = self._settings.air_match_distance_m if is_airborne else math.inf
+        unknown = self._settings.air if is_airborne else self._settings.ground
         former = self._remembered.get(identity)
-        if former is not None and former not in self._holders:
-            number: int | None = former
-        else:
-            number = self._nearest_free(east_m, north_m, reach)
-        if number is None:
-            return self._settings.air if is_airborne else self._settings.ground
-        self._holders[number] = identity
+        if former is not None:
+            return self._taken_for(former, identity, unknown)
+        by_name = next((n for n, threat in enumerate(self._threats) if threat.identity == identity), None)
+        if by_name is not None:
+            return self._taken_for(by_name, identity, unknown)
+        distance, number = self._nearest(east_m, north_m, system_id)
+        if distance <= self._settings.match_distance_m:
+            return self._taken_for(number, identity, unknown)
+        if number < 0 or is_airborne or self._threats[number].speed_m_s == 0.0:
+            return unknown
+        return self._class_of(number).at_least(unknown)
+
+    def _nearest(self, east_m: float, north_m: float, system_id: int | None) -> tuple[float, int]:
+        """Distance [m] and number of the threat that starts nearest of those that a sender's may be."""
+        distances = (
+            (math.hypot(threat.position_enu_m[0] - east_m, threat.position_enu_m[1] - north_m), number)
+            for number, threat in enumerate(self._threats)
+            if not threat.identity and threat.system_id in (None, system_id)
+        )
+        return min(distances, default=(math.inf, -1))
+
+    def release(self, identity: str) -> None:
+        """A vehicle is followed no more; the next at its place may be the one that stands there."""
+        self._standing = {number: holder for number, holder in self._standing.items() if holder != identity}
+
+    def _taken_for(self, number: int, identity: str, unknown: VehicleClass) -> VehicleClass:
         self._remembered.pop(identity, None)
         self._remembered[identity] = number
         if len(self._remembered) > REMEMBERED_MAX:
             del self._remembered[next(iter(self._remembered))]
+        kind = self._class_of(number)
+        if kind.stands and self._standing.setdefault(number, identity) != identity:
+            return kind.at_least(unknown)
+        return kind
+
+    def _class_of(self, number: int) -> VehicleClass:
         threat = self._threats[number]
         return VehicleClass(number, threat.speed_m_s, threat.max_threat_radius_m, threat.turn_radius_m)
-
-    def release(self, vehicle_class: VehicleClass) -> None:
-        """Make a dropped track's threat free again."""
-        if vehicle_class.number is not None:
-            self._holders.pop(vehicle_class.number, None)
-
-    def _nearest_free(self, east_m: float, north_m: float, reach_m: float) -> int | None:
-        distances = (
-            (math.hypot(threat.position_enu_m[0] - east_m, threat.position_enu_m[1] - north_m), number)
-            for number, threat in enumerate(self._threats)
-            if number not in self._holders
-        )
-        distance, number = min(distances, default=(math.inf, -1))
-        return number if number >= 0 and distance <= reach_m else None

@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from companion.frames import LocalFrame
-from companion.tracking.threat_assigner import ThreatAssigner, VehicleClassSettings
+from companion.tracking.threat_assigner import ThreatAssigner, VehicleClass, VehicleClassSettings
 from companion.tracking.track import Detection, Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
 from companion.types.threat import DynamicThreat, TrackState
+
+_NEWCOMER = ""  # no identity is empty
+_Danger = tuple[tuple[bool, float], tuple[bool, float]]  # whether stale, and metres; the same, and seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +32,11 @@ class TrackerSettings:
         Age from which a track gives way first when there are too many [s].
     num_tracks_max : int
         As many are followed at once.
+    sender_share : float
+        Share of them that one sender's vehicles keep when others' come.
+    seniority : float
+        A newcomer takes the place of one that is followed only if it is nearer by this factor, or could be
+        at the aircraft sooner by it.
     future_tolerance_s : float
         How far ahead of the clock a detection may be dated [s].
     range_max_m : float
@@ -48,6 +56,8 @@ class TrackerSettings:
     drop_after_s: float = 60.0
     stale_after_s: float = 10.0
     num_tracks_max: int = 64
+    sender_share: float = 0.5
+    seniority: float = 0.8
     future_tolerance_s: float = 0.5
     range_max_m: float = 100_000.0
     altitude_max_m: float = 20_000.0
@@ -99,16 +109,19 @@ class Tracker:
         self._seed = seed
         self._assigner = ThreatAssigner(dynamic_threats, self._settings.classes)
         self._tracks: dict[str, Track] = {}
-        self._centre_m = (0.0, 0.0)
+        self._senders: dict[str, str] = {}
+        self._centre_m = self._velocity_m_s = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
 
     def __len__(self) -> int:
         return len(self._tracks)
 
-    def note_ownship(self, east_m: float, north_m: float) -> None:
-        """Tell where the aircraft is: with too many vehicles, those near it are followed."""
-        if math.isfinite(east_m) and math.isfinite(north_m):
-            self._centre_m = (east_m, north_m)
+    def note_ownship(
+        self, east_m: float, north_m: float, velocity_m_s: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Tell where the aircraft is and goes: with too many vehicles, the dangerous are followed."""
+        if all(map(math.isfinite, (east_m, north_m, *velocity_m_s))):
+            self._centre_m, self._velocity_m_s = (east_m, north_m), velocity_m_s
 
     def observe(self, report: TrackReport, now_s: float) -> None:
         """Take in a report; what cannot be true is dropped and counted, never raised."""
@@ -120,8 +133,13 @@ class Tracker:
         track = self._tracks.get(report.identity)
         if track is not None:
             self.counters[track.observe(detection)] += 1
-        elif self._has_room(detection, now_s):
-            self._initiate(report.identity, detection)
+            return
+        east, north, _ = detection.position_enu_m
+        kind = self._assigner.assigned(
+            report.identity, east, north, is_airborne=detection.is_airborne, system_id=report.system_id
+        )
+        if self._has_room(report.sender, detection, kind, now_s):
+            self._initiate(report, detection, kind)
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
         """Return all vehicles as estimated at an instant, sorted by identity."""
@@ -166,35 +184,68 @@ class Tracker:
             and speed <= self._settings.speed_max_m_s
         )
 
-    def _initiate(self, identity: str, detection: Detection) -> None:
-        east, north, _ = detection.position_enu_m
-        vehicle_class = self._assigner.assigned(identity, east, north, is_airborne=detection.is_airborne)
+    def _initiate(self, report: TrackReport, detection: Detection, kind: VehicleClass) -> None:
+        identity = report.identity
         name = hashlib.sha256(identity.encode()).digest()
         generator = np.random.default_rng([self._seed, int.from_bytes(name[:16], "big")])
-        self._tracks[identity] = Track(identity, vehicle_class, detection, self._settings.track, generator)
+        self._tracks[identity] = Track(identity, kind, detection, self._settings.track, generator)
+        self._senders[identity] = report.sender
         self.counters["initiated"] += 1
 
-    def _has_room(self, detection: Detection, now_s: float) -> bool:
-        """Whether a new track fits; the least interesting one makes room if it is less than this."""
+    def _has_room(self, sender: str, detection: Detection, kind: VehicleClass, now_s: float) -> bool:
+        """Whether a new track fits.
+
+        One sender's vehicles cannot crowd out those of another: up to its share a sender gets room from one
+        that has more than that. Beyond, the least dangerous gives way to what is clearly more so. What the
+        mission file names keeps its place, one vehicle for each name.
+        """
         if len(self._tracks) < self._settings.num_tracks_max:
             return True
-
-        centre_east, centre_north = self._centre_m
-
-        def interest(stamp_s: float, horizontal_m: np.ndarray) -> tuple[bool, float]:
-            """Sort key of a vehicle at ``horizontal_m``, shape (2,), east and north [m]; less is nearer."""
-            is_stale = now_s - stamp_s > self._settings.stale_after_s
-            return is_stale, math.hypot(horizontal_m[0] - centre_east, horizontal_m[1] - centre_north)
-
-        ranked = [
-            (interest(track.observed_s, track.place_m), identity) for identity, track in self._tracks.items()
-        ]
-        worst, identity = max(ranked)
-        if worst <= interest(detection.stamp_s, detection.horizontal_m):
+        share = max(1, int(self._settings.sender_share * self._settings.num_tracks_max))
+        held = Counter(self._senders.values())
+        kept = self._claimants()
+        danger = {name: self._danger(name, now_s) for name in self._tracks if name not in kept}
+        crowding = {name: key for name, key in danger.items() if held[self._senders[name]] > share}
+        if held[sender] >= share:
+            danger = {name: key for name, key in danger.items() if self._senders[name] == sender}
+        elif crowding:
+            self._end(_least_dangerous(crowding), "evicted")
+            return True
+        near_m, ahead_s = self._approach(detection.horizontal_m, kind)
+        ease = self._settings.seniority
+        danger[_NEWCOMER] = (False, near_m / ease), (False, ahead_s / ease)
+        least = _least_dangerous(danger)
+        if least == _NEWCOMER:
             self.counters["crowded"] += 1
             return False
-        self._end(identity, "evicted")
+        self._end(least, "evicted")
         return True
+
+    def _claimants(self) -> set[str]:
+        """Identities that are kept: of each threat in the mission file the one followed longest."""
+        longest: dict[int, str] = {}
+        for identity, track in self._tracks.items():
+            if track.vehicle_class.number is not None:
+                longest.setdefault(track.vehicle_class.number, identity)
+        return set(longest.values())
+
+    def _danger(self, identity: str, now_s: float) -> _Danger:
+        track = self._tracks[identity]
+        is_stale = now_s - track.observed_s > self._settings.stale_after_s
+        near_m, ahead_s = self._approach(track.place_m, track.vehicle_class)
+        return (is_stale, near_m), (is_stale, ahead_s)
+
+    def _approach(self, place_m: np.ndarray, kind: VehicleClass) -> tuple[float, float]:
+        """How far ``place_m``, shape (2,), is [m], and when a vehicle there could harm the aircraft [s].
+
+        The aircraft flies on as it does; what lies behind it cannot, as far as this tells.
+        """
+        east, north = float(place_m[0]) - self._centre_m[0], float(place_m[1]) - self._centre_m[1]
+        distance = math.hypot(east, north)
+        own = (self._velocity_m_s[0] * east + self._velocity_m_s[1] * north) / max(distance, 1.0)
+        if own < 0.0:
+            return distance, math.inf
+        return distance, max(0.0, distance - kind.max_threat_radius_m) / max(own + kind.speed_m_s, 1.0)
 
     def _end_old(self, now_s: float) -> None:
         limit = now_s - self._settings.drop_after_s
@@ -202,5 +253,15 @@ class Tracker:
             self._end(identity, "aged_out")
 
     def _end(self, identity: str, reason: str) -> None:
-        self._assigner.release(self._tracks.pop(identity).vehicle_class)
+        self._assigner.release(identity)
+        del self._tracks[identity], self._senders[identity]
         self.counters[reason] += 1
+
+
+def _least_dangerous(danger: Mapping[str, _Danger]) -> str:
+    """The vehicle that is least in both orders, by distance and by time: each keeps its first."""
+    by_distance = sorted(danger, key=lambda identity: danger[identity][0])
+    by_time = sorted(danger, key=lambda identity: (danger[identity][1], danger[identity][0]))
+    place = {identity: index for index, identity in enumerate(by_distance)}
+    order = {identity: (min(place[identity], index), index) for index, identity in enumerate(by_time)}
+    return max(order, key=lambda identity: order[identity])

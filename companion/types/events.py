@@ -117,7 +117,9 @@ class Heartbeat:
     """HEARTBEAT of the autopilot.
 
     ``mode`` is the flight mode's name in the autopilot's own words (``AUTO``, ``RTL``, ``MISSION``…);
-    ``is_mission_mode`` tells whether it is the mode in which missions are flown.
+    ``is_mission_mode`` tells whether it is the mode in which missions are flown. ``is_contradicted``:
+    heartbeats under the vehicle's ids say what cannot all be true; it is in no mission mode then, and
+    dialect and ``is_armed`` are those believed last.
     """
 
     stamp_s: float
@@ -127,6 +129,7 @@ class Heartbeat:
     mode: str
     is_mission_mode: bool
     is_armed: bool
+    is_contradicted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +261,17 @@ class TrackReport:
     altitude_amsl_m: float
     velocity_enu_m_s: tuple[float, float, float] | None
     position_std_m: float | None
+
+    @property
+    def sender(self) -> str:
+        """System and component, ``200/156``."""
+        return self.source.rpartition(" ")[2]
+
+    @property
+    def system_id(self) -> int | None:
+        """System id of the sender."""
+        number = self.sender.partition("/")[0]
+        return int(number) if number.isdecimal() else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -38,6 +39,12 @@ class Ownship:
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     position_std_m: tuple[float, float] = (2.0, 3.0)
     bank_rad: float = 0.0
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float]:
+        """Velocity over the ground, east and north [m/s]."""
+        speed, course = self.ground_speed_m_s, self.course_rad
+        return speed * math.sin(course), speed * math.cos(course)
 
 
 @dataclass(frozen=True, slots=True)

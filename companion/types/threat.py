@@ -66,6 +66,10 @@ class DynamicThreat:
         RD_max [m].
     turn_radius_m : float
         Smallest turn radius [m].
+    identity : str
+        As it is reported, for instance ``icao:00ABCD``; '' where it is told by its place.
+    system_id : int or None
+        Who reports it; None: whoever does.
     """
 
     name: str
@@ -73,6 +77,8 @@ class DynamicThreat:
     speed_m_s: float
     max_threat_radius_m: float
     turn_radius_m: float = 15.0
+    identity: str = ""
+    system_id: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
 MISSION = mission_from_text(FIRST_FLIGHT, "first-flight.yaml")
 NAMES = [entry.name for entry in TABLE]
+STATION = (255, 190)
 
 
 class Station:
@@ -25,7 +26,7 @@ class Station:
     def __init__(self, file=None):
         self.changes = []
         self.parameters = Parameters(MISSION, file)
-        self.parameters.listen(self.changes.append)
+        self.parameters.listen(lambda name, _: self.changes.append(name))
         self.codec = Codec(1)
         self._ours = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._theirs = mavlink.MAVLink(None)
@@ -85,6 +86,7 @@ def test_a_value_that_is_set_is_told_counts_and_outlives_a_restart(tmp_path, nam
     told = station.set(name, value)
     assert [(entry.param_id, entry.param_value) for entry in told] == [(name, pytest.approx(value))]
     assert station.changes == [name]
+    station.parameters.keep()
     again = Station(tmp_path / "state" / "parameters.json")
     assert again.parameters.value(name) == value
     key = {entry.name: entry.key for entry in TABLE}[name]
@@ -163,8 +165,9 @@ def test_a_damaged_file_leaves_the_mission_files_values(tmp_path, text):
 
 def test_another_mission_file_keeps_what_fits_it(tmp_path):
     parameters = Parameters(MISSION, tmp_path / "parameters.json")
-    assert parameters.set("SRRT_HORIZON", 30.0) == ""
-    assert parameters.set("SRRT_THREAT_MAX", 0.5) == ""
+    assert parameters.set("SRRT_HORIZON", 30.0, STATION) == ""
+    assert parameters.set("SRRT_THREAT_MAX", 0.5, STATION) == ""
+    parameters.keep()
     shorter = mission_from_text(
         FIRST_FLIGHT.replace("total_planning_time_s: 80", "total_planning_time_s: 20"), "m"
     )

@@ -61,10 +61,11 @@ def test_the_pilot_s_parameters_are_those_of_the_code_with_the_ranges_of_the_mis
 
 
 def test_the_switch_takes_what_the_page_says():
+    station = (255, 190)
     parameters = Parameters(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), None)
     assert parameters.value(ENABLE) == 1.0
-    assert parameters.set(ENABLE, 0.0) == parameters.set(ENABLE, 1.0) == ""
-    assert parameters.set(ENABLE, 2.0) == parameters.set(ENABLE, 0.5) == "0 or 1"
+    assert parameters.set(ENABLE, 0.0, station) == parameters.set(ENABLE, 1.0, station) == ""
+    assert parameters.set(ENABLE, 2.0, station) == parameters.set(ENABLE, 0.5, station) == "0 or 1"
 
 
 def test_every_kind_of_decision_is_explained():

@@ -15,7 +15,7 @@ from companion.doctor.link_checks import LinkDoctor
 from companion.doctor.parameter_checks import ARDUPLANE, PX4, parameter_findings, parameter_names, version
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import VersionTold
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.types.events import Dialect
 from sim.simulator import Simulator
 from tests.support.sitl_harness import FIRST_FLIGHT

@@ -258,7 +258,7 @@ def test_a_silent_autopilot_is_waited_for():
     def watch(harness):
         modes.setdefault(harness.app.mode, []).append(harness.now_s)
 
-    harness = flown(30.0, both(cut(11.0, 20.0), watch))
+    harness = flown(45.0, both(cut(11.0, 20.0), watch))
     waiting = [stamp for stamp in modes[Mode.LOST] if stamp > 2.0]
     assert 16.0 < waiting[0] < 18.0  # 5 s after the last heartbeat, seen once a second
     assert 20.0 < waiting[-1] < 21.5

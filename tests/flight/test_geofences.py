@@ -95,7 +95,7 @@ def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_
     harness = SitlHarness(mission, dialect=dialect)
     home_at(harness, *HOME)
     fenced_by(harness, radius_m, 0.0)
-    harness.fly(190.0)
+    harness.fly(220.0)
     assert harness.app.mode.value == "arrived"
     rows = np.array(harness.simulator.truth.path)[:, 1:3]
     reach = np.linalg.norm(rows - HOME, axis=1).max()

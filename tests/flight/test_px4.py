@@ -107,7 +107,7 @@ def without_landing(harness):
 
 
 def test_a_missing_landing_is_said():
-    harness = flown(6.0, prepare=without_landing)
+    harness = flown(7.0, prepare=without_landing)
     assert harness.texts("landing") == ["no landing in the autopilot's mission"]
     assert harness.app.num_swaps == 1
 

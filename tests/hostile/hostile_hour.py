@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.clock import ManualClock
 from companion.comms.vehicle_link import VehicleLink
 from companion.config import load_mission
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import Recorder
 from companion.tasks.app import App, stop

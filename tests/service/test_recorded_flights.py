@@ -14,7 +14,7 @@ from companion.errors import LinkError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S
 from companion.flight.modes import Mode, ModeEvent
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import load_recording
 from companion.replay.comparison import first_difference
 from companion.service import service as services
@@ -122,7 +122,7 @@ def test_two_flights_are_two_recordings_and_the_second_is_planned_anew(bench):
         bench.service.app.change(ModeEvent.GOAL_REACHED)
         await bench.pass_time(LANDED_S + 2.0, (AUTO, False))
         await bench.until(lambda: bench.service.app is not apps[0])
-        await bench.pass_time(2.0, (AUTO, False))
+        await bench.pass_time(3.0, (AUTO, False))
         apps.append(bench.service.app)
         modes.append(bench.service.app.mode)
         await bench.pass_time(20.0, (AUTO, True))
@@ -183,7 +183,7 @@ def test_goals_of_the_last_flight_are_forgotten_on_the_ground(tmp_path):
     async def script():
         await bench.pass_time(LANDED_S - 1.0, (FBWA, False))
         left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
-        await bench.pass_time(2.0, (FBWA, False))
+        await bench.pass_time(3.0, (FBWA, False))  # a second of them to know the vehicle by
         left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
 
     served(bench, script)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from companion.clock import ManualClock
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.service.recorded_flight import REPORT_SILENCE_S, RecordedFlight
 
 URL = "udpin://127.0.0.1:14540"

@@ -20,7 +20,7 @@ from companion.config.compose import check_limits_of, vehicle_of
 from companion.errors import RecordError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
-from companion.link.wire.transport import MemoryTransport
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command

@@ -128,18 +128,18 @@ def test_schedules_repeat_and_differ():
 
 
 def spoiled(dialect, spoil):
-    """A flight in which somebody spoils the mission at 5 s."""
+    """A flight in which somebody spoils the mission at 8 s."""
     harness = TortureHarness(dialect, 1, Schedule())
     act, done = harness.act, []
 
     def spoiling(inner):
-        if harness.now_s > 5.0 and not done:
+        if harness.now_s > 8.0 and not done:
             done.append(harness.now_s)
             spoil(harness.simulator.autopilot)
         act(inner)
 
     harness.act = spoiling
-    return asyncio.run(flown(harness, 8.0))
+    return asyncio.run(flown(harness, 11.0))
 
 
 def through_the_wall(autopilot):

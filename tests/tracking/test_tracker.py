@@ -198,15 +198,15 @@ def test_acceleration_noise_follows_the_kind():
     assert [noise(speed) for speed in (0.0, 20.0, 100.0)] == [3.0, 10.0, 12.0]
 
 
-def test_vehicles_become_the_nearest_free_kind_of_the_mission_file():
+def test_vehicles_become_the_nearest_kind_of_the_mission_file():
     target = tracker(PURSUER, PARKED)
     target.observe(report(0.0, 990.0, 5.0, identity="a"), 0.0)
     target.observe(report(0.0, 995.0, 5.0, identity="b"), 0.0)
     target.observe(report(0.0, 0.0, 5.0, identity="c"), 0.0)
     a, b, c = target.tracks(0.0)
     assert (a.max_threat_radius_m, a.speed_max_m_s) == (600.0, 0.0)
-    assert b.max_threat_radius_m == 400.0
-    assert c.max_threat_radius_m == VehicleClassSettings().ground.max_threat_radius_m
+    assert (b.max_threat_radius_m, b.speed_max_m_s) == (600.0, 25.0)  # one stands there, so this one moves
+    assert (c.max_threat_radius_m, c.speed_max_m_s) == (400.0, 25.0)
 
 
 def test_a_vehicle_that_comes_back_is_what_it_was():
@@ -320,7 +320,97 @@ def test_whatever_is_reported_tracks_stay_finite(rows):
 def test_former_kinds_are_remembered_up_to_a_number():
     register = ThreatAssigner((PURSUER, PARKED), VehicleClassSettings())
     for number in range(REMEMBERED_MAX + 1):
-        register.release(register.assigned(str(number), 0.0, 0.0, is_airborne=False))
-    # Near the launcher, but what held the pursuer before gets it again; the first is forgotten.
+        register.assigned(str(number), 0.0, 0.0, is_airborne=False)
+        register.release(str(number))
+    # Near the launcher, but what was the pursuer before is that again; the first is forgotten.
     assert register.assigned("1", 1000.0, 0.0, is_airborne=False).number == 0
     assert register.assigned("0", 1000.0, 0.0, is_airborne=False).number == 1
+
+
+# --- who is taken for whom, and who gives way to whom
+
+
+def test_who_comes_first_takes_nothing_away():
+    """A fake far away, then the pursuer at its place: both are what the file says, or more."""
+    register = ThreatAssigner((PURSUER, PARKED), VehicleClassSettings())
+    fake = register.assigned("fake", 5000.0, 5000.0, is_airborne=False)
+    true = register.assigned("true", 10.0, 0.0, is_airborne=False)
+    second = register.assigned("second", 20.0, 0.0, is_airborne=False)
+    assert (
+        (true.number, true.max_threat_radius_m) == (second.number, second.max_threat_radius_m) == (0, 400.0)
+    )
+    assert fake.number is None
+    assert fake.speed_m_s >= 25.0
+
+
+def test_a_threat_far_from_its_start_can_do_what_the_file_says_and_what_a_stranger_can():
+    fast = DynamicThreat("fast", (0.0, 0.0, 0.0), 33.0, 100.0, 20.0)
+    kind = ThreatAssigner((fast,), VehicleClassSettings()).assigned("x", 4000.0, 0.0, is_airborne=False)
+    assert (kind.speed_m_s, kind.max_threat_radius_m, kind.turn_radius_m) == (33.0, 250.0, 15.0)
+
+
+def test_only_at_its_place_is_a_vehicle_taken_for_one_that_does_not_move():
+    register = ThreatAssigner((PARKED,), VehicleClassSettings())
+    assert register.assigned("near", 1250.0, 0.0, is_airborne=False).stands
+    assert register.assigned("far", 1350.0, 0.0, is_airborne=False) == VehicleClassSettings().ground
+
+
+def test_what_is_named_by_identity_or_sender_is_nobody_else():
+    named = replace(PURSUER, identity="icao:00ABCD")
+    register = ThreatAssigner((named,), VehicleClassSettings())
+    assert register.assigned("icao:00ABCE", 0.0, 0.0, is_airborne=False) == VehicleClassSettings().ground
+    assert register.assigned("icao:00ABCD", 9000.0, 0.0, is_airborne=True).number == 0
+    register = ThreatAssigner((replace(PURSUER, system_id=42),), VehicleClassSettings())
+    assert register.assigned("a", 0.0, 0.0, is_airborne=False, system_id=43).number is None
+    assert register.assigned("b", 0.0, 0.0, is_airborne=False, system_id=42).number == 0
+
+
+def fakes(target, number, place_m, sender, *, first=0, now_s=0.0):
+    for index in range(first, first + number):
+        entry = report(now_s, *place_m(index), identity=f"icao:F{index:05d}")
+        target.observe(replace(entry, source=f"ADSB_VEHICLE {sender}"), now_s)
+
+
+def test_fakes_behind_do_not_crowd_out_a_vehicle_ahead():
+    """70 within 300 m behind an aircraft that flies east at 25 m/s, and a true one 800 m ahead."""
+    for senders in (("200/156",), ("200/156", "9/1")):
+        target = tracker()
+        target.note_ownship(0.0, 0.0, (25.0, 0.0))
+        fakes(target, 70, lambda index: (-100.0 - 2.0 * index, 50.0), "200/156")
+        target.observe(replace(report(1.0, 800.0), source=f"ADSB_VEHICLE {senders[-1]}"), 1.0)
+        assert "icao:00ABCD" in {track.identity for track in target.tracks(1.0)}
+        assert len(target) == 64
+
+
+def test_fakes_of_one_sender_leave_room_for_those_of_another():
+    """64 right ahead of the aircraft, all more dangerous than what another sender sees."""
+    target = tracker()
+    target.note_ownship(0.0, 0.0, (25.0, 0.0))
+    fakes(target, 64, lambda index: (300.0 + index, 0.0), "66/1")
+    for index in range(40):
+        entry = report(1.0, 2000.0 + 10.0 * index, identity=f"icao:A{index:05d}")
+        target.observe(replace(entry, source="ADSB_VEHICLE 200/156"), 1.0)
+    kept = [track.identity for track in target.tracks(1.0)]
+    assert sum(identity.startswith("icao:A") for identity in kept) == 32
+    # And none of another sender's is lost to more of the first one's.
+    fakes(target, 40, lambda index: (290.0, 0.0), "66/1", first=100, now_s=2.0)
+    kept = [track.identity for track in target.tracks(2.0)]
+    assert sum(identity.startswith("icao:A") for identity in kept) == 32
+
+
+def test_what_the_mission_file_names_keeps_its_place():
+    target = tracker(PURSUER)
+    target.note_ownship(6000.0, 0.0, (25.0, 0.0))  # flies away from it
+    target.observe(report(0.0, 0.0), 0.0)
+    fakes(target, 500, lambda index: (6300.0 + index, 0.0), "66/1")
+    assert "icao:00ABCD" in {track.identity for track in target.tracks(0.0)}
+
+
+def test_who_is_followed_gives_way_to_what_is_clearly_more_dangerous_only():
+    """At 1,000 m, closing at 50 m/s, 15 s; a newcomer needs less than 12 s, 850 m, or be within 800 m."""
+    target = tracker(num_tracks_max=2)
+    target.note_ownship(0.0, 0.0, (25.0, 0.0))
+    for name, east in (("near", 500.0), ("followed", 1000.0), ("hardly", 900.0), ("clearly", 790.0)):
+        target.observe(report(0.0, east, identity=name), 0.0)
+    assert [track.identity for track in target.tracks(0.0)] == ["clearly", "near"]
+    assert target.counters["crowded"] == 1

@@ -13,7 +13,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.link.messages.flight_modes import DIALECTS
 from companion.link.messages.track_messages import Tracks
+from companion.link.messages.vehicle_identity import VehicleIdentity
 from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
 from companion.link.missions.mission_items import item_from_payload
 from companion.link.wire.decoded_frame import (
@@ -31,14 +33,15 @@ from companion.link.wire.decoded_frame import (
 from companion.link.wire.framing import (
     MAGIC_V2,
     SIGNATURE,
-    Framer,
     RawFrame,
     checksum,
     raw_frame,
     renumbered,
 )
+from companion.link.wire.incoming import Incoming
 from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, without_signature
 from companion.link.wire.source_limits import SourceLimits
+from companion.link.wire.transport import Address
 from companion.types.events import Event
 from companion.types.mavlink_enums import ComponentId
 from companion.types.mission import MissionItem
@@ -73,8 +76,8 @@ class Codec:
     Parameters
     ----------
     vehicle_system_id : int, optional
-        The vehicle's system id; left out, that of the first autopilot heard. Messages are sent
-        under the same system id, component 195.
+        The vehicle's system id; left out, that of the first autopilot heard for a while. Messages are
+        sent under the same system id, component 195.
     track_sources : collection of int, optional
         System ids whose sightings of others are believed; left out, all.
     signer : Signer, optional
@@ -92,10 +95,11 @@ class Codec:
         limits: SourceLimits | None = None,
     ) -> None:
         self.counters: Counter[str] = Counter()
-        self._framer = Framer(_EXTRAS, self.counters, _LENGTHS_MAX)
+        self.identity = VehicleIdentity(vehicle_system_id)
+        self._incoming = Incoming(_EXTRAS, self.counters, _LENGTHS_MAX)
         self._reader = mavlink.MAVLink(None)
         self._writer = mavlink.MAVLink(None, srcComponent=COMPONENT_ID)
-        self._telemetry = Telemetry(vehicle_system_id)
+        self._telemetry = Telemetry(self.identity)
         self._tracks = Tracks(self._telemetry, track_sources)
         self._chunk_id = 0
         self._signer = signer
@@ -105,8 +109,8 @@ class Codec:
 
     @property
     def vehicle_system_id(self) -> int | None:
-        """System id of the vehicle, None until one is heard."""
-        return self._telemetry.vehicle_system_id
+        """System id of the vehicle, None until it is known."""
+        return self.identity.system_id
 
     @property
     def home_altitude_amsl_m(self) -> float | None:
@@ -116,9 +120,9 @@ class Codec:
     @property
     def own_ids(self) -> tuple[int, int]:
         """System and component id under which messages go out."""
-        return self._telemetry.vehicle_system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
+        return self.identity.system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
 
-    def feed(self, data: bytes, stamp_s: float) -> list[DecodedFrame]:
+    def feed(self, data: bytes, stamp_s: float, address: Address | None = None) -> list[DecodedFrame]:
         """Take received bytes, in any portions.
 
         Parameters
@@ -127,6 +131,8 @@ class Codec:
             As they came.
         stamp_s : float
             Clock reading of their arrival.
+        address : tuple of str and int, optional
+            Where they come from; left out, from a line, which has one end.
 
         Returns
         -------
@@ -134,28 +140,33 @@ class Codec:
             Those that became complete, in order, without the own ones that came back.
         """
         frames = []
-        for raw in self._framer.feed(data):
+        is_peer = address in (None, self.identity.peer)
+        for raw in self._incoming.frames(data, stamp_s, address, is_peer=is_peer):
             if (raw.system_id, raw.component_id) == self.own_ids:
                 self.counters["own"] += 1
-            elif not self._is_taken(raw, stamp_s):
+            elif not self._is_taken(raw, stamp_s, address):
                 continue
             elif not raw.is_verified:
                 self.counters["unknown_message"] += 1
                 frames.append(DecodedFrame(raw.raw, raw.system_id, raw.component_id, raw.message_id))
             else:
-                frames.append(self._decoded(raw, stamp_s))
+                frames.append(self._decoded(raw, stamp_s, address))
         return frames
 
-    def _is_taken(self, raw: RawFrame, stamp_s: float) -> bool:
+    def _is_taken(self, raw: RawFrame, stamp_s: float, address: Address | None) -> bool:
         """Whether a frame is signed as it must be, and its source is listened to."""
         if raw.message_id == SETUP_SIGNING:
             self.counters["setup_signing"] += 1  # a key: neither taken, nor passed on, nor recorded
             return False
         if self._signer is not None and not self._signer.accepts(raw):
             return False
-        if self._limits is None or (raw.system_id, raw.component_id) == (self.vehicle_system_id, 1):
+        is_vehicle = self.identity.is_autopilot(raw.system_id, raw.component_id)
+        if is_vehicle and not self.identity.is_at_its_place(stamp_s, address, is_verified=raw.is_verified):
+            self.counters["other_address"] += 1
+            return False
+        if self._limits is None:
             return True
-        refusal = self._limits.refusal(raw.system_id, raw.component_id, stamp_s)
+        refusal = self._limits.refusal(raw.system_id, raw.component_id, stamp_s, is_vehicle=is_vehicle)
         if refusal:
             self.counters[refusal] += 1
         return not refusal
@@ -169,7 +180,7 @@ class Codec:
         """A received frame without its signature, for a reader that has no key."""
         return without_signature(raw, _EXTRAS)
 
-    def _decoded(self, raw: RawFrame, stamp_s: float) -> DecodedFrame:
+    def _decoded(self, raw: RawFrame, stamp_s: float, address: Address | None) -> DecodedFrame:
         try:
             message = self._reader.decode(bytearray(raw.raw))
         except mavlink.MAVError:
@@ -179,6 +190,11 @@ class Codec:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self._tracks.note_heartbeat(message, raw)
+        if raw.component_id == ComponentId.AUTOPILOT1:
+            if kind != "HEARTBEAT":
+                self.identity.note_frame(raw.system_id, stamp_s, address)
+            elif message.autopilot in DIALECTS:
+                self.identity.note_heartbeat(raw.system_id, stamp_s, address)
         events: list[Event] = []
         try:
             events += self._telemetry.events(kind, message, raw, stamp_s)

@@ -38,8 +38,12 @@ class ParameterStore(Protocol):
         """The value in force."""
         ...
 
-    def set(self, name: str, value: float) -> str:
-        """Set a value; returns why that was refused, '' if it was not."""
+    def may_set(self, system_id: int) -> bool:
+        """Whether a system may set values."""
+        ...
+
+    def set(self, name: str, value: float, sender: tuple[int, int]) -> str:
+        """Set a value for a system and component; returns why that was refused, '' if it was not."""
         ...
 
 
@@ -71,7 +75,7 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
         # The autopilot's own count, sent to us in a download, is no request.
         is_autopilot = frame.system_id == system and frame.component_id == 1
         return b"" if is_autopilot else codec.mission_refusal(frame.system_id, frame.component_id)
-    return b"" if parameters is None else _parameter_answer(request, codec, parameters)
+    return b"" if parameters is None else _parameter_answer(request, frame, codec, parameters)
 
 
 def _ping_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
@@ -93,7 +97,9 @@ def _told(name: str, codec: Codec, parameters: ParameterStore) -> bytes:
     return codec.parameter_value(name, parameters.value(name), names.index(name), len(names))
 
 
-def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore) -> bytes:
+def _parameter_answer(
+    request: Request, frame: DecodedFrame, codec: Codec, parameters: ParameterStore
+) -> bytes:
     """Answer to PARAM_REQUEST_READ or PARAM_SET; what there is not is counted and not answered."""
     names, name = parameters.names, request.name
     if request.kind == "parameter_read" and request.number >= 0:
@@ -102,10 +108,13 @@ def _parameter_answer(request: Request, codec: Codec, parameters: ParameterStore
         codec.counters["refused_parameter"] += 1
         return b""
     said = b""
-    if request.kind == "parameter_set":
+    if request.kind == "parameter_set" and not parameters.may_set(frame.system_id):
+        codec.counters["refused_parameter_source"] += 1
+    elif request.kind == "parameter_set":
         # In another type the same bytes are another number, and autopilots differ in how they take it.
         is_real = request.number == ParameterType.REAL32
-        reason = parameters.set(name, request.parameters[0]) if is_real else "not sent as REAL32"
+        sender = (frame.system_id, frame.component_id)
+        reason = parameters.set(name, request.parameters[0], sender) if is_real else "not sent as REAL32"
         if reason:
             codec.counters["refused_parameter"] += 1
             said = codec.status_text(

@@ -76,7 +76,7 @@ class Streams:
         return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
 
     def note(self, frame: DecodedFrame, stamp_s: float) -> None:
-        """Take note of a received frame."""
+        """Take note of a frame of the vehicle's; what others send says nothing of its streams."""
         for event in frame.events:
             if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:
                 self._autopilot = event.dialect

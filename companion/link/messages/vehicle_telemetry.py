@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from companion.link.messages.flight_modes import DIALECTS, flight_mode
+from companion.link.messages.vehicle_identity import VehicleIdentity
 from companion.link.wire.framing import RawFrame
 from companion.types.events import (
     AirData,
@@ -23,9 +24,8 @@ from companion.types.events import (
     StatusText,
     WindEstimate,
 )
-from companion.types.mavlink_enums import ComponentId, ModeFlag
+from companion.types.mavlink_enums import ModeFlag
 
-AUTOPILOT_COMPONENT = ComponentId.AUTOPILOT1
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 
@@ -79,12 +79,12 @@ class Telemetry:
 
     Parameters
     ----------
-    vehicle_system_id : int or None
-        The vehicle's system id; None: that of the first autopilot heard.
+    identity : VehicleIdentity
+        Knows which system is the vehicle, and what is believed of its heartbeats.
     """
 
-    def __init__(self, vehicle_system_id: int | None) -> None:
-        self.vehicle_system_id = vehicle_system_id
+    def __init__(self, identity: VehicleIdentity) -> None:
+        self._identity = identity
         self.home_altitude_amsl_m: float | None = None
         self._boot_ms: int | None = None
         self._suspect_boot_ms: int | None = None
@@ -101,6 +101,11 @@ class Telemetry:
             "STATUSTEXT": self._text,
         }
 
+    @property
+    def vehicle_system_id(self) -> int | None:
+        """System id of the vehicle, None until it is known."""
+        return self._identity.system_id
+
     def events(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
         """Decode a message, by whoever sent it.
 
@@ -111,7 +116,7 @@ class Telemetry:
         """
         if kind == "HEARTBEAT":
             return self._heartbeat(message, frame, stamp_s)
-        if (frame.system_id, frame.component_id) != (self.vehicle_system_id, ComponentId.AUTOPILOT1):
+        if not self._identity.is_autopilot(frame.system_id, frame.component_id):
             return []
         if kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
             return self._timed(kind, message, stamp_s)
@@ -120,13 +125,13 @@ class Telemetry:
 
     def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
         dialect = DIALECTS.get(message.autopilot)
-        if dialect is None or frame.component_id != ComponentId.AUTOPILOT1:
-            return []
-        if self.vehicle_system_id is None:
-            self.vehicle_system_id = frame.system_id
-        if frame.system_id != self.vehicle_system_id:
+        if dialect is None or not self._identity.is_autopilot(frame.system_id, frame.component_id):
             return []
         mode, is_mission = flight_mode(dialect, message.type, message.base_mode, message.custom_mode)
+        is_armed = bool(message.base_mode & ModeFlag.SAFETY_ARMED)
+        dialect, is_armed, is_contradicted = self._identity.believed(
+            dialect, mode, stamp_s, is_armed=is_armed
+        )
         return [
             Heartbeat(
                 stamp_s=stamp_s,
@@ -134,8 +139,9 @@ class Telemetry:
                 component_id=frame.component_id,
                 dialect=dialect,
                 mode=mode,
-                is_mission_mode=is_mission,
-                is_armed=bool(message.base_mode & ModeFlag.SAFETY_ARMED),
+                is_mission_mode=is_mission and not is_contradicted,
+                is_armed=is_armed,
+                is_contradicted=is_contradicted,
             )
         ]
 

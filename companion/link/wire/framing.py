@@ -152,8 +152,7 @@ class Framer:
 
     def _judge(self, place: int, found: list[RawFrame]) -> None:
         """Tell what begins at a place where a magic byte and a length stand."""
-        if self._open:
-            self._give_unknown(place, found)
+        self._give_unknown(place, found)
         if place < self._start:
             return
         buffer, start = self._buffer, place - self._begin
@@ -178,14 +177,18 @@ class Framer:
         number = buffer[start + 5] if is_v1 else int.from_bytes(buffer[start + 7 : start + 10], "little")
         extra = self._extras.get(number)
         if extra is None:
-            if end < size and buffer[end] not in _HEADERS:
-                self._deny(place, "")
-            else:
-                self._open[place] = raw_frame(buffer[start:end], is_verified=False)
+            self._hold(place, start, end)
         elif mcrf4xx(extra, mcrf4xx(buffer[start + 1 : body])) == buffer[body] | buffer[body + 1] << 8:
             self._give(place, raw_frame(buffer[start:end]), found)
         else:
             self._deny(place, "bad_checksum")
+
+    def _hold(self, place: int, start: int, end: int) -> None:
+        """Keep a whole frame of an unknown message, if something like a frame follows it, or nothing."""
+        if end < len(self._buffer) and self._buffer[end] not in _HEADERS:
+            self._deny(place, "")
+        else:
+            self._open[place] = raw_frame(self._buffer[start:end], is_verified=False)
 
     def _deny(self, place: int, reason: str) -> None:
         """No frame begins here; why not is counted where none could begin before it either."""

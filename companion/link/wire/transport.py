@@ -12,7 +12,6 @@ import errno
 import logging
 import os
 import socket
-from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import SplitResult, urlsplit
 
@@ -22,12 +21,22 @@ from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 10.0
-_BACKLOG_MAX = 256 * 1024  # bytes; a line that takes none for so long is as good as lost
+_BACKLOG_MAX = 64 * 1024  # bytes, where the line's speed is not known
+_BACKLOG_S = 2.0  # of a line whose speed is known: what is older is of no use
+_BITS_A_BYTE = 10  # on a serial line, with start and stop bit
 # An interface that is not up yet has no address, and a name is not known.
 _MAY_PASS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 _URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
 
-Receiver = Callable[[bytes], None]
+Address = tuple[str, int]  # host, port
+
+
+class Receiver(Protocol):
+    """Takes what arrives, in the event loop."""
+
+    def __call__(self, data: bytes, address: Address | None = None, /) -> None:
+        """Take bytes, and where they come from; None on a line, which has one end."""
+
 
 _log = logging.getLogger(__name__)
 
@@ -50,8 +59,17 @@ class Transport(Protocol):
         """Why the line is not up, as far as that is known; '' while it is."""
         ...
 
+    @property
+    def bytes_per_s(self) -> float | None:
+        """What the line carries; None where that is not known."""
+        ...
+
     async def open(self) -> None:
         """Begin; returns when the line is up, or at once if it comes up by itself later."""
+        ...
+
+    def answer_to(self, address: Address) -> None:
+        """Send to this address from now on, where there is a choice."""
         ...
 
     async def close(self) -> None:
@@ -67,11 +85,18 @@ class Transport(Protocol):
         ...
 
 
-class _Base:
+class BaseTransport:
+    """What all transports share."""
+
+    bytes_per_s: float | None = None
+
     def __init__(self) -> None:
-        self._receiver: Receiver = _dropped
+        self._receiver: Receiver = dropped
         self.dropped_bytes = 0
         self.trouble = ""
+
+    def answer_to(self, address: Address) -> None:
+        """Nothing: there is one address to send to."""
 
     @property
     def backlog_bytes(self) -> int:
@@ -81,43 +106,6 @@ class _Base:
     def set_receiver(self, receiver: Receiver) -> None:
         """Set who takes what arrives, in the event loop."""
         self._receiver = receiver
-
-
-class MemoryTransport(_Base):
-    """One end of a pair in this process; what one sends the other receives in the same call."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._peer: MemoryTransport | None = None
-        self._is_open = False
-
-    @classmethod
-    def pair(cls) -> tuple[MemoryTransport, MemoryTransport]:
-        """Return two ends that are joined."""
-        one, other = cls(), cls()
-        one._peer, other._peer = other, one
-        return one, other
-
-    @property
-    def is_open(self) -> bool:
-        """Whether this end is open."""
-        return self._is_open
-
-    async def open(self) -> None:
-        """Open this end."""
-        self._is_open = True
-
-    async def close(self) -> None:
-        """Close this end."""
-        self._is_open = False
-
-    def send(self, data: bytes) -> None:
-        """Hand over to the other end if both are open."""
-        peer = self._peer
-        if self._is_open and peer is not None and peer._is_open:
-            peer._receiver(data)
-        else:
-            self.dropped_bytes += len(data)
 
 
 class LastingTransport:
@@ -148,6 +136,15 @@ class LastingTransport:
         """Why the line is not up."""
         return self._line.trouble
 
+    @property
+    def bytes_per_s(self) -> float | None:
+        """What the line carries."""
+        return self._line.bytes_per_s
+
+    def answer_to(self, address: Address) -> None:
+        """Send to this address from now on."""
+        self._line.answer_to(address)
+
     async def open(self) -> None:
         """Open the line, unless it is."""
         if not self._has_begun:
@@ -156,7 +153,7 @@ class LastingTransport:
 
     async def close(self) -> None:
         """Take no more of what arrives."""
-        self.set_receiver(_dropped)
+        self.set_receiver(dropped)
 
     async def end(self) -> None:
         """Close the line."""
@@ -171,22 +168,22 @@ class LastingTransport:
         self._line.set_receiver(receiver)
 
 
-def _dropped(_data: bytes) -> None:
+def dropped(_data: bytes, _address: Address | None = None) -> None:
     """Nobody is there to take it."""
 
 
 class _DatagramProtocol(asyncio.DatagramProtocol):
-    def __init__(self, on_data: Callable[[bytes, tuple[str, int]], None]) -> None:
+    def __init__(self, on_data: Receiver) -> None:
         self._on_data = on_data
 
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._on_data(data, addr)
+    def datagram_received(self, data: bytes, addr: Address) -> None:
+        self._on_data(data, (addr[0], addr[1]))
 
     def error_received(self, exc: Exception) -> None:
         _log.debug("datagram refused: %s", exc)  # nobody listens there yet
 
 
-class _UdpTransport(_Base):
+class _UdpTransport(BaseTransport):
     """What both kinds of UDP share; where the network is not up yet, the socket is made when it is."""
 
     kind = ""
@@ -196,7 +193,8 @@ class _UdpTransport(_Base):
         self._address = (host, port)
         self._clock = clock or WallClock()
         self._task: asyncio.Task[None] | None = None
-        self._peer: tuple[str, int] | None = None
+        self._peer: Address | None = None
+        self._to: Address | None = None  # nothing for a socket that is connected
         self._socket: asyncio.DatagramTransport | None = None
 
     @property
@@ -252,15 +250,14 @@ class _UdpTransport(_Base):
         if self._socket is None or self._peer is None:
             self.dropped_bytes += len(data)
         else:
-            self._socket.sendto(data, self._peer)
+            self._socket.sendto(data, self._to)
 
-    def _on_data(self, data: bytes, address: tuple[str, int]) -> None:
-        self._peer = address
-        self._receiver(data)
+    def _received(self, data: bytes, address: Address | None = None) -> None:
+        self._receiver(data, address)  # looked up at each call: it may be set after opening
 
 
 class UdpInTransport(_UdpTransport):
-    """Listens on a port and answers whoever spoke last."""
+    """Listens on a port; sends to whom it is told to, and to nobody before."""
 
     kind = "udpin"
 
@@ -269,14 +266,18 @@ class UdpInTransport(_UdpTransport):
         """Port that is listened on, once open."""
         return None if self._socket is None else int(self._socket.get_extra_info("sockname")[1])
 
+    def answer_to(self, address: Address) -> None:
+        """Send to this address from now on."""
+        self._peer = self._to = address
+
     async def _make(self) -> None:
         self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _DatagramProtocol(self._on_data), local_addr=self._address
+            lambda: _DatagramProtocol(self._received), local_addr=self._address
         )
 
 
 class UdpOutTransport(_UdpTransport):
-    """Sends to a fixed address and takes what comes back."""
+    """Sends to a fixed address and takes what comes from there, and from nowhere else."""
 
     kind = "udpout"
 
@@ -285,10 +286,10 @@ class UdpOutTransport(_UdpTransport):
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
         family, _, _, _, address = found[0]
-        self._socket, _ = await loop.create_datagram_endpoint(
-            lambda: _DatagramProtocol(lambda data, _: self._receiver(data)), family=family
-        )
         self._peer = (str(address[0]), int(address[1]))
+        self._socket, _ = await loop.create_datagram_endpoint(
+            lambda: _DatagramProtocol(self._received), family=family, remote_addr=self._peer
+        )
 
 
 class _StreamProtocol(asyncio.Protocol):
@@ -304,7 +305,7 @@ class _StreamProtocol(asyncio.Protocol):
             self.lost.set_result(None)
 
 
-class _StreamTransport(_Base):
+class _StreamTransport(BaseTransport):
     """What serial line and TCP share: connect, wait for the loss, pause, connect again."""
 
     def __init__(self, clock: Clock) -> None:
@@ -339,7 +340,8 @@ class _StreamTransport(_Base):
     def send(self, data: bytes) -> None:
         """Send; dropped when the line is down or its buffer is full."""
         line = self._line
-        if line is None or line.is_closing() or line.get_write_buffer_size() > _BACKLOG_MAX:
+        most = _BACKLOG_MAX if self.bytes_per_s is None else _BACKLOG_S * self.bytes_per_s
+        if line is None or line.is_closing() or line.get_write_buffer_size() > most:
             self.dropped_bytes += len(data)
         else:
             line.write(data)
@@ -369,7 +371,7 @@ class _StreamTransport(_Base):
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
-    def _receiver_now(self, data: bytes) -> None:
+    def _receiver_now(self, data: bytes, _address: Address | None = None) -> None:
         self._receiver(data)  # looked up at each call: it may be set after connecting
 
 
@@ -391,6 +393,7 @@ class SerialTransport(_StreamTransport):
 
     def __init__(self, device: str, baud_rate: int, clock: Clock) -> None:
         super().__init__(clock)
+        self.bytes_per_s = baud_rate / _BITS_A_BYTE
         self._device = device
         self._baud_rate = baud_rate
 

@@ -36,7 +36,7 @@ FRAMES = [heartbeat(), position(), adsb(), heartbeat(component=191, kind=18, aut
 
 
 def started(**settings_):
-    codec = Codec(**settings_)
+    codec = Codec(1, **settings_)
     codec.feed(heartbeat(), 0.0)
     codec.counters.clear()
     return codec
@@ -48,6 +48,7 @@ def events(codec, data, stamp_s=10.0):
 
 def test_heartbeat_tells_the_mode():
     codec = Codec()
+    assert events(codec, heartbeat(system=7) + position(system=7), 9.0) == []
     assert codec.vehicle_system_id is None
     assert events(codec, heartbeat(system=7)) == [
         Heartbeat(10.0, 7, 1, Dialect.ARDUPILOT, mode="AUTO", is_mission_mode=True, is_armed=True)
@@ -70,7 +71,7 @@ def test_heartbeat_tells_the_mode():
     ],
 )
 def test_modes(changes, mode, is_mission):
-    (event,) = events(Codec(), heartbeat(**changes))
+    (event,) = events(Codec(1), heartbeat(**changes))
     assert (event.mode, event.is_mission_mode) == (mode, is_mission)
 
 
@@ -224,7 +225,7 @@ def test_replies():
 
 
 def test_frames_carry_what_was_received():
-    codec = Codec()
+    codec = Codec(1)
     data = b"".join(FRAMES)
     frames = codec.feed(data, 0.0)
     assert b"".join(frame.raw for frame in frames) == data
@@ -237,7 +238,7 @@ def test_frames_carry_what_was_received():
 
 
 def test_frames_in_any_portions():
-    whole, bytewise = Codec(), Codec()
+    whole, bytewise = Codec(1), Codec(1)
     data = b"".join(FRAMES)
     one_by_one = [frame for byte in data for frame in bytewise.feed(bytes([byte]), 0.0)]
     assert one_by_one == whole.feed(data, 0.0)
@@ -258,7 +259,7 @@ def test_signed_frames_are_understood():
 
 
 def test_garbage_between_frames_costs_nothing():
-    codec = Codec()
+    codec = Codec(1)
     frames = codec.feed(b"\x00\xff" + FRAMES[0] + b"noise" + FRAMES[1] + b"\x01", 0.0)
     assert [frame.raw for frame in frames] == FRAMES[:2]
     assert codec.counters["garbage_bytes"] == 8
@@ -267,21 +268,21 @@ def test_garbage_between_frames_costs_nothing():
 def test_a_damaged_length_does_not_swallow_what_follows():
     damaged = bytearray(FRAMES[0])
     damaged[1] = 255
-    codec = Codec()
+    codec = Codec(1)
     assert [frame.raw for frame in codec.feed(bytes(damaged) + FRAMES[1], 0.0)] == [FRAMES[1]]
 
 
 def test_a_damaged_frame_is_counted():
     damaged = bytearray(FRAMES[1])
     damaged[12] ^= 0x10
-    codec = Codec()
+    codec = Codec(1)
     assert [frame.raw for frame in codec.feed(bytes(damaged) + FRAMES[0], 0.0)] == [FRAMES[0]]
     assert codec.counters["bad_checksum"] == 1
 
 
 def test_unknown_messages_are_passed_on_undecoded():
     data = _frame(410, b"\x01\x02\x03", 0)
-    codec = Codec()
+    codec = Codec(1)
     frames = codec.feed(data + FRAMES[0], 0.0)
     assert [frame.raw for frame in frames] == [data, FRAMES[0]]
     assert frames[0].events == ()
@@ -341,7 +342,7 @@ def test_encoders_are_understood_by_pymavlink():
 @example([b"\xfd"])
 @example([b"\xfd\x00\x00" * 100])
 def test_random_bytes_never_raise(chunks):
-    codec = Codec()
+    codec = Codec(1)
     for chunk in chunks:
         codec.feed(chunk, 0.0)
 
@@ -352,14 +353,14 @@ def test_flipped_bits_never_raise_and_never_touch_other_frames(frames, data):
     stream = bytearray(b"".join(frames))
     index = data.draw(st.integers(0, len(frames[0]) - 1))
     stream[index] ^= 1 << data.draw(st.integers(0, 7))
-    kept = [frame.raw for frame in Codec().feed(bytes(stream) + FRAMES[0], 0.0)]
+    kept = [frame.raw for frame in Codec(1).feed(bytes(stream) + FRAMES[0], 0.0)]
     assert kept[-len(frames) :] == [*frames[1:], FRAMES[0]]
 
 
 @settings(deadline=None)
 @given(st.sampled_from(FRAMES), st.data())
 def test_cut_frames_never_raise(frame, data):
-    codec = Codec()
+    codec = Codec(1)
     codec.feed(frame[: data.draw(st.integers(0, len(frame)))], 0.0)
     assert codec.feed(FRAMES[0] + FRAMES[1], 0.0)[-1].raw == FRAMES[1]
 
@@ -423,7 +424,7 @@ def _assert_finite(event):
 
 
 def replayed(name):
-    codec = Codec()
+    codec = Codec(1)
     return codec, [
         event for entry in read_tlog(DATA / name) for event in events(codec, entry.raw, entry.time_s)
     ]

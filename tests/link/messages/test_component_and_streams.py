@@ -11,7 +11,7 @@ from tests.link.pymavlink_frames import heartbeat, packed, position
 
 
 def started(**changes):
-    codec = Codec()
+    codec = Codec(1)
     codec.feed(heartbeat(**changes), 0.0)
     return codec
 
@@ -98,7 +98,7 @@ def note(streams, codec, data, stamp_s):
 
 
 def test_nothing_is_asked_before_an_autopilot_is_heard():
-    assert Streams(10.0).due(Codec(), 0.0) == b""
+    assert Streams(10.0).due(Codec(1), 0.0) == b""
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_nothing_is_asked_before_an_autopilot_is_heard():
     [(3, MessageId.WIND, MessageId.ESTIMATOR_STATUS), (12, MessageId.WIND_COV, MessageId.WIND)],
 )
 def test_each_stream_is_asked_for_once(autopilot, there, absent):
-    codec, streams = Codec(), Streams(10.0)
+    codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(autopilot=autopilot), 0.0)
     first = asked(streams, codec, 0.0)
     assert there in first
@@ -116,7 +116,7 @@ def test_each_stream_is_asked_for_once(autopilot, there, absent):
 
 
 def test_home_is_asked_for_by_name_as_well():
-    codec, streams = Codec(), Streams(10.0)
+    codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)
     messages = mavlink.MAVLink(None).parse_buffer(streams.due(codec, 0.0))
     assert [int(message.param1) for message in messages if getattr(message, "command", 0) == 512] == [
@@ -125,7 +125,7 @@ def test_home_is_asked_for_by_name_as_well():
 
 
 def test_what_does_not_arrive_is_asked_for_again():
-    codec, streams = Codec(), Streams(10.0)
+    codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)
     asked(streams, codec, 0.0)
     for tick in range(1, 70):
@@ -138,7 +138,7 @@ def test_what_does_not_arrive_is_asked_for_again():
 
 
 def test_everything_is_asked_for_again_after_a_reboot():
-    codec, streams = Codec(), Streams(10.0)
+    codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat() + position(60_000), 0.0)
     before = asked(streams, codec, 0.0)
     note(streams, codec, position(900) + position(1_000), 2.0)
@@ -146,8 +146,9 @@ def test_everything_is_asked_for_again_after_a_reboot():
 
 
 def test_another_autopilot_is_asked_for_its_own():
-    codec, streams = Codec(), Streams(10.0)
+    codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)
     asked(streams, codec, 0.0)
-    note(streams, codec, heartbeat(autopilot=12), 1.0)
-    assert MessageId.WIND_COV in asked(streams, codec, 1.0)
+    note(streams, codec, heartbeat(base_mode=89), 1.0)  # not armed, and then silent
+    note(streams, codec, heartbeat(autopilot=12), 6.5)
+    assert MessageId.WIND_COV in asked(streams, codec, 6.5)

@@ -41,7 +41,7 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
 
 
 def test_a_few_at_once_and_not_for_ever():
-    reader, codec = SettingsReader(), Codec()
+    reader, codec = SettingsReader(), Codec(1)
     codec.feed(b"", 0.0)
     reader.begin(Dialect.ARDUPILOT)
     count = len(Dialect.ARDUPILOT.parameter_names)
@@ -54,7 +54,7 @@ def test_a_few_at_once_and_not_for_ever():
 
 
 def test_what_is_known_is_asked_for_again_now_and_then():
-    reader, codec = SettingsReader(), Codec()
+    reader, codec = SettingsReader(), Codec(1)
     reader.begin(Dialect.ARDUPILOT)
     for name in Dialect.ARDUPILOT.parameter_names.values():
         reader.note(Told(name, 1.0))

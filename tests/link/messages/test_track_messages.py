@@ -14,7 +14,7 @@ LAT, LON = -353_600_000, 1_491_600_000
 
 
 def started(**settings):
-    codec = Codec(**settings)
+    codec = Codec(1, **settings)
     codec.feed(heartbeat() + position(), 0.0)
     codec.counters.clear()
     return codec
@@ -289,16 +289,16 @@ def test_the_memory_for_echoes_stays_small():
 def test_the_memory_for_echoes_has_a_limit_in_a_flood():
     codec = started()
     for number in range(1, ECHO_IDENTITIES_MAX + 100):
-        codec.feed(adsb(ICAO_address=number), 10.0)
+        codec.feed(adsb(ICAO_address=number), 10.0 + number * 5e-4)  # more at once is not looked at
     assert len(codec._tracks._seen_elsewhere_s) == ECHO_IDENTITIES_MAX
     newest = ECHO_IDENTITIES_MAX + 99
-    assert reports(codec, adsb(system=1, component=1, ICAO_address=newest), 10.1) == []
-    assert len(reports(codec, adsb(system=1, component=1, ICAO_address=1), 10.1)) == 1  # forgotten
+    assert reports(codec, adsb(system=1, component=1, ICAO_address=newest), 15.1) == []
+    assert len(reports(codec, adsb(system=1, component=1, ICAO_address=1), 15.1)) == 1  # forgotten
 
 
 def test_before_the_own_vehicle_is_known_none_is_taken_for_another():
     codec = Codec()
-    assert reports(codec, position()) == []
+    assert reports(codec, heartbeat() + position(), 9.0) == []
     codec.feed(heartbeat(), 10.0)
     assert reports(codec, position(2_000)) == []
     assert len(reports(codec, position(3_000, system=42))) == 1

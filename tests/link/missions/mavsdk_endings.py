@@ -26,7 +26,7 @@ def messages(packer, *made):
 async def ended(kind, number):
     """Begin a call, cancel it a little later, close."""
     packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    codec, has_asked = Codec(), asyncio.Event()
+    codec, has_asked = Codec(1), asyncio.Event()
 
     def take(data):
         for frame in codec.feed(data, 0.0):

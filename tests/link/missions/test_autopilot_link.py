@@ -38,7 +38,7 @@ class Bench:
 
     def __init__(self, autopilot, *, clock=None, timeout_s=20.0):
         self.autopilot = autopilot
-        self.codec = Codec()
+        self.codec = Codec(1)
         self.pending = []
         self.sent = []
         self.link = AutopilotLink(

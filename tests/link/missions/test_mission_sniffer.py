@@ -28,7 +28,7 @@ class Heard:
         self.sniffer = MissionSniffer()
         self.sniffer.dialect = dialect
         self.held, self.modes, self.current, self.tracks, self.acks = [], [], [], [], []
-        codec, start_s = Codec(), None
+        codec, start_s = Codec(1), None
         for entry in read_tlog(DATA / name):
             start_s = entry.time_s if start_s is None else start_s
             frame, now = raw_frame(entry.raw), entry.time_s - start_s

@@ -112,7 +112,7 @@ class Bench:
         self.autopilot = autopilot
         self.clock = ManualClock()
         self.there, self.back = Wire(random, **how), Wire(random, **how)
-        self.codec = Codec()
+        self.codec = Codec(1)
         self.link = AutopilotLink(
             self.codec, self.clock, lambda data: self.there.put(self.clock.now_s(), data)
         )

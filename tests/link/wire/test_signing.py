@@ -216,7 +216,7 @@ def test_a_key_that_is_not_there(tmp_path):
 
 
 def test_the_codec_believes_signed_frames_only_and_signs_its_own():
-    codec = Codec(signer=made())
+    codec = Codec(1, signer=made())
     assert codec.feed(packed(HEARTBEAT), 0.0) == []
     (frame,) = codec.feed(theirs(HEARTBEAT), 0.0)
     assert frame.events[0].mode == "AUTO"
@@ -235,7 +235,7 @@ def test_a_signed_frame_is_handed_on_without_its_signature():
 
 def test_keys_that_are_sent_are_neither_taken_nor_recorded():
     setup = mavlink.MAVLink_setup_signing_message(1, 195, list(KEY), 0)
-    for codec, data in ((Codec(), packed(setup)), (Codec(signer=made()), theirs(setup))):
+    for codec, data in ((Codec(1), packed(setup)), (Codec(1, signer=made()), theirs(setup))):
         assert codec.feed(data, 0.0) == []
         assert codec.counters["setup_signing"] == 1
 
@@ -248,14 +248,14 @@ def beat(system, component=1):
 
 
 def test_systems_that_are_not_listed_are_not_listened_to():
-    codec = Codec(limits=SourceLimits(200.0, [1, 42]))
+    codec = Codec(1, limits=SourceLimits(200.0, [1, 42]))
     assert len(codec.feed(beat(1) + beat(42) + beat(43), 0.0)) == 2
     assert codec.counters["unlisted_system"] == 1
 
 
 def test_a_source_is_limited_and_the_others_are_not():
     """10 Hz: 20 in a burst, then 10 a second."""
-    codec = Codec(limits=SourceLimits(10.0))
+    codec = Codec(1, limits=SourceLimits(10.0))
     taken = sum(len(codec.feed(beat(42), 0.0)) for _ in range(100))
     assert taken == 20
     assert len(codec.feed(beat(43), 0.0)) == 1
@@ -264,7 +264,7 @@ def test_a_source_is_limited_and_the_others_are_not():
 
 
 def test_the_own_autopilot_is_not_limited():
-    codec = Codec(limits=SourceLimits(10.0))
+    codec = Codec(1, limits=SourceLimits(10.0))
     own = packed(HEARTBEAT)
     assert sum(len(codec.feed(own, 0.0)) for _ in range(100)) == 100
 

@@ -10,9 +10,9 @@ import pytest
 
 from companion.clock import ManualClock, WallClock
 from companion.errors import ConfigError, LinkError
+from companion.link.wire.memory_transport import MemoryTransport
 from companion.link.wire.transport import (
     LastingTransport,
-    MemoryTransport,
     SerialTransport,
     TcpTransport,
     UdpInTransport,
@@ -28,10 +28,12 @@ def run(body):
 class Heard:
     def __init__(self):
         self.data = b""
+        self.address = None
         self.changed = asyncio.Event()
 
-    def __call__(self, data):
+    def __call__(self, data, address=None):
         self.data += data
+        self.address = address
         self.changed.set()
 
     async def until(self, data):
@@ -87,6 +89,8 @@ def test_udp_both_ways():
         await outward.open()
         outward.send(b"ping")
         await heard_in.until(b"ping")
+        assert not inward.is_open  # who that is has yet to be seen
+        inward.answer_to(heard_in.address)
         assert inward.is_open
         inward.send(b"pong")
         await heard_out.until(b"pong")
@@ -169,6 +173,55 @@ def test_an_address_that_no_interface_has_yet_is_tried_again_until_closed():
         assert inward.trouble == "Cannot assign requested address"
         assert not inward.is_open
         await inward.close()
+
+    run(body())
+
+
+def test_a_datagram_of_a_stranger_takes_nothing_over():
+    """One byte was enough: answers went to whoever spoke last."""
+
+    async def body():
+        inward = UdpInTransport("127.0.0.1", 0)
+        heard, heard_back = Heard(), Heard()
+        inward.set_receiver(heard)
+        await inward.open()
+        url = f"udpout://127.0.0.1:{inward.port}"
+        vehicle, stranger = transport_from_url(url, WallClock()), transport_from_url(url, WallClock())
+        vehicle.set_receiver(heard_back)
+        await vehicle.open()
+        await stranger.open()
+        vehicle.send(b"a")
+        await heard.until(b"a")
+        inward.answer_to(heard.address)
+        stranger.send(b"b")
+        await heard.until(b"ab")
+        inward.send(b"still to the vehicle")
+        await heard_back.until(b"still to the vehicle")
+        for transport in (stranger, vehicle, inward):
+            await transport.close()
+
+    run(body())
+
+
+def test_what_others_send_to_an_outgoing_socket_is_not_heard():
+    async def body():
+        peer, stranger = UdpInTransport("127.0.0.1", 0), UdpInTransport("127.0.0.1", 0)
+        heard_by_peer, heard = Heard(), Heard()
+        peer.set_receiver(heard_by_peer)
+        await peer.open()
+        await stranger.open()
+        outward = UdpOutTransport("127.0.0.1", peer.port)
+        outward.set_receiver(heard)
+        await outward.open()
+        outward.send(b"hello")
+        await heard_by_peer.until(b"hello")
+        stranger.answer_to(heard_by_peer.address)
+        stranger.send(b"forged")
+        peer.answer_to(heard_by_peer.address)
+        peer.send(b"true")
+        await heard.until(b"true")
+        for transport in (outward, stranger, peer):
+            await transport.close()
 
     run(body())
 

@@ -1,0 +1,75 @@
+"""What may be said over the link, and how much of it: answers to whoever asks, and words to the pilot."""
+
+from __future__ import annotations
+
+import math
+
+from companion.link.messages.codec import Codec
+from companion.link.messages.component import ParameterStore, answer
+from companion.link.wire.decoded_frame import DecodedFrame
+from companion.token_bucket import TokenBucket
+
+# Both are a share of what the line carries, where that is known, and never more than this.
+ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
+LINE_SHARE = 0.1
+SOURCE_SHARE = 0.5  # of what is answered, to one source
+CHANGES_HZ = 2.0  # of parameters: each is told, logged and taken up
+BURST_S = 4.0
+SOURCES_MAX = 64
+
+
+class Speech:
+    """Answers and words, within their budgets.
+
+    Parameters
+    ----------
+    codec : Codec
+        The link's; what is not said is counted in it, as ``unanswered`` and ``untold``.
+    line_bytes_per_s : float or None
+        What the line carries; None where that is not known.
+    """
+
+    def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
+        self._codec = codec
+        carried = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
+        answered, told = min(ANSWERED_BYTES_PER_S, carried), min(TOLD_BYTES_PER_S, carried)
+        self._answers = TokenBucket(answered, BURST_S * answered)
+        self._answers_to: dict[tuple[int, int], TokenBucket] = {}
+        self._changes = TokenBucket(CHANGES_HZ, BURST_S * CHANGES_HZ)
+        self._texts = TokenBucket(told, BURST_S * told)
+        self._parameters: ParameterStore | None = None
+
+    def begin(self, parameters: ParameterStore) -> None:
+        """Answer for these parameters from now on."""
+        self._parameters = parameters
+
+    def answer(self, frame: DecodedFrame, now_s: float) -> bytes:
+        """What a frame calls for, as far as its sender's budget and that of all go."""
+        if frame.request is None:
+            return b""
+        asker = frame.system_id, frame.component_id
+        budget = self._answers_to.pop(asker, None)
+        if budget is None:
+            rate = SOURCE_SHARE * self._answers.rate
+            budget = TokenBucket(rate, BURST_S * rate)
+            if len(self._answers_to) >= SOURCES_MAX:
+                del self._answers_to[next(iter(self._answers_to))]
+        self._answers_to[asker] = budget
+        is_change = frame.request.kind == "parameter_set"
+        if not (budget.has_any(now_s) and self._answers.has_any(now_s)) or (
+            is_change and not self._changes.takes(now_s)
+        ):
+            self._codec.counters["unanswered"] += 1
+            return b""
+        said = answer(frame, self._codec, self._parameters)
+        budget.owe(len(said))
+        self._answers.owe(len(said))
+        return said
+
+    def text(self, severity: int, words: str, now_s: float) -> bytes:
+        """Words to the pilot, as far as their budget goes."""
+        said = self._codec.status_text(severity, words)
+        if self._texts.takes(now_s, len(said)):
+            return said
+        self._codec.counters["untold"] += 1
+        return b""
