@@ -27,6 +27,7 @@ from rich.logging import RichHandler
 
 from companion import __version__
 from companion.errors import CompanionError, ConfigError
+from companion.safe_files import SHARED, replace_file
 from companion.service.log_format import LogKind, set_up
 
 if TYPE_CHECKING:
@@ -83,15 +84,8 @@ def write_json(target: Path, document: object) -> None:
     if str(target) == "-":
         sys.stdout.write(text)
         return
-    part = target.with_name(target.name + ".part")
     with _writing(target, "--json"):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_text(text)
-            part.replace(target)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise
+        replace_file(target, text.encode("ascii"), SHARED)
 
 
 def require_goals(config: MissionConfig, file: Path) -> None:

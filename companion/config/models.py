@@ -223,13 +223,15 @@ class SigningConfig(Section):
     """
 
     key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
-    """Of 32 bytes as they are, or as 64 hexadecimal digits; it must have mode 0600."""
+    """Of 32 bytes as they are, or as 64 hexadecimal digits; mode 0600, where nobody else may replace it."""
     timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
     """Where the last time stamps are kept; left out, the key file's name with `.times` behind it."""
     link_id: Annotated[int, Field(ge=0, le=255)] = 0
     """Of our frames."""
     allow_unsigned: tuple[SystemId, ...] = ()
     """Systems that are believed without a signature."""
+    allow_mavlink1: bool = False
+    """Whether those may speak MAVLink 1, which has no signatures; all others never may."""
 
 
 class LinkConfig(Section):

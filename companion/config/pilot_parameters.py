@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
+from companion.safe_files import replace_file
 
 DIGITS = 6  # that a 32-bit float carries for certain
 
@@ -159,11 +160,8 @@ class Parameters:
     def _keep(self) -> None:
         if self._file is None:
             return
-        part = self._file.with_name(self._file.name + ".part")
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            part.write_text(json.dumps(self._set, indent=1) + "\n", encoding="utf-8")
-            part.replace(self._file)
+            replace_file(self._file, (json.dumps(self._set, indent=1) + "\n").encode("ascii"))
         except OSError as error:
             _log.error("parameters are not kept: %s", error)
 

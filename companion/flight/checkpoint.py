@@ -19,6 +19,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from companion.safe_files import replace_file
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 
@@ -121,11 +122,8 @@ class Checkpoint:
         file = self._files().get(end)
         if file is None:
             return
-        part = file.with_name(file.name + ".part")
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(data)
-            part.replace(file)
+            replace_file(file, data)
         except OSError as error:
             _log.error("the flight's state is not remembered: %s", error)
 

@@ -18,6 +18,7 @@ from companion.config.reload import changed_mission
 from companion.errors import CompanionError, ConfigError
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
+from companion.safe_files import open_to_write
 from companion.service.metrics import Endpoint, Metrics
 from companion.service.observers import Observers
 from companion.service.recorded_flight import RecordedFlight
@@ -28,6 +29,7 @@ from companion.service.watchdog import Report, Supervision
 from companion.tasks.app import App
 from companion.threads import in_thread
 
+CRASH_LOG = "crash.log"
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 _log = logging.getLogger(__name__)
@@ -241,7 +243,11 @@ def _stacks_told(folder: Path | None) -> Iterator[None]:
     """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # a full disk, or nothing to write to
-            target = sys.stderr if folder is None else stack.enter_context((folder / "crash.log").open("a"))
+            target = (
+                sys.stderr
+                if folder is None
+                else stack.enter_context(open_to_write(folder / CRASH_LOG, append=True))
+            )
             faulthandler.enable(target)
         stack.callback(faulthandler.disable)
         yield

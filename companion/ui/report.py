@@ -12,6 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from companion.config.models import MissionConfig
+from companion.safe_files import SHARED, make_folder, replace_file
 from companion.types.record import Decision, FlightRecord
 from companion.ui import style
 from companion.ui.charts import altitude_chart, decision_chart, latency_chart, threat_chart
@@ -82,11 +83,11 @@ def write_report(
     tuple of Path
         The page and the picture.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     page, picture = folder / f"{name}.html", folder / f"{name}.png"
     with style.drawing():
         start_s = flight_start(record)
-        flight_map(mission, snapshot, record).savefig(picture, dpi=style.DPI)
+        drawn = style.write_picture(picture, flight_map(mission, snapshot, record))
         altitude, threat = altitude_chart(mission, snapshot, record, start_s), threat_chart(record, start_s)
         charts = [
             (
@@ -110,7 +111,7 @@ def write_report(
                 "How long each plan took to compute, in the order they were made.",
             ),
         ]
-    page.write_text(_page(mission, record, picture.read_bytes(), charts, start_s), encoding="utf-8")
+    replace_file(page, _page(mission, record, drawn, charts, start_s).encode(), SHARED)
     return page, picture
 
 

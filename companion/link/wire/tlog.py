@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 from companion.errors import RecordError
 from companion.link.wire.framing import MAGIC_V1, MAGIC_V2
+from companion.safe_files import open_to_write
 
 _STAMP_BYTES = 8
 _FLUSH_S = 0.5
@@ -51,7 +52,7 @@ class TlogWriter:
         self._path = Path(path)
         self._flushed_s = float("-inf")
         try:
-            self._file: BinaryIO | None = self._path.open("ab")
+            self._file: BinaryIO | None = open_to_write(self._path, append=True)
         except OSError as error:
             raise self._failure(error) from error
 
