@@ -1,6 +1,7 @@
 """What the service writes goes where it says, whole, for the right eyes; what it reads has a known size."""
 
 import asyncio
+import contextlib
 import errno
 import os
 
@@ -9,6 +10,7 @@ import pytest
 from companion.config import load_mission
 from companion.config.compose import world_of
 from companion.config.pilot_parameters import Parameters
+from companion.errors import RecordError
 from companion.flight.checkpoint import Checkpoint
 from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import TlogWriter
@@ -110,10 +112,8 @@ def test_a_log_is_not_written_through_a_symlink_nor_does_a_pipe_hold_it_up(tmp_p
     victim.write_text("precious")
     for plant in (lambda: (folder / name).symlink_to(victim), lambda: os.mkfifo(folder / name)):
         plant()
-        try:
+        with contextlib.suppress(RecordError):
             write(folder)
-        except Exception as error:
-            assert type(error).__name__ == "RecordError"
         assert victim.read_text() == "precious"
         (folder / name).unlink()
     write(folder)
