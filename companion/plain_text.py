@@ -6,6 +6,7 @@ marks of writing direction turn a text round.
 
 from __future__ import annotations
 
+import html
 import unicodedata
 
 _BLANKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
@@ -15,6 +16,11 @@ def printable(text: object) -> str:
     """A text on one line: line ends and tabs as blanks, whatever else cannot be printed as question marks."""
     words = str(text)
     return words if words.isprintable() else "".join(map(_shown, words))
+
+
+def in_page(text: object) -> str:
+    """A text as it stands in a page of HTML."""
+    return html.escape(printable(text))
 
 
 def _shown(character: str) -> str:

@@ -93,6 +93,34 @@ def replace_file(path: Path, data: bytes, mode: int = PRIVATE, *, is_synced: boo
         raise
 
 
+def open_to_read(path: Path, *, follow: bool = True) -> BinaryIO:
+    """Open a plain file to read from.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    follow : bool
+        Whether a symlink is followed: the operator's own files may be one, ours never are.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened, or is no plain file: a pipe or a device may never end.
+    """
+    descriptor = os.open(path, os.O_RDONLY | (_SAFE & ~os.O_NOFOLLOW if follow else _SAFE))
+    try:
+        status = os.fstat(descriptor)
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "Not a plain file", str(path))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
 def read_file(path: Path, size_max: int, *, follow: bool = False) -> bytes:
     """All that a plain file holds.
 
@@ -111,29 +139,13 @@ def read_file(path: Path, size_max: int, *, follow: bool = False) -> bytes:
         If it cannot be read, is no plain file (a pipe or a device may never end), or is too large
         (``EFBIG``).
     """
-    flags = os.O_RDONLY | (_SAFE & ~os.O_NOFOLLOW if follow else _SAFE)
-    descriptor = os.open(path, flags)
-    try:
-        status = os.fstat(descriptor)
-        if stat.S_ISDIR(status.st_mode):
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        if not stat.S_ISREG(status.st_mode):
-            raise OSError(errno.EINVAL, "Not a plain file", str(path))
-        data = b"" if status.st_size > size_max else _all_of(descriptor, size_max + 1)
-    finally:
-        os.close(descriptor)
-    if status.st_size > size_max or len(data) > size_max:
+    with open_to_read(path, follow=follow) as file:
+        size = os.fstat(file.fileno()).st_size
+        # It may grow while it is read, or not have told its size, as those of /proc.
+        data = b"" if size > size_max else file.read(size_max + 1)
+    if size > size_max or len(data) > size_max:
         raise OSError(errno.EFBIG, f"More than {size_max} bytes", str(path))
     return data
-
-
-def _all_of(descriptor: int, size_max: int) -> bytes:
-    """What an open file holds, up to a size: it may grow while it is read, or not have told its size."""
-    parts, left = [], size_max
-    while left > 0 and (part := os.read(descriptor, left)):
-        parts.append(part)
-        left -= len(part)
-    return b"".join(parts)
 
 
 def set_aside(path: Path) -> Path | None:

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from companion.frames import FloatArray
+from companion.plain_text import printable
 from companion.safe_files import SHARED, replace_file
 
 INK: Final = "#1d2733"
@@ -206,7 +207,7 @@ class Labels:
 
     def put(self, east_m: float, north_m: float, text: str, colour: str, *, offset_pt: float = 7.0) -> bool:
         """Write a text beside a point; return whether there was room."""
-        x, y = self._points(east_m, north_m)
+        x, y, text = *self._points(east_m, north_m), printable(text)
         width, height = 0.62 * self.size * len(text), 1.25 * self.size
         left, bottom, right, top = self._frame()
         for dx, dy in BESIDE:
