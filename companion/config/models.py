@@ -322,7 +322,7 @@ class MissionConfig(Section):
     """Static threats."""
     dynamic_threats: tuple[DynamicThreatConfig, ...] = ()
     """Moving threats: what kinds there are, and where simulated ones start."""
-    obstacles: tuple[ObstacleConfig, ...] = ()
+    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=2_000)] = ()
     """Upright prisms to stay clear of."""
     simulation: Simulation = Simulation()
     """Weather of the simulator."""
