@@ -25,10 +25,8 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
-from companion import __version__
+from companion import __version__, plain_text, safe_files
 from companion.errors import CompanionError, ConfigError
-from companion.plain_text import printable
-from companion.safe_files import SHARED, replace_file
 from companion.service.log_format import LogKind, PlainFormatter, set_up
 
 if TYPE_CHECKING:
@@ -87,7 +85,7 @@ def write_json(target: Path, document: object) -> None:
         sys.stdout.write(text)
         return
     with _writing(target, "--json"):
-        replace_file(target, text.encode("ascii"), SHARED)
+        safe_files.replace_file(target, text.encode("ascii"), safe_files.SHARED)
 
 
 def require_goals(config: MissionConfig, file: Path) -> None:
@@ -210,7 +208,7 @@ def health(metrics: MetricsPort = None) -> None:
         raise ConfigError("command line", None, "--metrics", "nothing", "the port that the service tells on")
 
     def told(answer: http.client.HTTPResponse | urllib.error.HTTPError) -> str:
-        return printable(answer.read(HEALTH_MAX).decode(errors="replace").strip())
+        return plain_text.printable(answer.read(HEALTH_MAX).decode(errors="replace").strip())
 
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
@@ -221,7 +219,9 @@ def health(metrics: MetricsPort = None) -> None:
             console.print(told(error), markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_FAILED) from None
     except (OSError, http.client.HTTPException) as error:
-        console.print(printable(f"no answer on port {metrics}: {error}"), markup=False, soft_wrap=True)
+        console.print(
+            plain_text.printable(f"no answer on port {metrics}: {error}"), markup=False, soft_wrap=True
+        )
         raise typer.Exit(EXIT_FAILED) from None
 
 
@@ -250,7 +250,7 @@ def replay(
     logging.getLogger("companion").setLevel(logging.WARNING)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
     for remark in remarks(recording, config):
-        screen.print(printable(remark), markup=False, highlight=False, soft_wrap=True)
+        screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
     result = replayed(recording, config, seed, screen)
     if expected is not None:
         recording, result = expected, beside(expected, result)
@@ -295,7 +295,11 @@ def report(
     mission, world, record = flight_of(flight)
     with _writing(flight, "report"):
         page, picture = write_report(flight, mission, world, record, report_name(record))
-    console.print(f"report: {printable(page)}\npicture: {printable(picture)}", markup=False, soft_wrap=True)
+    console.print(
+        f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
@@ -349,7 +353,7 @@ def main() -> None:
         _called()
     except CompanionError as error:
         Console(stderr=True, soft_wrap=True).print(
-            f"error: {printable(error)}", style="red", markup=False, highlight=False
+            f"error: {plain_text.printable(error)}", style="red", markup=False, highlight=False
         )
         sys.exit(error.exit_code)
     except Exception:

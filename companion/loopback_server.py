@@ -41,6 +41,21 @@ class _Connection:
     asked: bytearray = field(default_factory=bytearray)
     told: memoryview | None = None
 
+    def hear(self, data: bytes) -> bool:
+        """Take what it says; whether it has asked, or said too much for that."""
+        self.asked += data
+        return b"\r\n\r\n" in self.asked or len(self.asked) > HEAD_MAX
+
+    def answer(self, answer: bytes) -> None:
+        """Take the answer that it is to be told."""
+        self.told = memoryview(answer)
+
+    def tell(self) -> bool:
+        """Tell as much as goes without waiting; whether that was all."""
+        told = self.told or memoryview(b"")
+        self.told = told[self.line.send(told[:_PORTION]) :]
+        return not self.told
+
 
 class LoopbackServer:
     """Serves pages on the loopback interface, in a thread of its own.
@@ -125,15 +140,12 @@ class LoopbackServer:
         if not data:
             self._drop(connection)
         elif connection.told is None:  # else what comes after the question is of no interest
-            connection.asked += data
-            if b"\r\n\r\n" in connection.asked or len(connection.asked) > HEAD_MAX:
-                connection.told = memoryview(self._answer(bytes(connection.asked)))
+            if connection.hear(data):
+                connection.answer(self._answer(bytes(connection.asked)))
                 self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
     def _tell(self, connection: _Connection) -> None:
-        told = connection.told or memoryview(b"")
-        connection.told = told[connection.line.send(told[:_PORTION]) :]
-        if not connection.told:
+        if connection.tell():
             # Closed at once, unheard words of the other's would take the answer back.
             connection.line.shutdown(socket.SHUT_WR)
             self._selector.modify(connection.line, selectors.EVENT_READ, connection)

@@ -67,7 +67,7 @@ def replace_file(path: Path, data: bytes, mode: int = PRIVATE, *, is_synced: boo
     data : bytes
         All that it is to hold.
     mode : int
-        Its permissions.
+        Permissions that it gets.
     is_synced : bool
         Whether it is on the disk before it replaces the old one. Where that may not be waited for, a power
         cut can leave a damaged file on some file systems.

@@ -138,6 +138,18 @@ class _Open:
     entries: dict[str, object] = field(default_factory=dict)
     key: str | None = None
 
+    def expect(self, key: str) -> None:
+        """Take the next value for that of a key."""
+        self.key = key
+
+    def add(self, value: object) -> None:
+        """Take a value."""
+        if self.items is not None:
+            self.items.append(value)
+        else:
+            self.entries[self.key or ""] = value
+            self.key = None
+
 
 class _Composer:
     """Puts the parser's events together, without a look ahead or recursion."""
@@ -218,7 +230,7 @@ class _Composer:
         if path in self._document.places:
             found = f"a second entry (the first is in line {self._document.places[path][0]})"
             raise ConfigError(self._document.file, line, dotted(path), found, "each key once")
-        mapping.key = name
+        mapping.expect(name)
         self._document.places[path] = line, end, end
 
     def _next_path(self) -> KeyPath:
@@ -234,15 +246,10 @@ class _Composer:
         self._document.places[path] = line, start, end
 
     def _add(self, value: object) -> None:
-        if not self._open:
-            self._root = value
-            return
-        parent = self._open[-1]
-        if parent.items is not None:
-            parent.items.append(value)
+        if self._open:
+            self._open[-1].add(value)
         else:
-            parent.entries[parent.key or ""] = value
-            parent.key = None
+            self._root = value
 
     def _kind(self, event: yaml.ScalarEvent) -> str:
         """What a scalar is: its quotes make it text."""

@@ -158,29 +158,32 @@ def _goals_in(data: bytes | None) -> _Goals | None:
 
 
 def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
-    """Mission's number, path and its end in time [s] of a file; None where it is none.
-
-    What it claims of its sizes is added up before anything is unpacked, and nothing is unpacked further.
-    """
+    """Mission's number, path and its end in time [s] of a file; None where it is none."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data or b"")) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > UNPACKED_MAX:
-                return None
-            arrays = {
-                name: _array_in(archive, f"{name}.npy")
-                for name in ("key", "until_s", *(field.name for field in fields(Path)))
-            }
+        arrays = _arrays_in(data or b"")
         key, until_s = int(arrays.pop("key").item()), float(arrays.pop("until_s").item())
-        path = Path(**arrays)
     except (OSError, EOFError, ValueError, LookupError, OverflowError, RuntimeError, zlib.error):
         return None  # what zipfile does not know to unpack is a RuntimeError
     except (zipfile.BadZipFile, MemoryError):
         return None
     rows = arrays["times_s"].shape
     shapes = {"positions_enu_m": (*rows, 3), "position_covariances_m2": (*rows, 3, 3)}
-    is_whole = len(rows) == 1 and all(array.shape == shapes.get(name, rows) for name, array in arrays.items())
-    numbers = (*arrays["times_s"], *arrays["positions_enu_m"].flat, until_s) if is_whole else ()
-    return (key, path, until_s) if is_whole and np.isfinite(numbers).all() else None
+    if len(rows) != 1 or any(array.shape != shapes.get(name, rows) for name, array in arrays.items()):
+        return None
+    numbers = (*arrays["times_s"], *arrays["positions_enu_m"].flat, until_s)
+    return (key, Path(**arrays), until_s) if np.isfinite(numbers).all() else None
+
+
+def _arrays_in(data: bytes) -> dict[str, FloatArray]:
+    """Arrays (N, …) of an archive, by name.
+
+    What it claims of its sizes is added up before anything is unpacked, and nothing is unpacked further.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > UNPACKED_MAX:
+            raise ValueError("too large")
+        names = ("key", "until_s", *(field.name for field in fields(Path)))
+        return {name: _array_in(archive, f"{name}.npy") for name in names}
 
 
 def _array_in(archive: zipfile.ZipFile, name: str) -> FloatArray:

@@ -17,8 +17,8 @@ from companion.errors import RecordError
 from companion.flight.situation import Situation
 from companion.frames import FloatArray
 from companion.link.messages.codec import Codec
+from companion.recording import mcap_reader
 from companion.recording import mcap_schema as channels
-from companion.recording.mcap_reader import Document, messages_of, number, text
 from companion.recording.reader import (
     DECISIONS_MAX,
     SEED_MAX,
@@ -66,7 +66,7 @@ def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
         told = _Told(counters)
-        for topic, row in messages_of(folder / MCAP, counters):
+        for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
             told.take(topic, row)
         if told.about:
             return _from_messages(folder, told)
@@ -87,7 +87,7 @@ class _Told:
 
     def __init__(self, counters: Counter[str]) -> None:
         self.counters = counters
-        self.about: Document = {}
+        self.about: mcap_reader.Document = {}
         self.flown: list[list[float]] = []
         self.threat: list[list[float]] = []
         self.plan_ms: list[float] = []
@@ -108,7 +108,7 @@ class _Told:
             channels.SNAPSHOT: self._snapshot,
         }
 
-    def take(self, topic: str, row: Document) -> None:
+    def take(self, topic: str, row: mcap_reader.Document) -> None:
         """Take a message; what lies beyond the longest flight is left out and counted."""
         taker = self._takers.get(topic)
         if taker is not None:
@@ -118,22 +118,22 @@ class _Told:
             else:
                 self.counters["beyond_the_longest_flight"] += 1
 
-    def _mission(self, row: Document) -> None:
+    def _mission(self, row: mcap_reader.Document) -> None:
         self.about = self.about or about_of(row)
 
-    def _ownship(self, row: Document) -> None:
+    def _ownship(self, row: mcap_reader.Document) -> None:
         place = _floats(row.get("position_enu_m"), 3)
         if math.isfinite(sum(place)):
             angles = (_float(row.get(key)) for key in ("course_rad", "flight_path_angle_rad"))
             self.flown.append([stamp_of(row), *place, *angles, _float(row.get("airspeed_m_s"))])
 
-    def _level(self, row: Document) -> None:
+    def _level(self, row: mcap_reader.Document) -> None:
         self.threat.append([stamp_of(row), _float(row.get("level"))])
 
-    def _plan(self, row: Document) -> None:
+    def _plan(self, row: mcap_reader.Document) -> None:
         self.plan_ms.append(_float(row.get("plan_ms")))
 
-    def _swap(self, row: Document) -> None:
+    def _swap(self, row: mcap_reader.Document) -> None:
         if row.get("outcome") != "flown":
             self.num_not_entered += 1
             return
@@ -141,23 +141,25 @@ class _Told:
         places = places[np.isfinite(places).all(axis=1)]
         self._num_rows += len(places)
         if len(places):
-            self.missions.append(UploadedMission(_float(row.get("ended_s")), places, text(row.get("reason"))))
+            self.missions.append(
+                UploadedMission(_float(row.get("ended_s")), places, mcap_reader.text(row.get("reason")))
+            )
 
-    def _decision(self, row: Document) -> None:
+    def _decision(self, row: mcap_reader.Document) -> None:
         if len(self.decisions) < DECISIONS_MAX:
             self.decisions.append(decision_of(row))
 
-    def _tracks(self, row: Document) -> None:
+    def _tracks(self, row: mcap_reader.Document) -> None:
         tracks = row.get("tracks")
         for track in tracks[:TRACKS_MAX] if isinstance(tracks, list) else ():
             if not isinstance(track, dict):
                 continue
             place = _floats(track.get("position_enu_m"), 3)
-            rows = self.tracks.setdefault(text(track.get("identity"), 100), [])
+            rows = self.tracks.setdefault(mcap_reader.text(track.get("identity"), 100), [])
             rows.append([stamp_of(row), *place[:2]])
             self._num_rows += 1
 
-    def _snapshot(self, row: Document) -> None:
+    def _snapshot(self, row: mcap_reader.Document) -> None:
         self.fences = row.get("obstacles", self.fences)
 
 
@@ -174,9 +176,9 @@ def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, 
         threat=_table(told.threat, 2, ROWS_MAX),
         plan_ms=tuple(told.plan_ms),
         summary=_summary(told, flown),
-        epoch_s=number(about["epoch_s"]),
+        epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
-        begin_s=number(about["stamp_s"]),
+        begin_s=mcap_reader.number(about["stamp_s"]),
     )
     return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
 
@@ -192,7 +194,7 @@ def _with_fences(world: Snapshot, rows: object) -> Snapshot:
         return world
     obstacles = tuple(
         Obstacle(
-            text(row.get("name"), 100),
+            mcap_reader.text(row.get("name"), 100),
             _table(row.get("polygon_enu_m"), 2),
             _float(row.get("base_m")),
             _float(row.get("top_m")),
@@ -242,7 +244,7 @@ def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | s
     program = versions.get("companion", "") if isinstance(versions, dict) else ""
     summary: dict[str, float | int | bool | str] = {
         "mission": str(about["name"]),
-        "seed": int(number(about.get("seed"), SEED_MAX) or 0),
+        "seed": int(mcap_reader.number(about.get("seed"), SEED_MAX) or 0),
         "clock": str(about["clock"]),
         "program": str(program),
         "missions_entered": len(told.missions),
@@ -256,7 +258,7 @@ def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | s
 
 
 def _float(value: object) -> float:
-    found = number(value, FAR)
+    found = mcap_reader.number(value, FAR)
     return float("nan") if found is None else found
 
 
