@@ -139,10 +139,9 @@ class LoopbackServer:
         data = connection.line.recv(HEAD_MAX)
         if not data:
             self._drop(connection)
-        elif connection.told is None:  # else what comes after the question is of no interest
-            if connection.hear(data):
-                connection.answer(self._answer(bytes(connection.asked)))
-                self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
+        elif connection.told is None and connection.hear(data):  # what follows the question is not heard
+            connection.answer(self._answer(bytes(connection.asked)))
+            self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
     def _tell(self, connection: _Connection) -> None:
         if connection.tell():
