@@ -25,14 +25,15 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
-from companion import __version__
+from companion import __version__, plain_text, safe_files
 from companion.errors import CompanionError, ConfigError
-from companion.service.log_format import LogKind, set_up
+from companion.service.log_format import LogKind, PlainFormatter, set_up
 
 if TYPE_CHECKING:
     from companion.config import MissionConfig
 
 EXIT_FAILED = 1
+HEALTH_MAX = 10_000  # bytes of an answer
 EXTRA_COMMANDS = "companion.commands"
 EXTRAS = {"matplotlib": "plot", "jsbsim": "sim"}  # that bring a package which some commands need
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
@@ -83,15 +84,8 @@ def write_json(target: Path, document: object) -> None:
     if str(target) == "-":
         sys.stdout.write(text)
         return
-    part = target.with_name(target.name + ".part")
     with _writing(target, "--json"):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_text(text)
-            part.replace(target)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise
+        safe_files.replace_file(target, text.encode("ascii"), safe_files.SHARED)
 
 
 def require_goals(config: MissionConfig, file: Path) -> None:
@@ -212,16 +206,22 @@ def health(metrics: MetricsPort = None) -> None:
     """Ask a running service on this computer how it is; exit 0 only if its planning loop comes round."""
     if metrics is None:
         raise ConfigError("command line", None, "--metrics", "nothing", "the port that the service tells on")
+
+    def told(answer: http.client.HTTPResponse | urllib.error.HTTPError) -> str:
+        return plain_text.printable(answer.read(HEALTH_MAX).decode(errors="replace").strip())
+
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
         with direct.open(f"http://127.0.0.1:{metrics}/healthz", timeout=3.0) as answer:
-            console.print(answer.read().decode().strip(), markup=False, soft_wrap=True)
+            console.print(told(answer), markup=False, soft_wrap=True)
     except urllib.error.HTTPError as error:
         with error:
-            console.print(error.read().decode().strip(), markup=False, soft_wrap=True)
+            console.print(told(error), markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_FAILED) from None
     except (OSError, http.client.HTTPException) as error:
-        console.print(f"no answer on port {metrics}: {error}", markup=False, soft_wrap=True)
+        console.print(
+            plain_text.printable(f"no answer on port {metrics}: {error}"), markup=False, soft_wrap=True
+        )
         raise typer.Exit(EXIT_FAILED) from None
 
 
@@ -250,7 +250,7 @@ def replay(
     logging.getLogger("companion").setLevel(logging.WARNING)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
     for remark in remarks(recording, config):
-        screen.print(remark, markup=False, highlight=False, soft_wrap=True)
+        screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
     result = replayed(recording, config, seed, screen)
     if expected is not None:
         recording, result = expected, beside(expected, result)
@@ -295,7 +295,11 @@ def report(
     mission, world, record = flight_of(flight)
     with _writing(flight, "report"):
         page, picture = write_report(flight, mission, world, record, report_name(record))
-    console.print(f"report: {page}\npicture: {picture}", soft_wrap=True)
+    console.print(
+        f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
@@ -341,19 +345,15 @@ def _called() -> None:
 
 def main() -> None:
     """Run a command; errors made on purpose become one message and their exit code."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format="%(message)s",
-        handlers=[
-            RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)
-        ],
-    )
+    handler = RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)
+    handler.setFormatter(PlainFormatter())
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
     _add_commands()
     try:
         _called()
     except CompanionError as error:
         Console(stderr=True, soft_wrap=True).print(
-            f"error: {error}", style="red", markup=False, highlight=False
+            f"error: {plain_text.printable(error)}", style="red", markup=False, highlight=False
         )
         sys.exit(error.exit_code)
     except Exception:

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import heapq
 import itertools
 import time
 from typing import Protocol
+
+UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
+TIMEX_BYTES = 512  # struct timex is 208 bytes where it is longest
+
+
+def clock_state() -> int:
+    """What the kernel thinks of the time of day, as adjtimex(2) has it; negative where it cannot be told."""
+    try:
+        return int(ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)))
+    except (OSError, AttributeError):  # not Linux
+        return -1
 
 
 class Clock(Protocol):

@@ -7,7 +7,7 @@ Touches every layer's settings, which it composes, and no running part of the se
 25.0
 """
 
-from companion.config.load import load_mission, mission_from_text
+from companion.config.load import load_mission, mission_from_text, mission_text
 from companion.config.models import (
     Authority,
     Bounds,
@@ -42,4 +42,5 @@ __all__ = [
     "Vehicle",
     "load_mission",
     "mission_from_text",
+    "mission_text",
 ]

@@ -110,8 +110,9 @@ def _names(config: MissionConfig) -> Iterator[Finding]:
         "obstacles": [entry.name for entry in config.obstacles],
     }
     for kind, names in kinds.items():
+        firsts: dict[str, int] = {}
         for index, name in enumerate(names):
-            first = names.index(name)
+            first = firsts.setdefault(name, index)
             if first < index:
                 yield (kind, index, "name"), f"a name of its own; {kind}.{first} has this one"
 

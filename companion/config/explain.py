@@ -69,7 +69,7 @@ def explained(document: Document, findings: list[Any]) -> ConfigError:
     ranks = {"extra_forbidden": 0, "missing": 2}
 
     def order(finding: Any) -> tuple[int, int]:  # noqa: ANN401
-        return ranks.get(finding["type"], 1), document.lines.get(tuple(finding["loc"]), 0)
+        return ranks.get(finding["type"], 1), document.line_of(tuple(finding["loc"])) or 0
 
     first = min(findings, key=order)
     path: KeyPath = tuple(first["loc"])

@@ -10,8 +10,11 @@ from pydantic import ValidationError
 from companion.config.checks import findings
 from companion.config.explain import explained
 from companion.config.models import MissionConfig
-from companion.config.source import parse
+from companion.config.source import SIZE_MAX, parse
 from companion.errors import ConfigError
+from companion.safe_files import read_file
+
+BYTES_MAX = 4 * SIZE_MAX  # a character takes four at most
 
 
 def load_mission(path: str | Path) -> MissionConfig:
@@ -27,15 +30,25 @@ def load_mission(path: str | Path) -> MissionConfig:
     ConfigError
         For the first thing wrong with it.
     """
+    return mission_from_text(mission_text(path), str(path))
+
+
+def mission_text(path: str | Path) -> str:
+    """Text of a mission file, which is not read where it is too large, or no plain file.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
+    """
     file = str(path)
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        return read_file(Path(path), BYTES_MAX, follow=True).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(file, None, "file", "bytes that are not UTF-8", "a text file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise ConfigError(file, None, "file", reason.lower(), "a mission file that can be read") from None
-    return mission_from_text(text, file)
 
 
 def mission_from_text(text: str, file: str) -> MissionConfig:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from rich.table import Table
+from rich.text import Text
 
 from companion.config import MissionConfig
+from companion.plain_text import printable
 
 
 def mission_summary(mission: MissionConfig) -> dict[str, object]:
@@ -60,7 +62,8 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
 
 def summary_table(mission: MissionConfig) -> Table:
     """The same in short, for the terminal."""
-    table = Table(title=f"{mission.name}: {mission.description or 'no description'}", show_header=False)
+    title = printable(f"{mission.name}: {mission.description or 'no description'}")
+    table = Table(title=Text(title, style="table.title"), show_header=False)
     start, goal, vehicle = mission.start, mission.goals[-1], mission.vehicle
     straight = math.dist((start.east_m, start.north_m), (goal.east_m, goal.north_m))
     table.add_row("dimension", f"{mission.dimension}")

@@ -228,13 +228,15 @@ class SigningConfig(Section):
     """
 
     key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
-    """Of 32 bytes as they are, or as 64 hexadecimal digits; it must have mode 0600."""
+    """Of 32 bytes as they are, or as 64 hexadecimal digits; mode 0600, where nobody else may replace it."""
     timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
     """Where the last time stamps are kept; left out, the key file's name with `.times` behind it."""
     link_id: Annotated[int, Field(ge=0, le=255)] = 0
     """Of our frames."""
     allow_unsigned: tuple[SystemId, ...] = ()
     """Systems that are believed without a signature."""
+    allow_mavlink1: bool = False
+    """Whether those may speak MAVLink 1, which has no signatures; all others never may."""
 
 
 class LinkConfig(Section):
@@ -329,7 +331,7 @@ class MissionConfig(Section):
     """Static threats."""
     dynamic_threats: tuple[DynamicThreatConfig, ...] = ()
     """Moving threats: what kinds there are, and where simulated ones start."""
-    obstacles: tuple[ObstacleConfig, ...] = ()
+    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=2_000)] = ()
     """Upright prisms to stay clear of."""
     simulation: Simulation = Simulation()
     """Weather of the simulator."""

@@ -17,9 +17,11 @@ from pydantic import ValidationError
 
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
+from companion.safe_files import read_file, replace_file, set_aside
 
 Sender = tuple[int, int]  # system, component
 
+SIZE_MAX = 100_000  # bytes of the file; a handful of parameters takes a thousandth
 DIGITS = 6  # that a 32-bit float carries for certain
 
 _log = logging.getLogger(__name__)
@@ -166,13 +168,17 @@ class Parameters:
         return next((expected for path, expected in findings(changed) if path[0] == "planning"), "")
 
     def _kept(self) -> dict[str, float]:
-        if self._file is None or not self._file.exists():
+        if self._file is None:
             return {}
         try:
-            kept = json.loads(self._file.read_text(encoding="utf-8"))
+            kept = json.loads(read_file(self._file, SIZE_MAX))
             return {str(name): float(value) for name, value in kept.items()}
-        except (OSError, ValueError, TypeError, AttributeError) as error:
-            _log.warning("parameters are the mission file's: %s: %s", self._file, error)
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+            aside = set_aside(self._file)
+            found = "" if aside is None else f", now {aside}"
+            _log.warning("parameters are the mission file's: %s%s: %s", self._file, found, error)
             return {}
 
     def keep(self) -> None:
@@ -180,11 +186,8 @@ class Parameters:
         if self._file is None or self._is_kept:
             return
         self._is_kept = True
-        part = self._file.with_name(self._file.name + ".part")
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            part.write_text(json.dumps(self._set, indent=1) + "\n", encoding="utf-8")
-            part.replace(self._file)
+            replace_file(self._file, (json.dumps(self._set, indent=1) + "\n").encode("ascii"))
         except OSError as error:
             _log.error("parameters are not kept: %s", error)
 

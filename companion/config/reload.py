@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from companion.config import MissionConfig, load_mission
+from companion.config import MissionConfig, mission_from_text, mission_text
+from companion.config.compose import world_of
 from companion.errors import ConfigError
+from companion.types.threat import Obstacle
+from companion.world.obstacles import packed_obstacles
 
 # What was opened, recorded or tracked under these cannot be changed under way: the link and its signing,
 # the frame that everything is in, the flight's name and seed, and which vehicle a track is.
@@ -21,23 +24,71 @@ FIXED = (
 )
 
 
-def changed_mission(running: MissionConfig, file: Path) -> MissionConfig:
-    """Read a mission file again, for a service that runs by it.
+def changed_mission(running: MissionConfig, file: Path) -> tuple[MissionConfig, str]:
+    """Read a mission file again, for a service that runs by it; takes seconds where it is large.
+
+    Returns
+    -------
+    MissionConfig
+        The mission.
+    str
+        Text of the file.
 
     Raises
     ------
     ConfigError
         For the first thing wrong with it, and for a change that needs a restart.
     """
-    mission = load_mission(file)
+    text = mission_text(file)
+    mission = mission_from_text(text, str(file))
+    check_change(running, mission, str(file))
+    return mission, text
+
+
+def prepared_mission(
+    running: MissionConfig, file: Path, fences: tuple[Obstacle, ...]
+) -> tuple[MissionConfig, str]:
+    """Read a mission file again, and pack its world, as the flight will find it packed.
+
+    Parameters
+    ----------
+    running : MissionConfig
+        The mission that is flown.
+    file : Path
+        The mission file.
+    fences : tuple of Obstacle
+        The autopilot's fences, which belong to the world.
+
+    Returns
+    -------
+    MissionConfig
+        The mission.
+    str
+        Text of the file.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`changed_mission`.
+    """
+    mission, text = changed_mission(running, file)
+    packed_obstacles((*mission.obstacle_list, *fences), world_of(mission).bounds)
+    return mission, text
+
+
+def check_change(running: MissionConfig, mission: MissionConfig, file: str) -> None:
+    """See that a mission can be taken up by a service that runs by another.
+
+    Raises
+    ------
+    ConfigError
+        For a change that needs a restart.
+    """
     for key in FIXED:
         before, after = _value(running, key), _value(mission, key)
         if before != after:
             name = "goals" if key == "goals_from_autopilot" else key
-            raise ConfigError(
-                str(file), None, name, "a change", "what the service runs by; a restart takes it up"
-            )
-    return mission
+            raise ConfigError(file, None, name, "a change", "what the service runs by; a restart takes it up")
 
 
 def _value(mission: MissionConfig, key: str) -> object:

@@ -1,14 +1,14 @@
 """YAML text with the place of every key: what error messages point at.
 
-Stricter than YAML: no aliases (a key must mean what stands beside it), no duplicate keys (YAML
-keeps the last in silence), and no octal or base-60 numbers (``010`` would be 8, ``1:30`` 90).
+Stricter than YAML: no aliases (a key must mean what stands beside it), no tags, no duplicate keys (YAML
+keeps the last in silence), no octal or base-60 numbers (``010`` would be 8, ``1:30`` 90), no numbers of
+more digits than any value needs, and no dates.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import yaml
 
@@ -16,23 +16,40 @@ from companion.errors import ConfigError
 
 KeyPath = tuple[str | int, ...]
 
-SIZE_MAX = 4_000_000  # characters; the largest world anyone has drawn by hand is a hundredth of it
+SIZE_MAX = (
+    1_000_000  # characters; checked in a thread, one as long holds the loop up for some tenths of a second
+)
 _DEPTH_MAX = 20
 _EXCERPT = 60
-_STRING_TAG = "tag:yaml.org,2002:str"
-_NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+_DIGITS_MAX = 40
+_TAG = "tag:yaml.org,2002:"
 _PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.([0-9]+|inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
+_TRUE = frozenset({"yes", "true", "on"})
+# The parser in C is forty times as fast; where PyYAML was built without it, the other says the same.
+_Loader: type = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _Loader(yaml.SafeLoader):
-    """The safe loader, which also reads ``1e3`` as the number it is in YAML 1.2."""
+class _Resolver(yaml.resolver.Resolver):
+    """What a value without quotes is, and ``1e3`` the number that it is in YAML 1.2."""
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+"), list("-+0123456789")
+_Resolver.add_implicit_resolver(
+    f"{_TAG}float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+"), list("-+0123456789")
 )
+
+
+def _span(event: yaml.Event) -> tuple[int, int, int]:
+    """Line on which an event begins, counted from 1, and where in the text it begins and ends."""
+    begins, ends = event.start_mark, event.end_mark
+    return (1, 0, 0) if begins is None or ends is None else (begins.line + 1, begins.index, ends.index)
+
+
+def _float(written: str) -> float:
+    """A number as YAML writes it: ``.inf``, and ``.5``."""
+    name = written.lower()
+    return float(name.replace(".", "")) if name.endswith(("inf", "nan")) else float(name)
 
 
 def dotted(path: KeyPath) -> str:
@@ -48,32 +65,46 @@ class Document:
     ----------
     file : str
         Name of the file, for error messages.
+    text : str
+        All that stands in it.
     data : dict
         Keys and values; lists are tuples.
-    lines : dict
-        Line, counted from 1, at which each key or list entry stands.
-    texts : dict
-        What is written there, shortened.
+    places : dict
+        Line of each key or list entry, counted from 1, and where in the text its value begins and ends.
     """
 
     file: str
+    text: str
     data: object
-    lines: dict[KeyPath, int]
-    texts: dict[KeyPath, str]
+    places: dict[KeyPath, tuple[int, int, int]]
+
+    def line_of(self, path: KeyPath) -> int | None:
+        """The line on which a key stands, None if it does not."""
+        return self.places[path][0] if path in self.places else None
 
     def error(self, path: KeyPath, expected: str, value: str | None = None) -> ConfigError:
         """Build the error at a key; one that is not there is placed at its nearest parent."""
-        found = self.texts.get(path, "nothing") if value is None else value
+        found = self._excerpt(path) if value is None else value
         place = path
-        while place and place not in self.lines:
+        while place and place not in self.places:
             place = place[:-1]
         return ConfigError(
             file=self.file,
-            line=self.lines.get(place),
+            line=self.line_of(place),
             key=dotted(path) or "file",
             value=found,
             expected=expected,
         )
+
+    def _excerpt(self, path: KeyPath) -> str:
+        """What is written at a key, shortened."""
+        if path not in self.places:
+            return "nothing"
+        _, start, end = self.places[path]
+        written = " ".join(self.text[start : min(end, start + 20 * _EXCERPT)].split())
+        if not written:
+            return "nothing"
+        return written if len(written) <= _EXCERPT else written[: _EXCERPT - 1] + "…"
 
 
 def parse(text: str, file: str) -> Document:
@@ -87,97 +118,169 @@ def parse(text: str, file: str) -> Document:
     if len(text) > SIZE_MAX:
         raise ConfigError(file, None, "file", f"{len(text)} characters", f"at most {SIZE_MAX}")
     try:
-        node = _root(text, file)
-        located = _located(node, text, file)
-        data = _frozen(_Loader("").construct_document(node))
+        return _Composer(text, file).document()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
         raise ConfigError(file, line, "syntax", error.problem or "broken YAML", "valid YAML") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeEncodeError) as error:
         raise ConfigError(file, None, "syntax", str(error).splitlines()[0], "valid YAML") from None
-    return Document(file, data, located.lines, located.texts)
 
 
-def _root(text: str, file: str) -> yaml.MappingNode:
-    depth = 0
-    for event in yaml.parse(text, Loader=_Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEPTH_MAX:  # composing recurses
-            raise ConfigError(file, None, "syntax", "deep nesting", f"at most {_DEPTH_MAX} levels")
+@dataclass(slots=True)
+class _Open:
+    """A list or mapping that is being read: in a mapping, ``key`` is the one whose value comes next."""
+
+    path: KeyPath
+    line: int
+    start: int
+    items: list[object] | None
+    entries: dict[str, object] = field(default_factory=dict)
+    key: str | None = None
+
+    def expect(self, key: str) -> None:
+        """Take the next value for that of a key."""
+        self.key = key
+
+    def add(self, value: object) -> None:
+        """Take a value."""
+        if self.items is not None:
+            self.items.append(value)
+        else:
+            self.entries[self.key or ""] = value
+            self.key = None
+
+
+class _Composer:
+    """Puts the parser's events together, without a look ahead or recursion."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self._document = Document(file, text, None, {(): (1, 0, 0)})
+        self._resolver = _Resolver()
+        self._open: list[_Open] = []
+        self._root: object = None
+        self._num_documents = 0
+
+    def document(self) -> Document:
+        """Read to the end."""
+        file = self._document.file
+        for event in yaml.parse(self._document.text, Loader=_Loader):
+            self._take(event)
+        if self._root is None:
+            raise ConfigError(file, None, "file", "nothing", "the keys of a mission; see mission_configs")
+        if not isinstance(self._root, dict):
+            found = "a list" if isinstance(self._root, tuple) else "a bare value"
+            raise ConfigError(file, 1, "file", found, "keys and values, such as 'name: my-flight'")
+        return Document(file, self._document.text, self._root, self._document.places)
+
+    def _take(self, event: yaml.Event) -> None:
+        line, _, _ = _span(event)
         if isinstance(event, yaml.AliasEvent):
-            line = None if event.start_mark is None else event.start_mark.line + 1
-            raise ConfigError(file, line, "syntax", f"the alias *{event.anchor}", "the value written out")
-    node = yaml.compose(text, Loader=_Loader)
-    if node is None:
-        raise ConfigError(file, None, "file", "nothing", "the keys of a mission; see mission_configs")
-    if not isinstance(node, yaml.MappingNode):
-        raise ConfigError(
-            file,
-            1,
-            "file",
-            "a list" if isinstance(node, yaml.SequenceNode) else "a bare value",
-            "keys and values, such as 'name: my-flight'",
+            raise self._broken(line, f"the alias *{event.anchor}", "the value written out")
+        if isinstance(event, yaml.DocumentStartEvent):
+            self._num_documents += 1
+            if self._num_documents > 1:
+                raise self._broken(line, "another document", "one")
+        elif isinstance(event, yaml.ScalarEvent):
+            self._take_scalar(event)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            self._begin(event)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            self._end(event)
+
+    def _begin(self, event: yaml.CollectionStartEvent) -> None:
+        line, start, _ = _span(event)
+        if len(self._open) >= _DEPTH_MAX:
+            raise self._broken(line, "deep nesting", f"at most {_DEPTH_MAX} levels")
+        if self._wants_key:
+            kind = "a list" if isinstance(event, yaml.SequenceStartEvent) else "a mapping"
+            raise self._wrong_key(line, kind)
+        path = self._next_path()
+        self._place(path, line, start, start)
+        self._check_tag(path, event.tag)
+        self._open.append(
+            _Open(path, line, start, [] if isinstance(event, yaml.SequenceStartEvent) else None)
         )
-    return node
 
+    def _end(self, event: yaml.CollectionEndEvent) -> None:
+        ended = self._open.pop()
+        line = self._document.places[ended.path][0]
+        self._place(ended.path, line, ended.start, _span(event)[2])
+        self._add(ended.entries if ended.items is None else tuple(ended.items))
 
-def _located(root: yaml.MappingNode, text: str, file: str) -> Document:
-    document = Document(file, {}, {(): 1}, {})
-    pending: list[tuple[KeyPath, yaml.Node]] = [((), root)]
-    while pending:
-        path, node = pending.pop()
-        if isinstance(node, yaml.ScalarNode):
-            _check_scalar(document, path, node)
-            continue
-        for part, place, value in _children(document, path, node):
-            child = (*path, part)
-            document.lines[child] = place.start_mark.line + 1
-            document.texts[child] = _excerpt(text, value)
-            pending.append((child, value))
-    return document
+    def _take_scalar(self, event: yaml.ScalarEvent) -> None:
+        line, start, end = _span(event)
+        if self._wants_key:
+            self._take_key(event, line, end)
+            return
+        path = self._next_path()
+        self._place(path, line, start, end)
+        self._check_tag(path, event.tag)
+        self._add(self._value(path, event))
 
+    @property
+    def _wants_key(self) -> bool:
+        return bool(self._open) and self._open[-1].items is None and self._open[-1].key is None
 
-def _children(
-    document: Document, path: KeyPath, node: yaml.Node
-) -> Iterator[tuple[str | int, yaml.Node, yaml.Node]]:
-    if isinstance(node, yaml.SequenceNode):
-        for index, value in enumerate(node.value):
-            yield index, value, value
-        return
-    seen: dict[str, int] = {}
-    for key, value in node.value:
-        line = key.start_mark.line + 1
-        place = dotted(path) or "file"
-        if not isinstance(key, yaml.ScalarNode) or key.tag != _STRING_TAG:
-            raise ConfigError(document.file, line, place, f"the key {key.value!r:.60}", "a name as the key")
-        if key.value in seen:
-            raise ConfigError(
-                document.file,
-                line,
-                dotted((*path, key.value)),
-                f"a second entry (the first is in line {seen[key.value]})",
-                "each key once",
-            )
-        seen[key.value] = line
-        yield key.value, key, value
+    def _take_key(self, event: yaml.ScalarEvent, line: int, end: int) -> None:
+        mapping, name = self._open[-1], event.value
+        if event.tag is not None or self._kind(event) != "str":
+            raise self._wrong_key(line, repr(name))
+        path = (*mapping.path, name)
+        if path in self._document.places:
+            found = f"a second entry (the first is in line {self._document.places[path][0]})"
+            raise ConfigError(self._document.file, line, dotted(path), found, "each key once")
+        mapping.expect(name)
+        self._document.places[path] = line, end, end
 
+    def _next_path(self) -> KeyPath:
+        """Path of the value that comes now."""
+        if not self._open:
+            return ()
+        parent = self._open[-1]
+        return (*parent.path, len(parent.items) if parent.items is not None else parent.key or "")
 
-def _check_scalar(document: Document, path: KeyPath, node: yaml.ScalarNode) -> None:
-    if node.tag in _NUMBER_TAGS and not _PLAIN_NUMBER.fullmatch(node.value):
-        raise document.error(path, "a plain decimal number, such as 12.5")
+    def _place(self, path: KeyPath, line: int, start: int, end: int) -> None:
+        """Note where a value stands; its line is its key's where it has one."""
+        line = self._document.places[path][0] if path in self._document.places else line
+        self._document.places[path] = line, start, end
 
+    def _add(self, value: object) -> None:
+        if self._open:
+            self._open[-1].add(value)
+        else:
+            self._root = value
 
-def _excerpt(text: str, node: yaml.Node) -> str:
-    written = " ".join(text[node.start_mark.index : node.end_mark.index].split())
-    if not written:
-        return "nothing"
-    return written if len(written) <= _EXCERPT else written[: _EXCERPT - 1] + "…"
+    def _kind(self, event: yaml.ScalarEvent) -> str:
+        """What a scalar is: its quotes make it text."""
+        if not event.implicit[0]:
+            return "str"
+        tag: str = self._resolver.resolve(yaml.ScalarNode, event.value, (True, False))  # type: ignore[no-untyped-call]
+        return tag.removeprefix(_TAG)
 
+    def _value(self, path: KeyPath, event: yaml.ScalarEvent) -> object:
+        written = event.value
+        match self._kind(event):
+            case "str":
+                return written
+            case "null":
+                return None
+            case "bool":
+                return written.lower() in _TRUE
+            case "int" | "float" as kind:
+                if not _PLAIN_NUMBER.fullmatch(written) or len(written) > _DIGITS_MAX:
+                    raise self._document.error(path, "a plain decimal number, such as 12.5")
+                return int(written) if kind == "int" else _float(written)
+            case _:
+                raise self._document.error(path, "a number, true or false, or text, in quotes")
 
-def _frozen(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _frozen(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return tuple(_frozen(entry) for entry in value)
-    return value
+    def _check_tag(self, path: KeyPath, tag: str | None) -> None:
+        if tag is not None:
+            raise self._document.error(path, "the value without a tag", f"the tag {tag[:_EXCERPT]}")
+
+    def _wrong_key(self, line: int, found: str) -> ConfigError:
+        place = dotted(self._open[-1].path) or "file"
+        return ConfigError(self._document.file, line, place, f"the key {found:.60}", "a name as the key")
+
+    def _broken(self, line: int | None, found: str, expected: str) -> ConfigError:
+        return ConfigError(self._document.file, line, "syntax", found, expected)

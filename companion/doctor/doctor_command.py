@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.table import Table
+from rich.text import Text
 
 from companion.clock import WallClock
 from companion.config import load_mission
@@ -14,6 +15,7 @@ from companion.doctor.host_checks import SERIAL_PORT, local_findings
 from companion.doctor.link_checks import LinkDoctor
 from companion.errors import LinkError
 from companion.link.wire.transport import transport_from_url
+from companion.plain_text import printable
 from companion.service.signing_setup import signing_of
 
 EXIT_FAILED = 1
@@ -68,5 +70,6 @@ def findings_table(findings: Sequence[Finding]) -> Table:
         table.add_column(name, overflow="fold")
     for entry in findings:
         colour = COLOURS[entry.verdict]
-        table.add_row(f"[{colour}]{entry.verdict.value}[/]", entry.check, entry.found, entry.advice)
+        words = (Text(printable(words)) for words in (entry.check, entry.found, entry.advice))
+        table.add_row(Text(entry.verdict.value, style=colour), *words)
     return table

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import shutil
 from datetime import UTC, datetime
@@ -10,14 +9,13 @@ from pathlib import Path
 
 import numba
 
+from companion.clock import UNSYNCHRONISED, clock_state
 from companion.config import MissionConfig
 from companion.doctor.finding import Finding, fail, ok, warn
 from companion.errors import CompanionError
-from companion.link.wire.signing import read_key
+from companion.link.wire.key_file import read_key
 
 NOT_BEFORE = datetime(2026, 1, 1, tzinfo=UTC)
-UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
-TIMEX_BYTES = 512  # struct timex is 208 bytes where it is longest
 DISK_MIN_MB, DISK_GOOD_MB = 200, 2_000
 MEGABYTE = 2**20
 SERIAL_PORT = "serial port"
@@ -35,7 +33,7 @@ def local_findings(mission: MissionConfig | None, url: str | None, flights: Path
     flights : Path
         Folder that recordings would go to.
     """
-    findings = [clock_set(datetime.now(UTC)), clock_synchronised(_clock_state())]
+    findings = [clock_set(datetime.now(UTC)), clock_synchronised(clock_state())]
     findings += [kernel_cache(Path(numba.config.CACHE_DIR)), disk(flights)]  # type: ignore[attr-defined]
     if url is not None and url.startswith("serial://"):
         findings.append(serial_port(Path(url.removeprefix("serial://").rpartition(":")[0])))
@@ -49,14 +47,6 @@ def clock_set(now: datetime) -> Finding:
     if now < NOT_BEFORE:
         return fail("clock", f"{now:%Y-%m-%d}", "set the time: recordings would be of the past")
     return ok("clock", f"{now:%Y-%m-%d %H:%M:%S} UTC")
-
-
-def _clock_state() -> int:
-    """What the kernel thinks of its clock; reading it takes no privilege."""
-    try:
-        return int(ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)))
-    except (OSError, AttributeError):  # not Linux
-        return -1
 
 
 def clock_synchronised(state: int) -> Finding:

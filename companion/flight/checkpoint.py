@@ -7,18 +7,21 @@ flight: an aircraft that is not armed has no use for them, and the next flight b
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import logging
+import math
+import re
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 
 import numpy as np
 
+from companion.frames import FloatArray
+from companion.safe_files import read_file, replace_file, set_aside
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 
@@ -27,6 +30,12 @@ _log = logging.getLogger(__name__)
 Places = Sequence[tuple[float, float, float]]
 
 GOALS, FLOWN = ".goals.json", ".flown.npz"
+_HEADER = re.compile(  # of an array of numbers, as numpy writes it
+    rb"\x93NUMPY\x01\x00..\{'descr': '<([fi]8)', 'fortran_order': (True|False), "
+    rb"'shape': \(([0-9, ]{0,40})\), \} *\n",
+    re.DOTALL,
+)
+SIZE_MAX, UNPACKED_MAX = 4_000_000, 16_000_000  # bytes; a path of an hour takes a tenth
 
 
 def key_of(items: Sequence[MissionItem]) -> int:
@@ -57,12 +66,10 @@ class Checkpoint:
 
     def reached(self, goals: Places) -> int:
         """Goals reached of this very list; 0 where nothing of it is known."""
-        try:
-            kept = json.loads(self._kept[GOALS])
-            number, places = int(kept["reached"]), [tuple(float(x) for x in place) for place in kept["goals"]]
-        except (ValueError, KeyError, TypeError):
+        kept = _goals_in(self._kept.get(GOALS))
+        if kept is None or kept.places != _rounded(goals):
             return 0
-        return number if places == _rounded(goals) and 0 <= number <= len(places) else 0
+        return kept.reached
 
     def note_reached(self, goals: Places, number: int, boot_s: float = 0.0) -> None:
         """Remember how many goals of a list are reached, and how long the autopilot had run by then [s]."""
@@ -72,21 +79,13 @@ class Checkpoint:
     @property
     def boot_s(self) -> float:
         """How long the autopilot had run when a goal was noted; one that runs for less was started since."""
-        try:
-            return float(json.loads(self._kept[GOALS])["boot_s"])
-        except (ValueError, KeyError, TypeError):
-            return 0.0
+        kept = _goals_in(self._kept.get(GOALS))
+        return 0.0 if kept is None else kept.boot_s
 
     def flown(self, key: int) -> tuple[Path, float] | None:
         """The path that a mission of this number carries, and the path's time at its end; None if unknown."""
-        try:
-            with np.load(io.BytesIO(self._kept[FLOWN]), allow_pickle=False) as kept:
-                if int(kept["key"]) != key:
-                    return None
-                path = Path(**{field.name: kept[field.name] for field in fields(Path)})
-                return path, float(kept["until_s"])
-        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-            return None
+        kept = _flown_in(self._kept.get(FLOWN))
+        return None if kept is None or kept[0] != key else kept[1:]
 
     def note_flown(self, key: int, path: Path, until_s: float) -> None:
         """Remember the path that a mission carries."""
@@ -111,8 +110,19 @@ class Checkpoint:
     def _read(self) -> dict[str, bytes]:
         kept = {}
         for end, file in self._files().items():
-            with contextlib.suppress(OSError):  # mostly there is none
-                kept[end] = file.read_bytes()
+            try:
+                data = read_file(file, SIZE_MAX)
+                is_sound = (_goals_in(data) if end == GOALS else _flown_in(data)) is not None
+            except FileNotFoundError:
+                continue
+            except OSError:
+                is_sound = False
+            if is_sound:
+                kept[end] = data
+            else:
+                aside = set_aside(file)
+                found = "cannot be read" if aside is None else f"was damaged and is now {aside}"
+                _log.error("%s %s: the flight begins without it", file, found)
         return kept
 
     def _keep(self, end: str, data: bytes) -> None:
@@ -121,13 +131,72 @@ class Checkpoint:
         file = self._files().get(end)
         if file is None:
             return
-        part = file.with_name(file.name + ".part")
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(data)
-            part.replace(file)
+            replace_file(file, data)
         except OSError as error:
             _log.error("the flight's state is not remembered: %s", error)
+
+
+@dataclass(frozen=True, slots=True)
+class _Goals:
+    """A list of goals, how many are reached, and how long the autopilot had run by then [s]."""
+
+    places: list[tuple[float, ...]]
+    reached: int
+    boot_s: float
+
+
+def _goals_in(data: bytes | None) -> _Goals | None:
+    """What a file of goals says; None where it is none, or says what cannot be."""
+    try:
+        kept = json.loads((data or b"")[: SIZE_MAX + 1])
+        places = [tuple(float(x) for x in place) for place in kept["goals"]]
+        goals = _Goals(places, int(kept["reached"]), float(kept["boot_s"]))
+    except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
+        return None
+    return goals if 0 <= goals.reached <= len(places) and math.isfinite(goals.boot_s) else None
+
+
+def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
+    """Mission's number, path and its end in time [s] of a file; None where it is none."""
+    try:
+        arrays = _arrays_in(data or b"")
+        key, until_s = int(arrays.pop("key").item()), float(arrays.pop("until_s").item())
+    except (OSError, EOFError, ValueError, LookupError, OverflowError, RuntimeError, zlib.error):
+        return None  # what zipfile does not know to unpack is a RuntimeError
+    except (zipfile.BadZipFile, MemoryError):
+        return None
+    rows = arrays["times_s"].shape
+    shapes = {"positions_enu_m": (*rows, 3), "position_covariances_m2": (*rows, 3, 3)}
+    if len(rows) != 1 or any(array.shape != shapes.get(name, rows) for name, array in arrays.items()):
+        return None
+    numbers = (*arrays["times_s"], *arrays["positions_enu_m"].flat, until_s)
+    return (key, Path(**arrays), until_s) if np.isfinite(numbers).all() else None
+
+
+def _arrays_in(data: bytes) -> dict[str, FloatArray]:
+    """Arrays (N, …) of an archive, by name.
+
+    What it claims of its sizes is added up before anything is unpacked, and nothing is unpacked further.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > UNPACKED_MAX:
+            raise ValueError("too large")
+        names = ("key", "until_s", *(field.name for field in fields(Path)))
+        return {name: _array_in(archive, f"{name}.npy") for name in names}
+
+
+def _array_in(archive: zipfile.ZipFile, name: str) -> FloatArray:
+    """An array (N, …) of numbers, as numpy writes them; nothing else is read."""
+    with archive.open(name) as entry:
+        data = entry.read(UNPACKED_MAX)
+    header = _HEADER.match(data)
+    if header is None:
+        raise ValueError("no array of numbers")
+    kind, is_by_columns, sizes = (group.decode("ascii") for group in header.groups())
+    shape = tuple(int(size) for size in sizes.split(",") if size.strip())
+    numbers = np.frombuffer(data, dtype=f"<{kind}", offset=header.end()).astype(np.float64)
+    return numbers.reshape(shape, order="F" if is_by_columns == "True" else "C")
 
 
 def _rounded(goals: Places) -> list[tuple[float, ...]]:

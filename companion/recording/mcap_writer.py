@@ -14,6 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from companion.errors import RecordError
 from companion.recording.mcap_schema import CHANNELS
+from companion.safe_files import open_to_write
 
 CHUNK_S = 0.5  # of the clock: what a killed process loses at most, and half of what is promised
 _DIGITS = 9
@@ -42,7 +43,7 @@ class FlightLog:
         self._path, self._epoch_s = path, epoch_s
         self._flushed_s = -math.inf
         try:
-            self._file = path.open("wb")
+            self._file = open_to_write(path)
             self._writer: Writer | None = Writer(self._file, compression=CompressionType.ZSTD)
             self._writer.start("", "companion")
             self._channels = {

@@ -6,36 +6,36 @@ right as far as the order of the frames tells.
 
 from __future__ import annotations
 
-import json
+import itertools
 import math
-import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-
-from companion.errors import RecordError
+from companion.config.source import SIZE_MAX
 from companion.link.messages.codec import COMPONENT_ID, is_intact
 from companion.link.wire.framing import RawFrame, raw_frame
 from companion.link.wire.tlog import Entry, read_tlog
 from companion.planning.plan_runner import RecordedPlanTiming
 from companion.recording import mcap_schema as channels
+from companion.recording.mcap_reader import Document, messages_of, number, text
 from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
 from companion.types.record import SPOKEN, Decision
 
 GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
 OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an autopilot was awaited
 ORDER_S = 1.0  # a stamp so little before another is that of a frame which waited while others were answered
-RECORD_MAX = 64 * 1024 * 1024  # bytes; a longer record of an mcap is damage
+FRAMES_MAX = 3_000_000  # eight hours at a hundred a second, and a gigabyte of memory
+DECISIONS_MAX = 50_000
+PLANS_MAX = 100_000
+RELOADS_MAX = 20
+STAMP_MAX_S = 1e9  # no computer runs for thirty years
+EPOCH_MAX_S = 4_102_444_800.0  # 2100-01-01
+SEED_MAX = 2**63
+_REASONS_MAX = 50  # of a decision
+_REMEMBERED_MAX = 4_000_000  # characters in base64
 SIMULATED = "simulated"
-_DAMAGE = (McapError, struct.error, ValueError, KeyError, zstandard.ZstdError, MemoryError, OverflowError)
-
-Document = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +120,14 @@ def load_recording(log: Path) -> Recording:
         When the tlog cannot be read at all.
     """
     counters: Counter[str] = Counter()
-    entries = _intact(list(read_tlog(log, counters)), counters)
+    entries = _intact(list(itertools.islice(read_tlog(log, counters), FRAMES_MAX)), counters)
+    if len(entries) == FRAMES_MAX:
+        counters["tlog_too_large"] += 1
     beside = log.with_suffix(".mcap")
-    documents = read_messages(beside, counters) if beside != log and beside.exists() else {}
-    missions = documents.get(channels.MISSION, [{}])
-    about = missions[0]
+    told = _Told()
+    if beside != log and beside.exists():
+        told.read(beside, counters)
+    about = told.about
     frames = [raw_frame(entry.raw) for entry in entries]
     vehicle = _vehicle_of(frames)
     epoch_s = _epoch_s(about, entries)
@@ -137,7 +140,6 @@ def load_recording(log: Path) -> Recording:
         for at, frame in zip(times, frames, strict=True)
     ]
     heard.sort(key=lambda entry: entry.at_us)
-    decided = tuple(decision_of(document) for document in documents.get(channels.DECISION, []))
     is_cut_off = bool(about and counters["mcap_ends_early"] and heard)
     return Recording(
         name=log.name,
@@ -145,13 +147,77 @@ def load_recording(log: Path) -> Recording:
         vehicle=vehicle,
         epoch_s=epoch_s,
         about=about,
-        decisions=decided if about else told_decisions(heard),
-        taken=_taken_by_number(documents.get(channels.PLAN, [])),
+        decisions=tuple(told.decisions) if about else told_decisions(heard),
+        taken=told.taken,
         counters=counters,
-        until_s=min(heard[-1].at_us * 1e-6, _newest_s(documents)) if is_cut_off else math.inf,
+        until_s=min(heard[-1].at_us * 1e-6, told.newest_s) if is_cut_off else math.inf,
         start_us=start_us,
-        reloads=tuple((_stamp_s(entry), str(entry.get("mission_file", ""))) for entry in missions[1:]),
+        reloads=tuple(told.reloads),
     )
+
+
+class _Told:
+    """What a replay needs to know of what the service wrote down, and no more: files may be large."""
+
+    def __init__(self) -> None:
+        self.about: Document = {}
+        self.reloads: list[tuple[float, str]] = []
+        self.decisions: list[Decision] = []
+        self.taken: dict[int, RecordedPlanTiming] = {}
+        self.newest_s = 0.0
+
+    def read(self, path: Path, counters: Counter[str]) -> None:
+        """Take what an mcap tells."""
+        for topic, document in messages_of(path, counters):
+            self.newest_s = max(self.newest_s, stamp_of(document))
+            if topic == channels.MISSION:
+                self._note_mission(document)
+            elif topic == channels.DECISION and len(self.decisions) < DECISIONS_MAX:
+                self.decisions.append(decision_of(document))
+            elif topic == channels.PLAN and len(self.taken) < PLANS_MAX:
+                count = number(document.get("number"))
+                if count is not None:
+                    self.taken[int(count)] = _taken_of(document)
+
+    def _note_mission(self, document: Document) -> None:
+        if not self.about:
+            self.about = about_of(document)
+        elif len(self.reloads) < RELOADS_MAX:
+            self.reloads.append((stamp_of(document), text(document.get("mission_file"), SIZE_MAX)))
+
+
+def about_of(document: Document) -> Document:
+    """What a recording says of itself, as far as it can be true; what cannot is left out."""
+    seed, versions = document.get("seed"), document.get("versions")
+    told: Document = {key: text(document.get(key)) for key in ("name", "clock")}
+    told["mission_file"] = text(document.get("mission_file"), SIZE_MAX)
+    told["stamp_s"] = stamp_of(document)
+    told["epoch_s"] = number(document.get("epoch_s"), EPOCH_MAX_S)
+    told["step_s"] = number(document.get("step_s"), 10.0)
+    if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed < SEED_MAX:
+        told["seed"] = seed
+    if isinstance(versions, dict):
+        told["versions"] = {name: text(version) for name, version in [*versions.items()][:100]}
+    told["remembered"] = _remembered_of(document.get("remembered"))
+    return told
+
+
+def _remembered_of(remembered: object) -> Document:
+    """What the service remembered when the recording began."""
+    kept = remembered if isinstance(remembered, dict) else {}
+    parameters, memory = kept.get("parameters"), kept.get("memory")
+    return {
+        "goals_reached": number(kept.get("goals_reached")),
+        "parameters": {
+            name: value
+            for name, told in (parameters.items() if isinstance(parameters, dict) else ())
+            if (value := number(told)) is not None
+        },
+        "memory": {
+            end: text(coded, _REMEMBERED_MAX)
+            for end, coded in (memory.items() if isinstance(memory, dict) else ())
+        },
+    }
 
 
 def _intact(entries: Sequence[Entry], counters: Counter[str]) -> list[Entry]:
@@ -172,115 +238,50 @@ def _epoch_s(about: Document, entries: Sequence[Entry]) -> float:
 
 def _start_us(about: Document) -> int:
     """Clock reading at which the service began [µs]; in the simulator that is with its first step."""
-    start_us = round(1e6 * _stamp_s(about))
+    start_us = round(1e6 * stamp_of(about))
     if about.get("clock") == SIMULATED:
         start_us = max(0, start_us - round(1e6 * (number(about.get("step_s")) or 0.0)))
     return start_us
 
 
-def _stamp_s(document: Document) -> float:
-    return number(document.get("stamp_s")) or 0.0
-
-
-def _newest_s(documents: Mapping[str, Sequence[Document]]) -> float:
-    """The last instant that any document tells of [s]."""
-    return max((_stamp_s(document) for rows in documents.values() for document in rows), default=0.0)
-
-
-def _taken_by_number(documents: Sequence[Document]) -> dict[int, RecordedPlanTiming]:
-    """What each plan took, by the plan's number."""
-    return {
-        int(count): _taken_of(document)
-        for document in documents
-        if (count := number(document.get("number"))) is not None
-    }
-
-
-def read_messages(path: Path, counters: Counter[str]) -> dict[str, list[Document]]:
-    """Messages of an mcap by topic, in order, as far as it can be read.
-
-    One whose end is missing, since the process was killed, is read to there; damaged chunks are left out
-    and counted as ``damaged_chunks``.
-
-    Raises
-    ------
-    RecordError
-        When the file cannot be opened.
-    """
-    found: dict[str, list[Document]] = {}
-    topics: dict[int, str] = {}
-    try:
-        with path.open("rb") as file:
-            reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX)
-            for record in _records(reader.records, counters):
-                if isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Message) and record.channel_id in topics:
-                    document = _document_of(record, counters)
-                    if document is not None:
-                        found.setdefault(topics[record.channel_id], []).append(document)
-    except OSError as error:
-        raise RecordError(f"{path}: {error.strerror or error}") from error
-    return found
-
-
-def _records(records: Iterator[McapRecord], counters: Counter[str]) -> Iterator[McapRecord]:
-    """Records with those of chunks; ends where the file does, wherever that is."""
-    while True:
-        try:
-            record = next(records)
-        except StopIteration:
-            return
-        except _DAMAGE:
-            counters["mcap_ends_early"] += 1
-            return
-        if not isinstance(record, Chunk):
-            yield record
-            continue
-        try:
-            if record.uncompressed_size > RECORD_MAX:
-                raise ValueError("a chunk that large was never written")
-            inside = breakup_chunk(record, validate_crc=True)
-        except _DAMAGE:
-            counters["damaged_chunks"] += 1
-            continue
-        yield from (entry for entry in inside if isinstance(entry, Channel | Schema | Message))
-
-
-def _document_of(message: Message, counters: Counter[str]) -> Document | None:
-    try:
-        document = json.loads(message.data)
-    except ValueError:
-        document = None
-    if not isinstance(document, dict):
-        counters["damaged_messages"] += 1
-        return None
-    return document
-
-
-def number(value: object) -> float | None:
-    """A number of a document, None for anything else."""
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+def stamp_of(document: Document) -> float:
+    """The service's clock when a document was written [s]; 0 where it does not say."""
+    return number(document.get("stamp_s"), STAMP_MAX_S) or 0.0
 
 
 def decision_of(document: Document) -> Decision:
     """A decision as it was written down."""
     why = document.get("why")
     return Decision(
-        _stamp_s(document),
-        str(document.get("kind", "")),
-        str(document.get("text", "")),
+        stamp_of(document),
+        text(document.get("kind"), 100),
+        text(document.get("text")),
         number(document.get("plan_ms")),
         number(document.get("track_to_mission_ms")),
-        why if isinstance(why, dict) else {},
+        _reasons(why) if isinstance(why, dict) else {},
     )
+
+
+def _reasons(why: Document) -> Document:
+    """Numbers and words that led to a decision."""
+    return {
+        key[:100]: [*map(_reason, value[:_REASONS_MAX])] if isinstance(value, list) else _reason(value)
+        for key, value in [*why.items()][:_REASONS_MAX]
+    }
+
+
+def _reason(value: object) -> object:
+    """A number or word; None for anything else."""
+    if isinstance(value, str):
+        return text(value)
+    return value if isinstance(value, bool) or number(value) is not None else None
 
 
 def _taken_of(document: Document) -> RecordedPlanTiming:
     asked = number(document.get("asked"))
     is_stopped = document.get("is_stopped") is True and asked is not None
-    took_s = max(0.0, number(document.get("took_s")) or 0.0)
-    instants = (number(document.get("due_s")), number(document.get("seen_s")))
+    took_s = max(0.0, number(document.get("took_s"), STAMP_MAX_S) or 0.0)
+    instants = (number(document.get("due_s"), STAMP_MAX_S), number(document.get("seen_s"), STAMP_MAX_S))
     return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants)
 
 
@@ -290,9 +291,9 @@ def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     for heard in frames:
         if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
             continue
-        text = heard.frame.payload[1:51].rstrip(b"\0").decode("ascii", "replace")
-        kind, colon, rest = text.removeprefix(SPOKEN).partition(": ")
-        if text.startswith(SPOKEN) and colon:
+        words = heard.frame.payload[1:51].rstrip(b"\0").decode("ascii", "replace")
+        kind, colon, rest = words.removeprefix(SPOKEN).partition(": ")
+        if words.startswith(SPOKEN) and colon:
             found.append(Decision(heard.at_us * 1e-6, kind, rest))
     return tuple(found)
 

@@ -19,6 +19,7 @@ from companion.frames import LocalFrame
 from companion.link.wire.tlog import TlogWriter
 from companion.recording import mcap_schema as channels
 from companion.recording.mcap_writer import FlightLog
+from companion.safe_files import SHARED, make_folder, replace_file
 from companion.types.record import Decision, FlightRecord, PlanRecord, SwapRecord, UploadedMission
 from companion.types.state import Ownship
 from companion.types.threat import Obstacle, TrackState
@@ -97,10 +98,10 @@ class Recorder:
         self._obstacles: tuple[Obstacle, ...] | None = None
         if self.folder is not None:
             try:
-                self.folder.mkdir(parents=True, exist_ok=True)
+                make_folder(self.folder)
                 if self.about is not None:
                     text = self.about.mission_text or text_of(self.about.mission)
-                    (self.folder / MISSION_FILE).write_text(text, encoding="utf-8")
+                    replace_file(self.folder / MISSION_FILE, text.encode(), SHARED)
             except OSError as error:
                 raise RecordError(f"{self.folder}: {error.strerror}") from error
             self._tlog = TlogWriter(self.folder / TLOG)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.clock import Clock, ManualClock
-from companion.config import MissionConfig, mission_from_text
+from companion.config import MissionConfig, mission_from_text, reload
 from companion.errors import ConfigError
 from companion.link.messages.codec import COMPONENT_ID, Codec
 from companion.link.missions.mission_sniffer import MissionSniffer, Upload
@@ -169,6 +169,7 @@ class Replay:
             _, text = self._reloads.popleft()
             try:
                 mission = mission_from_text(text, self._recording.name)
+                reload.check_change(self._mission, mission, self._recording.name)
             except ConfigError:
                 self._recording.counters["reloads_not_understood"] += 1
             else:

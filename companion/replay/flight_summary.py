@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -16,18 +17,20 @@ from companion.errors import RecordError
 from companion.flight.situation import Situation
 from companion.frames import FloatArray
 from companion.link.messages.codec import Codec
+from companion.recording import mcap_reader
 from companion.recording import mcap_schema as channels
 from companion.recording.reader import (
+    DECISIONS_MAX,
+    SEED_MAX,
     SIMULATED,
-    Document,
     Recording,
+    about_of,
     decision_of,
     load_recording,
-    number,
-    read_messages,
+    stamp_of,
 )
 from companion.recording.recorder import MCAP, MISSION_FILE, TLOG, Recorder
-from companion.types.record import FlightRecord, UploadedMission
+from companion.types.record import Decision, FlightRecord, UploadedMission
 from companion.types.threat import Obstacle
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
@@ -36,7 +39,11 @@ ON_BOARD = "Places are those known on board: a recording knows no others."
 FROM_TLOG = "There is no flight.mcap: decisions are as the pilot was told, which cuts them short."
 STATE_S = 0.2
 
-Documents = dict[str, list[Document]]
+ROWS_MAX = 1_000_000  # of all kinds together: sixteen hours with ten vehicles in sight
+TRACKS_MAX = 1_000  # at one instant
+OBSTACLES_MAX = 5_000
+POINTS_MAX = 2_000  # of a mission or an obstacle
+FAR = 1e7  # m, and whatever else is told: what lies beyond is no place of an aircraft's
 
 
 def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
@@ -58,47 +65,122 @@ def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
 def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
-        documents = read_messages(folder / MCAP, counters)
-        if documents.get(channels.MISSION):
-            return _from_messages(folder, documents, counters)
+        told = _Told(counters)
+        for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
+            told.take(topic, row)
+        if told.about:
+            return _from_messages(folder, told)
     if not (folder / TLOG).exists():
         raise RecordError(f"{folder}: neither {MCAP} nor {TLOG} with a flight in it")
     mission = load_mission(folder / MISSION_FILE)
     return mission, world_of(mission, none_known=False), _from_frames(mission, load_recording(folder / TLOG))
 
 
-def _from_messages(
-    folder: Path, documents: Documents, counters: Counter[str]
-) -> tuple[MissionConfig, Snapshot, FlightRecord]:
-    about = documents[channels.MISSION][0]
-    mission = mission_from_text(str(about.get("mission_file", "")), str(folder / MCAP))
-    flown = [
-        [
-            _float(row.get("stamp_s")), *_floats(row.get("position_enu_m"), 3), _float(row.get("course_rad")),
-            _float(row.get("flight_path_angle_rad")), _float(row.get("airspeed_m_s")),
-        ]
-        for row in documents.get(channels.OWNSHIP, [])
-    ]  # fmt: skip
-    threat = [
-        [_float(row.get("stamp_s")), _float(row.get("level"))] for row in documents.get(channels.THREAT, [])
-    ]
-    plan_ms = tuple(_float(row.get("plan_ms")) for row in documents.get(channels.PLAN, []))
-    swaps = documents.get(channels.SWAP, [])
-    decisions = tuple(decision_of(row) for row in documents.get(channels.DECISION, []))
+class _Told:
+    """What a report shows of the messages of an mcap, taken one by one: there may be many, and of any kind.
+
+    Parameters
+    ----------
+    counters : Counter
+        Counts what is left out.
+    """
+
+    def __init__(self, counters: Counter[str]) -> None:
+        self.counters = counters
+        self.about: mcap_reader.Document = {}
+        self.flown: list[list[float]] = []
+        self.threat: list[list[float]] = []
+        self.plan_ms: list[float] = []
+        self.missions: list[UploadedMission] = []
+        self.num_not_entered = 0
+        self.decisions: list[Decision] = []
+        self.tracks: dict[str, list[list[float]]] = {}
+        self.fences: object = None
+        self._num_rows = 0
+        self._takers = {
+            channels.MISSION: self._mission,
+            channels.OWNSHIP: self._ownship,
+            channels.THREAT: self._level,
+            channels.PLAN: self._plan,
+            channels.SWAP: self._swap,
+            channels.DECISION: self._decision,
+            channels.TRACKS: self._tracks,
+            channels.SNAPSHOT: self._snapshot,
+        }
+
+    def take(self, topic: str, row: mcap_reader.Document) -> None:
+        """Take a message; what lies beyond the longest flight is left out and counted."""
+        taker = self._takers.get(topic)
+        if taker is not None:
+            if self._num_rows < ROWS_MAX:
+                self._num_rows += 1
+                taker(row)
+            else:
+                self.counters["beyond_the_longest_flight"] += 1
+
+    def _mission(self, row: mcap_reader.Document) -> None:
+        self.about = self.about or about_of(row)
+
+    def _ownship(self, row: mcap_reader.Document) -> None:
+        place = _floats(row.get("position_enu_m"), 3)
+        if math.isfinite(sum(place)):
+            angles = (_float(row.get(key)) for key in ("course_rad", "flight_path_angle_rad"))
+            self.flown.append([stamp_of(row), *place, *angles, _float(row.get("airspeed_m_s"))])
+
+    def _level(self, row: mcap_reader.Document) -> None:
+        self.threat.append([stamp_of(row), _float(row.get("level"))])
+
+    def _plan(self, row: mcap_reader.Document) -> None:
+        self.plan_ms.append(_float(row.get("plan_ms")))
+
+    def _swap(self, row: mcap_reader.Document) -> None:
+        if row.get("outcome") != "flown":
+            self.num_not_entered += 1
+            return
+        places = _table(row.get("waypoints_enu_m"), 3)
+        places = places[np.isfinite(places).all(axis=1)]
+        self._num_rows += len(places)
+        if len(places):
+            self.missions.append(
+                UploadedMission(_float(row.get("ended_s")), places, mcap_reader.text(row.get("reason")))
+            )
+
+    def _decision(self, row: mcap_reader.Document) -> None:
+        if len(self.decisions) < DECISIONS_MAX:
+            self.decisions.append(decision_of(row))
+
+    def _tracks(self, row: mcap_reader.Document) -> None:
+        tracks = row.get("tracks")
+        for track in tracks[:TRACKS_MAX] if isinstance(tracks, list) else ():
+            if not isinstance(track, dict):
+                continue
+            place = _floats(track.get("position_enu_m"), 3)
+            rows = self.tracks.setdefault(mcap_reader.text(track.get("identity"), 100), [])
+            rows.append([stamp_of(row), *place[:2]])
+            self._num_rows += 1
+
+    def _snapshot(self, row: mcap_reader.Document) -> None:
+        self.fences = row.get("obstacles", self.fences)
+
+
+def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+    about = told.about
+    mission = mission_from_text(str(about["mission_file"]), str(folder / MCAP))
+    flown = _table(told.flown, 7, ROWS_MAX)
     record = FlightRecord(
-        flown=_table(flown, 7),
+        flown=flown,
         dt_paths=(),
-        dt_tracks=_tracks(documents.get(channels.TRACKS, [])),
-        missions=tuple(_uploaded(row) for row in swaps if row.get("outcome") == "flown"),
-        decisions=decisions,
-        threat=_table(threat, 2),
-        plan_ms=plan_ms,
-        summary=_summary(about, plan_ms, swaps, _table(flown, 7), counters),
-        epoch_s=number(about.get("epoch_s")),
+        dt_tracks=tuple(np.array(rows) for rows in told.tracks.values()),
+        missions=tuple(told.missions),
+        decisions=tuple(told.decisions),
+        threat=_table(told.threat, 2, ROWS_MAX),
+        plan_ms=tuple(told.plan_ms),
+        summary=_summary(told, flown),
+        epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
-        begin_s=number(about.get("stamp_s")),
+        begin_s=mcap_reader.number(about["stamp_s"]),
     )
-    return mission, _with_fences(world_of(mission, none_known=False), documents), record
+    return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
 
 
 def report_name(record: FlightRecord) -> str:
@@ -106,15 +188,13 @@ def report_name(record: FlightRecord) -> str:
     return "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
 
 
-def _with_fences(world: Snapshot, documents: Documents) -> Snapshot:
+def _with_fences(world: Snapshot, rows: object) -> Snapshot:
     """The world with what the autopilot's fences added to it."""
-    told = [row["obstacles"] for row in documents.get(channels.SNAPSHOT, []) if "obstacles" in row]
-    rows = told[-1] if told else None
-    if not isinstance(rows, list) or not rows:
+    if not isinstance(rows, list) or not 0 < len(rows) <= OBSTACLES_MAX:
         return world
     obstacles = tuple(
         Obstacle(
-            str(row.get("name", "")),
+            mcap_reader.text(row.get("name"), 100),
             _table(row.get("polygon_enu_m"), 2),
             _float(row.get("base_m")),
             _float(row.get("top_m")),
@@ -122,7 +202,15 @@ def _with_fences(world: Snapshot, documents: Documents) -> Snapshot:
         for row in rows
         if isinstance(row, dict)
     )
-    return replace(world, obstacle_list=obstacles, obstacles=packed_obstacles(obstacles, world.bounds))
+    whole = tuple(entry for entry in obstacles if _is_whole(entry))
+    return replace(world, obstacle_list=whole, obstacles=packed_obstacles(whole, world.bounds))
+
+
+def _is_whole(obstacle: Obstacle) -> bool:
+    """Whether everything is known of an obstacle's shape."""
+    corners = obstacle.polygon_enu_m
+    sides = np.array([obstacle.base_m, obstacle.top_m])
+    return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
 
 
 def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
@@ -148,47 +236,29 @@ def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
     )
 
 
-def _summary(
-    about: Document, plan_ms: tuple[float, ...], swaps: list[Document], flown: FloatArray,
-    counters: Counter[str],
-) -> dict[str, float | int | bool | str]:  # fmt: skip
+def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | str]:
     """Figures of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
-    times = np.array(plan_ms or [np.nan])
+    about = told.about
+    times = np.array(told.plan_ms or [np.nan])
     versions = about.get("versions")
     program = versions.get("companion", "") if isinstance(versions, dict) else ""
     summary: dict[str, float | int | bool | str] = {
-        "mission": str(about.get("name", "")),
-        "seed": int(number(about.get("seed")) or 0),
-        "clock": str(about.get("clock", "")),
+        "mission": str(about["name"]),
+        "seed": int(mcap_reader.number(about.get("seed"), SEED_MAX) or 0),
+        "clock": str(about["clock"]),
         "program": str(program),
-        "missions_entered": sum(row.get("outcome") == "flown" for row in swaps),
-        "missions_not_entered": sum(row.get("outcome") != "flown" for row in swaps),
-        "plans": len(plan_ms),
+        "missions_entered": len(told.missions),
+        "missions_not_entered": told.num_not_entered,
+        "plans": len(told.plan_ms),
         "plan_ms": float(np.median(times)),
         "plan_p95_ms": float(np.percentile(times, 95)),
         "flight_s": float(flown[-1, 0] - flown[0, 0]) if len(flown) else 0.0,
     }
-    return summary | {reason: count for reason, count in counters.items() if count}
-
-
-def _uploaded(row: Document) -> UploadedMission:
-    places = _table(row.get("waypoints_enu_m"), 3)
-    return UploadedMission(_float(row.get("ended_s")), places, str(row.get("reason", "")))
-
-
-def _tracks(rows: list[Document]) -> tuple[FloatArray, ...]:
-    """Time [s], east and north [m] of each tracked vehicle, (M, 3)."""
-    found: dict[str, list[list[float]]] = {}
-    for row in rows:
-        tracks = row.get("tracks")
-        for track in tracks if isinstance(tracks, list) else ():
-            place = _floats(track.get("position_enu_m"), 3)
-            found.setdefault(str(track.get("identity")), []).append([_float(row.get("stamp_s")), *place[:2]])
-    return tuple(np.array(places) for places in found.values())
+    return summary | {reason: count for reason, count in told.counters.items() if count}
 
 
 def _float(value: object) -> float:
-    found = number(value)
+    found = mcap_reader.number(value, FAR)
     return float("nan") if found is None else found
 
 
@@ -197,8 +267,8 @@ def _floats(value: object, count: int) -> list[float]:
     return [_float(entry) for entry in rows]
 
 
-def _table(rows: object, columns: int) -> FloatArray:
+def _table(rows: object, columns: int, rows_max: int = POINTS_MAX) -> FloatArray:
     """Lists of numbers as rows, (N, C) with as many ``columns``; NaN where a number is missing."""
-    listed = rows if isinstance(rows, list) else []
+    listed = rows[:rows_max] if isinstance(rows, list) else []
     table = [_floats(row, columns) for row in listed]
     return np.array(table, dtype=np.float64).reshape(-1, columns)

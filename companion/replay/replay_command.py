@@ -10,12 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from companion.config import MissionConfig, mission_from_text
 from companion.errors import ConfigError, RecordError
+from companion.plain_text import printable
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import TLOG, versions_now
 from companion.replay.comparison import Difference
@@ -92,8 +93,9 @@ def show(recording: Recording, result: Replayed, differs: Difference | None, scr
     """Tell what came of a replay."""
     speed = result.duration_s / result.wall_s if result.wall_s > 0.0 else 0.0
     screen.print(
-        f"{recording.name}: {result.duration_s:.0f} s replayed in {result.wall_s:.1f} s, "
-        f"{speed:.0f} times real time"
+        f"{printable(recording.name)}: {result.duration_s:.0f} s replayed in {result.wall_s:.1f} s, "
+        f"{speed:.0f} times real time",
+        markup=False,
     )
     for reason, number in sorted(result.counters.items()):
         if reason != "accepted":
@@ -106,7 +108,7 @@ def show(recording: Recording, result: Replayed, differs: Difference | None, scr
         screen.print(f"as flown: {num_decisions} decisions, {num_missions} missions")
         return
     if recording.is_ours:
-        screen.print(f"first difference {differs}", markup=False, highlight=False)
+        screen.print(f"first difference {printable(differs)}", markup=False, highlight=False)
         screen.print("The aircraft flew on as recorded; from there on this is what would have been decided.")
         since = differs.stamp_s - 1e-6
     else:
@@ -123,7 +125,7 @@ def _table(result: Replayed, since_s: float) -> Table:
         table.add_column(column)
     rows = list(_by_time(result.flown_decisions, result.decisions, since_s))
     for stamp, flown, now in rows[:DECISIONS_SHOWN]:
-        table.add_row(f"{stamp:.1f}", escape(flown), escape(now))
+        table.add_row(f"{stamp:.1f}", Text(flown), Text(now))
     if len(rows) > DECISIONS_SHOWN:
         table.add_row("…", "", f"{len(rows) - DECISIONS_SHOWN} more; --json has all")
     return table
@@ -138,6 +140,6 @@ def _by_time(
         for entry in decisions:
             if entry.stamp_s >= since_s:
                 cells = told.setdefault(round(entry.stamp_s, 2), [[], []])
-                cells[column].append(f"{entry.kind}: {entry.text}")
+                cells[column].append(printable(f"{entry.kind}: {entry.text}"))
     for stamp, (one, other) in sorted(told.items()):
         yield stamp, "\n".join(one), "\n".join(other)

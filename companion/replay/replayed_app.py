@@ -15,6 +15,7 @@ from companion.link.wire.transport import Transport
 from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
 from companion.recording.reader import Recording
 from companion.recording.recorder import Recorder
+from companion.safe_files import replace_file
 from companion.tasks.app import App
 from companion.tasks.composition import composed
 
@@ -53,7 +54,7 @@ def replayed_app(
         flown_seed = about.get("seed")
         seed = flown_seed if isinstance(flown_seed, int) else int(mission.planning.seed)
     parameters_file = folder / "parameters.json"
-    parameters_file.write_text(json.dumps(_remembered(about).get("parameters", {})))
+    replace_file(parameters_file, json.dumps(_remembered(about).get("parameters", {})).encode("ascii"))
     link = VehicleLink(mission, transport, clock, recorder, link_kind=link_kind)
     parts = composed(
         mission,

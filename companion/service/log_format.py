@@ -12,6 +12,9 @@ import os
 import sys
 from datetime import UTC, datetime
 from enum import Enum
+from types import TracebackType
+
+from companion.plain_text import printable
 
 
 class LogKind(Enum):
@@ -21,11 +24,25 @@ class LogKind(Enum):
     JSON = "json"
 
 
+ExceptionInfo = tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
+
 _PRIORITIES = ((logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
 _KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
 
 
-class JsonFormatter(logging.Formatter):
+class PlainFormatter(logging.Formatter):
+    """The message on one line and what may follow it, without characters that are none to be read."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        """Make the line."""
+        return printable(record.getMessage())
+
+    def formatException(self, ei: ExceptionInfo) -> str:
+        """Make the lines of a trace, which ends in words that may be anybody's."""
+        return "\n".join(map(printable, super().formatException(ei).splitlines()))
+
+
+class JsonFormatter(PlainFormatter):
     """One JSON object a line: ``time``, ``level``, ``logger``, ``message``, ``trace``, and what is added."""
 
     def format(self, record: logging.LogRecord) -> str:
@@ -34,7 +51,7 @@ class JsonFormatter(logging.Formatter):
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
             "logger": record.name,
-            "message": record.getMessage(),
+            "message": self.formatMessage(record),
         }
         line |= {key: value for key, value in vars(record).items() if key not in _KNOWN}
         if record.exc_info:
@@ -57,7 +74,7 @@ class PriorityFormatter(logging.Formatter):
 
 def set_up(kind: LogKind) -> None:
     """Send everything that is said to standard error."""
-    formatter = JsonFormatter() if kind is LogKind.JSON else logging.Formatter("%(message)s")
+    formatter = JsonFormatter() if kind is LogKind.JSON else PlainFormatter()
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(PriorityFormatter(formatter) if is_journal() else formatter)
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)

@@ -7,36 +7,29 @@ answers also when the loop stands still. That is what the health check is for.
 from __future__ import annotations
 
 import json
-import threading
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 from http import HTTPStatus
 from typing import Any
-from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 from companion import __version__
 from companion.comms.observer import Observer
 from companion.errors import ConfigError, LinkError
 from companion.flight.modes import Mode
+from companion.loopback_server import LOOPBACK, Answer, LoopbackServer
 from companion.mission.swap import SwapOutcome
 from companion.service.watchdog import Supervision
 from companion.tasks.app import App
 from companion.types.plan import Plan
 
 try:
-    from prometheus_client import CollectorRegistry, Counter, Histogram, make_wsgi_app
+    from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Histogram, generate_latest
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
-    from prometheus_client.exposition import ThreadingWSGIServer
 except ImportError:  # an extra: `Metrics` says so
     HAS_LIBRARY = False
 else:
     HAS_LIBRARY = True
 
-POLL_S = 0.1  # within which it ends
-LOOPBACK = "127.0.0.1"
 PLAN_BUCKETS_S = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-
-StartResponse = Callable[[str, list[tuple[str, str]]], object]
 
 
 class Metrics(Observer):
@@ -150,42 +143,30 @@ class Endpoint:
     """
 
     def __init__(self, port: int, metrics: Metrics, supervision: Supervision) -> None:
-        self._figures = make_wsgi_app(metrics.registry)
+        self._registry = metrics.registry
         self._supervision = supervision
         try:
-            self._server = make_server(
-                LOOPBACK, port, self._answer, ThreadingWSGIServer, handler_class=_Quiet
-            )
+            self._server = LoopbackServer(port, self._page)
         except OSError as error:
             raise LinkError(f"metrics on {LOOPBACK}:{port}: {error.strerror}") from error
-        serve = partial(self._server.serve_forever, POLL_S)
-        threading.Thread(target=serve, name="metrics", daemon=True).start()
 
     @property
     def port(self) -> int:
         """That it listens on."""
-        return self._server.server_port
+        return self._server.address[1]
 
-    def _answer(self, environment: dict[str, Any], start: StartResponse) -> Iterable[bytes]:
-        match environment.get("PATH_INFO"):
+    def _page(self, path: str) -> Answer:
+        match path:
             case "/metrics":
-                return self._figures(environment, start)  # type: ignore[no-any-return]
+                return Answer(HTTPStatus.OK, CONTENT_TYPE_LATEST, generate_latest(self._registry))
             case "/healthz":
                 told = self._supervision
                 status = HTTPStatus.SERVICE_UNAVAILABLE if told.is_stalled else HTTPStatus.OK
                 body = json.dumps({"ready": told.is_ready, "status": told.status}).encode() + b"\n"
-                kind = "application/json"
+                return Answer(status, "application/json", body)
             case _:
-                status, body, kind = HTTPStatus.NOT_FOUND, b"/metrics or /healthz\n", "text/plain"
-        start(f"{status.value} {status.phrase}", [("Content-Type", kind)])
-        return [body]
+                return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"/metrics or /healthz\n")
 
     def close(self) -> None:
         """End it."""
-        self._server.shutdown()
-        self._server.server_close()
-
-
-class _Quiet(WSGIRequestHandler):
-    def log_message(self, format: str, *args: object) -> None:
-        """Requests are no news."""
+        self._server.close()

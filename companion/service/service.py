@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import faulthandler
 import logging
 import os
 import signal
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
-from companion.config import MissionConfig, load_mission
-from companion.config.reload import changed_mission
+from companion.config import MissionConfig, mission_from_text, mission_text
+from companion.config.reload import prepared_mission
 from companion.errors import CompanionError, ConfigError
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
@@ -24,7 +21,7 @@ from companion.service.recorded_flight import RecordedFlight
 from companion.service.sd_notify import Notifier, watchdog_of
 from companion.service.signing_setup import signing_of
 from companion.service.warm_up import warm_up
-from companion.service.watchdog import Report, Supervision
+from companion.service.watchdog import Report, Supervision, stacks_told
 from companion.tasks.app import App
 from companion.threads import in_thread
 
@@ -72,7 +69,8 @@ class Service:
         self._url = url
         self._flights = flights
         self._flights_max_bytes = flights_max_bytes
-        self._mission, self._text = load_mission(file), file.read_text(encoding="utf-8-sig")
+        self._text = mission_text(file)
+        self._mission = mission_from_text(self._text, str(file))
         self._clock = clock or WallClock()
         self._line = LastingTransport(line or transport_from_url(url, self._clock))
         self._begun_s = self._clock.now_s()
@@ -81,6 +79,7 @@ class Service:
         state = _folder_of("STATE_DIRECTORY", environment)
         self._timestamps, self._signer = signing_of(self._mission, state)
         self._is_warm = False
+        self._wants_reload = asyncio.Event()
         self._on_ground: Path | None = None
         self._metrics = None if metrics_port is None else Metrics()
         self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
@@ -133,13 +132,14 @@ class Service:
             if self._metrics is not None and self._metrics_port is not None:
                 self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
             async with asyncio.TaskGroup() as tasks:
-                warming = tasks.create_task(self._warm())
+                beside = [tasks.create_task(self._warm()), tasks.create_task(self._reload_when_told())]
                 while True:
                     await self._fly(stopping)
                     if stopping.is_set():
                         break
                     self._flight = self._begun()
-                warming.cancel()
+                for task in beside:
+                    task.cancel()
         except* CompanionError as group:
             raise _first(group) from None
         finally:
@@ -199,20 +199,28 @@ class Service:
         _log.info("ready to plan")
 
     def reload(self) -> None:
-        """Read the mission file again; a bad one, or one that needs a restart, changes nothing."""
-        if self._supervision.is_ready:  # else the READY=1 that ends it would say too much
-            self._notifier.reloading()
-        try:
-            mission = changed_mission(self._mission, self._file)
-            _check_budget(mission, self._file, self._watchdog_s)
-        except ConfigError as error:
-            _log.error("not reloaded: %s", error)
-            self.app.refuse_reload(error.key)
-        else:
-            self._mission, self._text = mission, self._file.read_text(encoding="utf-8-sig")
-            self.app.reload(mission, self._text)
-        if self._supervision.is_ready:
-            self._notifier.tell(READY=1, STATUS=str(self.report()))
+        """Read the mission file again, soon; a bad one, or one that needs a restart, changes nothing."""
+        if self._supervision.is_ready and not self._wants_reload.is_set():
+            self._notifier.reloading()  # else the READY=1 that ends it would say too much
+        self._wants_reload.set()
+
+    async def _reload_when_told(self) -> None:
+        """Read and check the file beside the loop, one time after the other, and take up what is good."""
+        while True:
+            await self._wants_reload.wait()
+            self._wants_reload.clear()
+            try:
+                fences = self.app.state.rules.fences
+                mission, text = await in_thread(prepared_mission, self._mission, self._file, fences)
+                _check_budget(mission, self._file, self._watchdog_s)
+            except ConfigError as error:
+                _log.error("not reloaded: %s", error)
+                self.app.refuse_reload(error.key)
+            else:
+                self._mission, self._text = mission, text
+                self.app.reload(mission, text)
+            if self._supervision.is_ready and not self._wants_reload.is_set():
+                self._notifier.tell(READY=1, STATUS=str(self.report()))
 
 
 async def serve(
@@ -229,22 +237,11 @@ async def serve(
     CompanionError
         If it cannot begin.
     """
-    with _stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+    with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
         service = Service(
             file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes
         )
         await service.run()
-
-
-@contextlib.contextmanager
-def _stacks_told(folder: Path | None) -> Iterator[None]:
-    """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
-    with contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):  # a full disk, or nothing to write to
-            target = sys.stderr if folder is None else stack.enter_context((folder / "crash.log").open("a"))
-            faulthandler.enable(target)
-        stack.callback(faulthandler.disable)
-        yield
 
 
 def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from companion.clock import UNSYNCHRONISED, clock_state
 from companion.config import MissionConfig
 from companion.link.messages.codec import signer_of
-from companion.link.wire.signing import Signer, Timestamps, read_key
+from companion.link.wire.key_file import read_key
+from companion.link.wire.signing import Signer, Timestamps
 
 
 def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
@@ -21,6 +23,7 @@ def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps |
     key_file = Path(signing.key_file)
     beside = key_file if state is None else state / key_file.name
     times = signing.timestamp_file or f"{beside}.times"
-    timestamps = Timestamps(Path(times), time.time)
+    timestamps = Timestamps(Path(times), time.time, lambda: clock_state() != UNSYNCHRONISED)
     signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
+    signer.set_mavlink1(is_allowed=signing.allow_mavlink1)
     return timestamps, signer

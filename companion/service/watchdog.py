@@ -12,13 +12,19 @@ compiled, and the autopilot may not have power yet. Compiling has a limit, waiti
 
 from __future__ import annotations
 
+import contextlib
+import faulthandler
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from companion.clock import Clock
+from companion.safe_files import open_to_write
 from companion.service.sd_notify import Notifier
 
+CRASH_LOG = "crash.log"
 TELL_S = 1.0  # between two words to the manager; sooner where its watchdog wants it
 EXTENSION_S = 30.0  # of the time to start in
 WARM_UP_MAX_S = 1_800.0  # compiling takes a minute or two on a fast computer, some ten on a small one
@@ -130,3 +136,14 @@ class Supervision:
     def status(self) -> str:
         """What was told last, in words."""
         return self._status
+
+
+@contextlib.contextmanager
+def stacks_told(folder: Path | None) -> Iterator[None]:
+    """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # a full disk, or nothing to write to
+            log = None if folder is None else open_to_write(folder / CRASH_LOG, append=True)
+            faulthandler.enable(sys.stderr if log is None else stack.enter_context(log))
+        stack.callback(faulthandler.disable)
+        yield

@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from companion.config.models import MissionConfig
+from companion.plain_text import printable
 from companion.types.threat import Obstacle
 from companion.ui import style
 from companion.ui.field import threat_field
@@ -101,7 +102,7 @@ def new_sheet(mission: MissionConfig, snapshot: Snapshot, height_m: float, title
     axes.set_anchor("W")
     draw_frame(axes, snapshot)
     axes.apply_aspect()  # settles the map's size, which the labels go by
-    figure.suptitle(title, x=left, y=0.985, ha="left", fontsize=13, fontweight="bold")
+    figure.suptitle(printable(title), x=left, y=0.985, ha="left", fontsize=13, fontweight="bold")
     sheet = MapSheet(figure, axes, side, style.Labels(axes), height_m, [])
     draw_world(sheet, mission, snapshot)
     return sheet

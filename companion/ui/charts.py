@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import numpy as np
 import shapely
@@ -12,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from companion.config.models import MissionConfig
 from companion.frames import FloatArray
+from companion.plain_text import printable
 from companion.types.record import FlightRecord
 from companion.ui import style
 from companion.world.snapshot import Snapshot
@@ -20,6 +22,7 @@ WIDTH_IN, HEIGHT_IN = 9.6, 3.1
 HIGH_THREAT = 0.5  # from which the paper counts a waypoint as highly threatened
 BESIDE_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
+KINDS_MAX, OTHERS = 40, "others"  # of decisions; the program knows fewer
 
 
 def altitude_chart(
@@ -77,16 +80,20 @@ def threat_chart(record: FlightRecord, start_s: float) -> Figure:
 def decision_chart(record: FlightRecord, start_s: float) -> Figure:
     """Return when which kind of decision was made."""
     figure, axes = _new_chart()
-    kinds = list(dict.fromkeys(entry.kind for entry in record.decisions))
+    told = [printable(entry.kind) for entry in record.decisions]
+    kinds = [kind for kind, _ in Counter(told).most_common(KINDS_MAX)]  # equally many: the first one first
+    rows = {kind: row for row, kind in enumerate(sorted(kinds, key=told.index))}
+    if len(set(told)) > len(rows):
+        rows[OTHERS] = len(rows)
     times = [entry.stamp_s - start_s for entry in record.decisions]
     axes.scatter(
-        times, [kinds.index(entry.kind) for entry in record.decisions], s=34, color=style.FLOWN, zorder=3,
+        times, [rows.get(kind, len(rows) - 1) for kind in told], s=34, color=style.FLOWN, zorder=3,
         label="decision",
     )  # fmt: skip
     if record.missions:
         axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
-    axes.set_yticks(range(len(kinds)), kinds)
-    axes.set_ylim(max(len(kinds), 1) - 0.5, -0.5)
+    axes.set_yticks(range(len(rows)), list(rows))
+    axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
     axes.margins(x=0.02)
     _finish(axes, record, start_s, "Decisions")
     return figure

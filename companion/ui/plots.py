@@ -33,7 +33,7 @@ def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None
         sheet = new_sheet(mission, snapshot, height, mission.name)
         _draw_mission_threats(sheet, mission)
         sheet.finish()
-        sheet.figure.savefig(path, dpi=style.DPI)
+        style.write_picture(path, sheet.figure)
 
 
 def plot_plan(path: Path, mission: MissionConfig, snapshot: Snapshot, plan: Plan) -> None:
@@ -52,7 +52,7 @@ def plot_plan(path: Path, mission: MissionConfig, snapshot: Snapshot, plan: Plan
         sheet.finish()
         if snapshot.dimension == 3:
             _add_perspective(sheet, mission, snapshot, plan)
-        sheet.figure.savefig(path, dpi=style.DPI)
+        style.write_picture(path, sheet.figure)
 
 
 def flight_map(mission: MissionConfig, snapshot: Snapshot, record: FlightRecord) -> Figure:

@@ -6,12 +6,13 @@ import base64
 import io
 import math
 import re
-from html import escape
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from companion.config.models import MissionConfig
+from companion.plain_text import in_page
+from companion.safe_files import SHARED, make_folder, replace_file
 from companion.types.record import Decision, FlightRecord
 from companion.ui import style
 from companion.ui.charts import altitude_chart, decision_chart, latency_chart, threat_chart
@@ -82,11 +83,11 @@ def write_report(
     tuple of Path
         The page and the picture.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     page, picture = folder / f"{name}.html", folder / f"{name}.png"
     with style.drawing():
         start_s = flight_start(record)
-        flight_map(mission, snapshot, record).savefig(picture, dpi=style.DPI)
+        drawn = style.write_picture(picture, flight_map(mission, snapshot, record))
         altitude, threat = altitude_chart(mission, snapshot, record, start_s), threat_chart(record, start_s)
         charts = [
             (
@@ -110,7 +111,7 @@ def write_report(
                 "How long each plan took to compute, in the order they were made.",
             ),
         ]
-    page.write_text(_page(mission, record, picture.read_bytes(), charts, start_s), encoding="utf-8")
+    replace_file(page, _page(mission, record, drawn, charts, start_s).encode(), SHARED)
     return page, picture
 
 
@@ -124,30 +125,30 @@ def _page(
     title = f"Flight report: {mission.name}"
     image = base64.b64encode(picture).decode("ascii")
     figures = "\n".join(
-        f"<figure><div>{svg}</div><figcaption>{escape(text)}</figcaption></figure>" for svg, text in charts
+        f"<figure><div>{svg}</div><figcaption>{in_page(text)}</figcaption></figure>" for svg, text in charts
     )
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{escape(title)}</title>
+<title>{in_page(title)}</title>
 <style>{STYLE_SHEET}</style>
 </head>
 <body>
 <main>
 <header>
-<h1>{escape(title)}</h1>
-<p class="lead">{escape(_lead(mission, record, start_s))}</p>
-{f'<p class="lead">{escape(record.note)}</p>' if record.note else ""}
+<h1>{in_page(title)}</h1>
+<p class="lead">{in_page(_lead(mission, record, start_s))}</p>
+{f'<p class="lead">{in_page(record.note)}</p>' if record.note else ""}
 </header>
 <h2>Summary</h2>
 {_summary(record)}
 <h2>Map</h2>
 <figure>
 <div><img src="data:image/png;base64,{image}"
- alt="{escape(_map_text(mission, record))}"></div>
-<figcaption>{escape(_map_caption(is_solid=mission.dimension == 3))}</figcaption>
+ alt="{in_page(_map_text(mission, record))}"></div>
+<figcaption>{in_page(_map_caption(is_solid=mission.dimension == 3))}</figcaption>
 </figure>
 <h2>Over the flight</h2>
 {figures}
@@ -193,7 +194,7 @@ def _map_caption(*, is_solid: bool) -> str:
 def _summary(record: FlightRecord) -> str:
     """Summary as a few tables side by side, so that it is read without scrolling."""
     rows = [
-        f'<tr><th scope="row">{escape(_key_text(key))}</th><td>{_value(key, value)}</td></tr>'
+        f'<tr><th scope="row">{in_page(_key_text(key))}</th><td>{_value(key, value)}</td></tr>'
         for key, value in record.summary.items()
     ]
     if not rows:
@@ -215,7 +216,7 @@ def _value(key: str, value: float | int | bool | str) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
-        return escape(value)
+        return in_page(value)
     unit = next((f" {name}" for ending, name in UNITS if key.endswith(ending)), "")
     if isinstance(value, int):
         return f"{value}{unit}"
@@ -238,7 +239,7 @@ def _decisions(record: FlightRecord, start_s: float) -> str:
     rows = "\n".join(
         f'<tr><td class="number">{style.clock_text(entry.stamp_s - start_s)}</td>'
         f'<td class="number">{style.day_time_text(record.epoch_s, entry.stamp_s)}</td>'
-        f'<td class="kind">{escape(entry.kind)}</td><td class="text">{escape(entry.text)}</td>'
+        f'<td class="kind">{in_page(entry.kind)}</td><td class="text">{in_page(entry.text)}</td>'
         f'<td class="text why">{_why(entry)}</td>'
         f'<td class="number">{_milliseconds(entry.plan_ms)}</td>'
         f'<td class="number">{_milliseconds(entry.track_to_mission_ms)}</td></tr>'
@@ -261,12 +262,12 @@ def _decisions(record: FlightRecord, start_s: float) -> str:
 def _why(decision: Decision) -> str:
     """Why a plan was made, and the numbers that led to what came of it."""
     why = dict(decision.why)
-    parts = [escape(str(why.pop("occasion")))] if "occasion" in why else []
+    parts = [in_page(why.pop("occasion"))] if "occasion" in why else []
     for key, value in why.items():
         if isinstance(value, list):
-            parts += [escape(str(entry)) for entry in value]
+            parts += [in_page(entry) for entry in value]
         elif isinstance(value, bool | int | float | str):
-            parts.append(f"{escape(_key_text(key))} {_value(key, value)}")
+            parts.append(f"{in_page(_key_text(key))} {_value(key, value)}")
     return "; ".join(parts) or "–"
 
 
@@ -295,4 +296,4 @@ def _svg(figure: Figure, name: str, text: str) -> str:
     # Width and height in points would fix its size; the view box alone lets the page scale it.
     for side in ("width", "height"):
         drawing = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", drawing, count=1)
-    return drawing.replace("<svg", f'<svg role="img" aria-label="{escape(text)}"', 1)
+    return drawing.replace("<svg", f'<svg role="img" aria-label="{in_page(text)}"', 1)

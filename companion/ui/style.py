@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -17,6 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from companion.frames import FloatArray
+from companion.plain_text import printable
+from companion.safe_files import SHARED, replace_file
 
 INK: Final = "#1d2733"
 MUTED: Final = "#66727f"
@@ -65,6 +69,7 @@ SETTINGS: Final[Any] = {
     "legend.fontsize": 8.5,
     "svg.hashsalt": "companion",  # equal records give equal reports
     "svg.fonttype": "path",
+    "text.parse_math": False,  # a dollar sign in a name is no formula
 }
 
 
@@ -78,6 +83,16 @@ def drawing() -> Iterator[None]:
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return a figure that belongs to no window and no global list."""
     return Figure(figsize=(width_in, height_in), facecolor="white")
+
+
+def write_picture(path: Path, figure: Figure) -> bytes:
+    """Write a figure as the file's ending says, as a PNG by default, and return what was written."""
+    ending = path.suffix[1:].lower()
+    kind = ending if ending in figure.canvas.get_supported_filetypes() else "png"
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=DPI)
+    replace_file(path, buffer.getvalue(), SHARED)
+    return buffer.getvalue()
 
 
 def clock_text(seconds: float) -> str:
@@ -192,7 +207,7 @@ class Labels:
 
     def put(self, east_m: float, north_m: float, text: str, colour: str, *, offset_pt: float = 7.0) -> bool:
         """Write a text beside a point; return whether there was room."""
-        x, y = self._points(east_m, north_m)
+        x, y, text = *self._points(east_m, north_m), printable(text)
         width, height = 0.62 * self.size * len(text), 1.25 * self.size
         left, bottom, right, top = self._frame()
         for dx, dy in BESIDE:

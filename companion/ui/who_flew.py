@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
+from companion.plain_text import in_page
 from companion.types.record import Decision
 from companion.ui import style
 
@@ -19,6 +19,7 @@ WHO = {
     "other mission or item": "another mission or item of the operator's",
     "at the last goal": "the operator's items behind the goal",
 }
+CHANGES_MAX = 1_000  # of a flight
 CHANGES = frozenset({"mode", "suspended", "arrived"})
 WORTH_TELLING = frozenset(
     {"mission", "takeover", "fault", "ready", "handback", "landed", "restart", "stopped"}
@@ -58,7 +59,7 @@ def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
     ends_s : float
         When the recording ended [s].
     """
-    changes = [entry for entry in decisions if entry.kind in CHANGES]
+    changes = [entry for entry in decisions if entry.kind in CHANGES][:CHANGES_MAX]
     found = []
     for number, entry in enumerate(changes):
         to_s = changes[number + 1].stamp_s if number + 1 < len(changes) else max(ends_s, entry.stamp_s)
@@ -91,8 +92,8 @@ def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float)
     rows = "\n".join(
         f'<tr><td class="number">{style.clock_text(watch.from_s - start_s)}</td>'
         f'<td class="number">{style.clock_text(watch.to_s - start_s)}</td>'
-        f'<td class="text">{escape(watch.who)}</td><td class="text">{escape(watch.why)}</td>'
-        f'<td class="text why">{"<br>".join(map(escape, watch.told)) or "–"}</td></tr>'
+        f'<td class="text">{in_page(watch.who)}</td><td class="text">{in_page(watch.why)}</td>'
+        f'<td class="text why">{"<br>".join(map(in_page, watch.told)) or "–"}</td></tr>'
         for watch in watches(decisions, ends_s)
     )
     if not rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,12 +12,15 @@ from companion.kernels.geometry.prism_distance import fill_field, no_field
 from companion.types.threat import Obstacle
 
 FIELD_NODES = (161, 161, 13)
+KEPT = 4  # worlds, of three megabytes each
 
 
 def packed_obstacles(
     obstacles: Sequence[Obstacle], bounds: tuple[float, float, float, float, float, float]
 ) -> Obstacles:
-    """Flat arrays of all prisms, and the distance field over the bounds.
+    """Flat arrays of all prisms, and the distance field over the bounds; nobody may write to them.
+
+    The last few are kept: a world that takes seconds to pack is packed beside the event loop, and found here.
 
     Parameters
     ----------
@@ -25,14 +29,24 @@ def packed_obstacles(
     bounds : tuple of float
         East, north, up of the field, each low and high [m].
     """
-    polygons = [obstacle.polygon_enu_m for obstacle in obstacles]
+    shapes = tuple(
+        (np.asarray(entry.polygon_enu_m, dtype=np.float64).tobytes(), entry.base_m, entry.top_m)
+        for entry in obstacles
+    )
+    return _packed(shapes, tuple(bounds))
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _packed(shapes: tuple[tuple[bytes, float, float], ...], bounds: tuple[float, ...]) -> Obstacles:
+    """The same of prisms by what tells them apart: the bytes of their corners, base and top [m]."""
+    polygons = [np.frombuffer(corners).reshape(-1, 2) for corners, _, _ in shapes]
     sizes = [len(polygon) for polygon in polygons]
     edges = np.zeros((sum(sizes), 4))
     offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     for polygon, first, last in zip(polygons, offsets[:-1], offsets[1:], strict=True):
         edges[first:last, :2] = polygon
         edges[first:last, 2:] = np.roll(polygon, -1, axis=0)
-    heights = np.array([[o.base_m, o.top_m] for o in obstacles], dtype=np.float64).reshape(-1, 2)
+    heights = np.array([[base_m, top_m] for _, base_m, top_m in shapes], dtype=np.float64).reshape(-1, 2)
     boxes = np.array([[*p.min(axis=0), *p.max(axis=0)] for p in polygons], dtype=np.float64).reshape(-1, 4)
     field, grid = no_field()
     packed = Obstacles(edges, offsets, heights, boxes, field, grid)

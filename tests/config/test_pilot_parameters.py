@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import struct
 
 import pytest
@@ -161,6 +162,30 @@ def test_a_damaged_file_leaves_the_mission_files_values(tmp_path, text):
     file = tmp_path / "parameters.json"
     file.write_text(text, encoding="utf-8")
     assert Parameters(MISSION, file).mission() == MISSION
+
+
+STRANGE = ["", "[]", "[" * 100_000, '{"SRRT_ENABLE": 1' + "0" * 400 + "}", '{"A": "x"}', " " * 200_000 + "{}"]
+
+
+@pytest.mark.parametrize("text", STRANGE, ids=["nothing", "list", "deep", "digits", "words", "large"])
+def test_a_file_that_cannot_be_read_is_set_aside_and_told_once(tmp_path, text, caplog):
+    file = tmp_path / "parameters.json"
+    file.write_text(text, encoding="utf-8")
+    parameters = Parameters(MISSION, file)
+    assert parameters.values_set == {}
+    assert (tmp_path / "parameters.json.damaged").read_text() == text
+    assert caplog.text.count("parameters.json.damaged") == 1
+    assert parameters.set("SRRT_HORIZON", 30.0) == ""
+    assert Parameters(MISSION, file).values_set == {"SRRT_HORIZON": 30.0}
+
+
+def test_neither_a_pipe_nor_a_link_is_taken_for_parameters(tmp_path, caplog):
+    os.mkfifo(tmp_path / "pipe.json")
+    (tmp_path / "sound.json").write_text('{"SRRT_HORIZON": 30.0}')
+    (tmp_path / "link.json").symlink_to(tmp_path / "sound.json")
+    for name in ("pipe.json", "link.json"):
+        assert Parameters(MISSION, tmp_path / name).values_set == {}
+        assert f"{name}.damaged" in caplog.text
 
 
 def test_another_mission_file_keeps_what_fits_it(tmp_path):

@@ -125,4 +125,4 @@ def test_thresholds_obstacles_radars_and_goals_may_change(tmp_path):
         "east_m: 1750", "east_m: 1700"
     )
     file.write_text(text, encoding="utf-8")
-    assert changed_mission(mission(), file).planning.threat_level_max == 0.3
+    assert changed_mission(mission(), file)[0].planning.threat_level_max == 0.3

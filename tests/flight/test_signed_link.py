@@ -7,6 +7,7 @@ from companion.config import mission_from_text
 from companion.errors import ConfigError
 from companion.flight.modes import Mode
 from companion.link.messages.codec import signer_of
+from companion.link.wire.framing import raw_frame
 from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import read_tlog
 from companion.service.signing_setup import signing_of
@@ -81,12 +82,12 @@ def test_keys_on_the_wire_are_not_recorded(tmp_path):
     assert b"\xa5" * 8 not in (tmp_path / "flight.tlog").read_bytes()
 
 
-def signing(tmp_path, mode=0o600):
+def signing(tmp_path, more="", *, mode=0o600):
     key = tmp_path / "key"
     key.write_bytes(KEY)
     key.chmod(mode)
     return mission_from_text(
-        FIRST_FLIGHT + f"link: {{signing: {{key_file: {key}, allow_unsigned: [200]}}}}\n", "signed.yaml"
+        FIRST_FLIGHT + f"link: {{signing: {{key_file: {key}, allow_unsigned: [200]{more}}}}}\n", "signed.yaml"
     )
 
 
@@ -97,9 +98,19 @@ def test_the_mission_file_names_the_key(tmp_path):
     assert (tmp_path / "key.times").stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.parametrize("is_allowed", [True, False])
+def test_the_mission_file_says_whether_mavlink_1_is_heard(tmp_path, is_allowed):
+    mission = signing(tmp_path, f", allow_mavlink1: {str(is_allowed).lower()}" if is_allowed else "")
+    _, signer = signing_of(mission, None)
+    writer = mavlink.MAVLink(None, srcSystem=200, srcComponent=1)
+    beat = mavlink.MAVLink_heartbeat_message(1, 8, 0, 0, 4, 3).pack(writer, force_mavlink1=True)
+    assert signer.accepts(raw_frame(bytes(beat))) is is_allowed
+    assert signer.counters["mavlink1"] == (not is_allowed)
+
+
 def test_a_key_that_others_may_read_ends_the_start(tmp_path):
     with pytest.raises(ConfigError, match="key_file"):
-        signing_of(signing(tmp_path, 0o644), None)
+        signing_of(signing(tmp_path, mode=0o644), None)
 
 
 def test_without_a_key_nothing_is_signed():

@@ -17,11 +17,12 @@ from companion.config import load_mission
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording.mcap_writer import CHUNK_S, FlightLog, plain
-from companion.recording.reader import load_recording, read_messages
+from companion.recording.reader import load_recording
 from companion.recording.recorder import About, Recorder
 from companion.types.events import Dialect
 from tests.link.pymavlink_frames import heartbeat
 from tests.sim.client import CONFIGS
+from tests.support.messages import read_messages
 from tests.support.recorded import recorded
 
 pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights that are made once a process

@@ -128,7 +128,7 @@ def test_health_follows_the_planning_loop(endpoint):
 
 def test_the_endpoint_is_for_this_computer_alone_and_says_when_its_port_is_taken(endpoint):
     served = endpoint[0]
-    assert served._server.server_address[0] == "127.0.0.1"
+    assert served._server.address[0] == "127.0.0.1"
     with pytest.raises(LinkError, match=f"127.0.0.1:{served.port}"):
         Endpoint(served.port, endpoint[1], endpoint[2])
 

@@ -4,12 +4,14 @@ import asyncio
 import os
 import signal
 import socket
+import threading
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
 from companion.config import load_mission
+from companion.config.reload import prepared_mission
 from companion.errors import LinkError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S
@@ -32,13 +34,13 @@ ROUNDS_MAX = 100_000
 class Bench:
     """A service whose clock and autopilot, of which there are only heartbeats, are in the test's hands."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, mission=MISSION):
         self.clock = ManualClock(100.0)
         ours, self.theirs = MemoryTransport.pair()
         self.flights = folder / "flights"
-        self.service = Service(MISSION, "tcp://nowhere:1", self.flights, {}, clock=self.clock, line=ours)
+        self.service = Service(mission, "tcp://nowhere:1", self.flights, {}, clock=self.clock, line=ours)
         self._packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        self.said = []
+        self.said, self.heard = [], []
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
 
@@ -76,7 +78,11 @@ class Bench:
             await self.pass_time(1e-3, beat)
         raise AssertionError("it never is so")
 
+    def is_said(self, words, times):
+        return sum(words in text for text in self.said) >= times
+
     def receive(self, data):
+        self.heard.append(data)
         self.said += [
             message.text for message in self._parser.parse_buffer(data) or []
             if message.get_type() == "STATUSTEXT"
@@ -244,3 +250,62 @@ def test_hours_of_silence_leave_no_recording(bench):
 
     served(bench, script)
     assert bench.folders() == []
+
+
+def test_a_large_mission_is_read_beside_the_loop_and_taken_up_afterwards(bench, monkeypatch):
+    """Reading one of 3.6 MB stopped the loop for 37 s."""
+    begun, may_end, read = threading.Event(), threading.Event(), []
+
+    def slow(running, file, fences):
+        read.append(threading.current_thread() is threading.main_thread())
+        begun.set()
+        assert may_end.wait(60.0)
+        return prepared_mission(running, file, fences)
+
+    monkeypatch.setattr(services, "prepared_mission", slow)
+    heard = []
+
+    def num_reloads():
+        return [entry.kind for entry in bench.service.app.recorder.decisions].count("reload")
+
+    async def script():
+        await bench.pass_time(5.0, (FBWA, False))
+        bench.service.reload()
+        await bench.until(begun.is_set)
+        sent = len(bench.heard)
+        bench.service.reload()  # twice while it is read: once more afterwards
+        bench.service.reload()
+        await bench.pass_time(5.0, (FBWA, False))
+        heard.append(len(bench.heard) - sent)
+        assert num_reloads() == 0
+        may_end.set()
+        await bench.until(lambda: num_reloads() == 2, (FBWA, False))
+
+    served(bench, script)
+    assert heard[0] >= 5  # heartbeats among them
+    assert read == [False, False]
+    [log] = [folder / "flight.tlog" for folder in bench.folders()]
+    assert len(load_recording(log).reloads) == 2
+
+
+def test_a_mission_file_that_became_strange_is_refused_and_the_next_is_read(tmp_path, caplog):
+    file = tmp_path / "mission.yaml"
+    file.write_bytes(MISSION.read_bytes())
+    bench = Bench(tmp_path, file)
+
+    async def script():
+        await bench.pass_time(5.0, (FBWA, False))
+        file.unlink()
+        os.mkfifo(file)
+        bench.service.reload()
+        await bench.until(lambda: "not reloaded" in caplog.text, (FBWA, False))
+        file.unlink()
+        file.write_text("unit_m: 2026-13-45\n")
+        bench.service.reload()
+        await bench.until(lambda: caplog.text.count("not reloaded") == 2, (FBWA, False))
+        file.write_bytes(MISSION.read_bytes())
+        bench.service.reload()
+        await bench.until(lambda: bench.is_said("read again", 1), (FBWA, False))
+
+    served(bench, script)
+    assert "not a plain file" in caplog.text

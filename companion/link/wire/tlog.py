@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 from companion.errors import RecordError
 from companion.link.wire.framing import MAGIC_V1, MAGIC_V2
+from companion.safe_files import open_to_read, open_to_write
 
 _STAMP_BYTES = 8
 _FLUSH_S = 0.5
@@ -51,7 +52,7 @@ class TlogWriter:
         self._path = Path(path)
         self._flushed_s = float("-inf")
         try:
-            self._file: BinaryIO | None = self._path.open("ab")
+            self._file: BinaryIO | None = open_to_write(self._path, append=True)
         except OSError as error:
             raise self._failure(error) from error
 
@@ -114,7 +115,7 @@ def read_tlog(path: str | Path, counters: Counter[str] | None = None) -> Iterato
     """
     tally: Counter[str] = Counter() if counters is None else counters
     try:
-        with Path(path).open("rb") as file:
+        with open_to_read(Path(path)) as file:
             yield from _entries(file, tally)
     except OSError as error:
         raise RecordError(f"{path}: {error.strerror or error}") from error

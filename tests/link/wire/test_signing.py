@@ -1,6 +1,8 @@
 """Signatures both ways, against pymavlink's own; times, files and limits."""
 
+import itertools
 import json
+import os
 
 import pytest
 from hypothesis import given, settings
@@ -10,7 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.errors import ConfigError
 from companion.link.messages.codec import Codec, signer_of
 from companion.link.wire.framing import frames_in, raw_frame
-from companion.link.wire.signing import Timestamps, read_key
+from companion.link.wire.key_file import read_key
+from companion.link.wire.signing import STREAMS_MAX, Timestamps
 from companion.link.wire.source_limits import SourceLimits
 from tests.link.pymavlink_frames import packed
 
@@ -20,8 +23,11 @@ UNITS = 100_000
 NOW = int((NOW_S - 1_420_070_400) * UNITS)
 
 
-def times(path=None, now_s=NOW_S):
-    return Timestamps(path, lambda: now_s)
+LAST = 2**48 - 1
+
+
+def times(path=None, now_s=NOW_S, *, is_synchronised=True):
+    return Timestamps(path, lambda: now_s, lambda: is_synchronised)
 
 
 def made(key=KEY, link_id=3, allow=(), timestamps=None):
@@ -103,6 +109,18 @@ def test_mavlink_1_has_no_room_for_a_signature():
 # --- times
 
 
+def test_mavlink_1_is_refused_even_from_those_that_need_not_sign(tmp_path):
+    old = raw_frame(bytes(HEARTBEAT.pack(mavlink.MAVLink(None, 200, 1), force_mavlink1=True)))
+    signer = made(allow=(200,))
+    assert not signer.accepts(old)
+    assert signer.counters["mavlink1"] == 1
+    signer.set_mavlink1(is_allowed=True)
+    assert signer.accepts(old)
+    assert not signer.accepts(
+        raw_frame(bytes(HEARTBEAT.pack(mavlink.MAVLink(None, 1, 1), force_mavlink1=True)))
+    )
+
+
 def test_a_frame_sent_again_is_rejected():
     signer, frame = made(), raw_frame(theirs(HEARTBEAT))
     assert signer.accepts(frame)
@@ -132,7 +150,7 @@ def test_a_recorded_flight_cannot_be_replayed_after_a_restart(tmp_path):
     first = times(path)
     assert made(timestamps=first).accepts(frame)
     first.close()
-    signer = made(timestamps=times(path, NOW_S - 1e6))  # and the clock was set back
+    signer = made(timestamps=times(path, NOW_S - 1e6, is_synchronised=False))  # and the clock was set back
     assert not signer.accepts(frame)
     assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 1)))
 
@@ -165,16 +183,178 @@ def test_the_file_of_times_is_the_owners_alone(tmp_path):
     assert json.loads(path.read_text())["own"] > NOW
 
 
-def test_a_file_of_times_that_is_none_is_refused(tmp_path):
+DAMAGED = {
+    "empty": b"",
+    "an object": b"{}",
+    "a list": b"[]",
+    "deep": b"[" * 100_000,
+    "large": b" " * 1_000_000 + b"{}",
+    "a number that is none": b'{"own": Infinity, "streams": {}}',
+    "five thousand digits": b'{"own": ' + b"9" * 5_000 + b', "streams": {}}',
+    "streams of another kind": b'{"own": 1, "streams": {"1/2": 3}}',
+    "no text": bytes(range(256)),
+}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_file_of_times_is_set_aside_and_the_clock_counts(tmp_path, content, caplog):
     path = tmp_path / "times"
-    path.write_text("{}")
-    with pytest.raises(ConfigError, match="timestamp_file"):
-        times(path)
+    path.write_bytes(content)
+    timestamps = times(path)
+    assert (timestamps.reference, timestamps.next(), timestamps.streams) == (NOW, NOW, {})
+    assert (tmp_path / "times.damaged").read_bytes() == content
+    assert caplog.text.count("times.damaged") == 1
+    assert times(path).next() > NOW  # the new file is in its place
 
 
 def test_times_that_cannot_be_kept_do_not_silence_the_link(tmp_path):
+    (tmp_path / "no folder").write_text("")
     timestamps = times(tmp_path / "no folder" / "times")
     assert timestamps.next() < timestamps.next()
+
+
+@pytest.mark.parametrize("age_s", [61.0, 3600.0, 365 * 86_400.0])
+@pytest.mark.parametrize("is_synchronised", [True, False])
+def test_old_frames_are_refused_at_the_very_first_start(tmp_path, age_s, is_synchronised):
+    """A year-old recording of 51 streams: not one of its frames was refused once."""
+    signer = made(timestamps=times(tmp_path / "times", is_synchronised=is_synchronised))
+    frames = [
+        raw_frame(theirs(HEARTBEAT, component=number, time=NOW - int(age_s * UNITS) + number))
+        for number in range(1, 52)
+    ]
+    assert [signer.accepts(frame) for frame in frames] == [False] * 51
+    assert signer.counters["too_old"] == 51
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW - 59 * UNITS)))
+
+
+@pytest.mark.parametrize("ahead_s", [61.0, 3600.0, 10 * 365 * 86_400.0])
+def test_no_frame_is_more_than_a_minute_ahead_of_the_clock(ahead_s, caplog):
+    signer = made()
+    frame = raw_frame(theirs(HEARTBEAT, time=NOW + int(ahead_s * UNITS)))
+    assert [signer.accepts(frame) for _ in range(3)] == [False] * 3
+    assert signer.counters["too_new"] == 3
+    assert caplog.text.count("its clock is wrong, or this one") == 1
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 59 * UNITS)))
+
+
+@pytest.mark.parametrize("now_s", [NOW_S, 10.0, 0.0, -1e9, 1e300])
+@pytest.mark.parametrize("is_synchronised", [True, False])
+def test_one_frame_with_a_strange_time_neither_ends_the_service_nor_the_next_start(
+    tmp_path, now_s, is_synchronised
+):
+    """2^48 - 3 ended the service with an overflow in what it sent, and again at each start."""
+    path = tmp_path / "times"
+    for _ in range(3):
+        timestamps = times(path, now_s, is_synchronised=is_synchronised)
+        signer = made(timestamps=timestamps)
+        for component, time in enumerate([LAST - 2, LAST, LAST - 10 * UNITS], 1):
+            assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=time, component=component)))
+        assert signer.counters["too_new"] == 3
+        (sent,) = frames_in(signer.signed(packed(HEARTBEAT)))
+        assert int.from_bytes(sent[-12:-6], "little") < LAST // 2 + UNITS
+        timestamps.close()
+
+
+@pytest.mark.parametrize("ahead_s", [59.0, 61.0, 1e8])
+def test_one_peer_moves_our_own_time_by_a_minute_at_most_however_many_frames_it_sends(ahead_s):
+    timestamps = times()
+    signer = made(timestamps=timestamps)
+    for number in range(1, 200):
+        signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + int(number * ahead_s * UNITS))))
+        assert timestamps.next() <= NOW + 60 * UNITS + number
+
+
+def test_times_on_the_disk_that_cannot_be_true_are_forgotten(tmp_path, caplog):
+    path = tmp_path / "times"
+    streams = {"1/1/1": LAST - 2, "1/2/1": -5, "1/3/1": NOW + 61 * UNITS, "1/4/1": NOW - 5, "1/5/1": LAST * 9}
+    path.write_text(json.dumps({"own": LAST - 2, "streams": streams}))
+    timestamps = times(path)
+    assert timestamps.streams == {(1, 4, 1): NOW - 5}
+    assert timestamps.next() == NOW
+    assert "5 times of signatures" in caplog.text
+
+
+# --- without a clock that is right
+
+
+@pytest.mark.parametrize("now_s", [NOW_S, 60.0])
+def test_a_vehicle_gets_in_however_long_the_computer_was_off(tmp_path, now_s):
+    """A computer without a battery for its clock goes on from when it was switched off."""
+    path = tmp_path / "times"
+    before = times(path)
+    assert made(timestamps=before).accepts(raw_frame(theirs(HEARTBEAT)))
+    before.close()
+    timestamps = times(path, now_s, is_synchronised=False)
+    signer = made(timestamps=timestamps)
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT)))
+    week = NOW + 7 * 86_400 * UNITS
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=week)))
+    assert timestamps.next() > week - 60 * UNITS
+
+
+def test_without_a_clock_the_first_that_is_believed_tells_the_time_and_the_others_follow():
+    now = [100.0]
+    timestamps = Timestamps(None, lambda: now[0])
+    signer = made(timestamps=timestamps)
+    year = 365 * 86_400 * UNITS
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year, component=2)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW - year, component=2)))
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 59 * UNITS, component=2)))
+    assert timestamps.next() <= NOW + 60 * UNITS
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year)))  # as with its first GPS fix
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year, component=3)))
+    now[0] += 600.0  # the first fell silent, and its time goes on
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year + 600 * UNITS, component=3)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year + 661 * UNITS, component=3)))
+
+
+def test_a_clock_that_is_put_right_under_way_counts_from_then_on():
+    now, synchronised = [100.0], [False]
+    timestamps = Timestamps(None, lambda: now[0], lambda: synchronised[0])
+    signer = made(timestamps=timestamps)
+    wild = NOW + 365 * 86_400 * UNITS
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=wild)))
+    now[0], synchronised[0] = NOW_S, True
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=wild + 1)))
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW, component=2)))
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW)))
+
+
+# --- many streams
+
+
+def test_streams_are_a_hundred_at_most_in_memory_and_on_disk(tmp_path):
+    path, now = tmp_path / "times", [NOW_S]
+    timestamps = Timestamps(path, lambda: now[0])
+    signer = made(timestamps=timestamps)
+    names = list(itertools.product(range(1, 5), range(1, 256)))
+    taken = [
+        signer.accepts(raw_frame(theirs(HEARTBEAT, system=system, component=component, time=NOW + number)))
+        for number, (system, component) in enumerate(names)
+    ]
+    assert taken == [number < STREAMS_MAX for number in range(len(names))]
+    assert signer.counters["too_many_streams"] == len(names) - STREAMS_MAX
+    timestamps.close()
+    assert path.stat().st_size < 10_000
+    now[0] += 120.0  # those that fell silent make room, and cannot be replayed for that
+    late = NOW + 120 * UNITS
+    assert signer.accepts(raw_frame(theirs(HEARTBEAT, system=9, time=late)))
+    assert not signer.accepts(raw_frame(theirs(HEARTBEAT, system=1, component=1, time=NOW + 1)))
+    assert len(timestamps.streams) == STREAMS_MAX
+
+
+def test_a_peer_does_not_keep_the_disk_busy(tmp_path, monkeypatch):
+    now, written = [NOW_S], []
+    timestamps = Timestamps(tmp_path / "times", lambda: now[0])
+    monkeypatch.setattr("companion.link.wire.signing.replace_file", lambda *_, **__: written.append(1))
+    signer = made(timestamps=timestamps)
+    for number in range(500):
+        now[0] += 0.01
+        time = NOW + number * UNITS // 10
+        assert signer.accepts(raw_frame(theirs(HEARTBEAT, component=1 + number % 2, time=time)))
+    assert 4 <= len(written) <= 6
 
 
 # --- the key
@@ -210,6 +390,63 @@ def test_what_is_no_key(tmp_path, text):
 def test_a_key_that_is_not_there(tmp_path):
     with pytest.raises(ConfigError, match="no such file"):
         read_key(tmp_path / "key")
+
+
+def key_at(path):
+    path.write_bytes(KEY)
+    path.chmod(0o600)
+    return path
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777, 0o722])
+def test_a_key_that_others_may_replace_is_refused(tmp_path, mode):
+    folder = tmp_path / "open"
+    (folder / "within").mkdir(parents=True, mode=0o700)
+    for path in (folder / "key", folder / "within" / "key"):
+        key_at(path)
+        folder.chmod(mode)
+        with pytest.raises(ConfigError, match="nobody else may write to") as caught:
+            read_key(path)
+        assert f"{folder}, mode {mode:04o}" in str(caught.value)
+        folder.chmod(0o1777)  # as /tmp
+        assert read_key(path) == KEY
+        folder.chmod(0o755)
+        assert read_key(path) == KEY
+
+
+def test_a_symlink_to_a_key_is_followed_where_nobody_else_can_turn_it(tmp_path):
+    for name in ("safe", "open"):
+        (tmp_path / name).mkdir(mode=0o700)
+    key_at(tmp_path / "safe" / "key")
+    (tmp_path / "safe" / "link").symlink_to("../safe/key")
+    (tmp_path / "link to folder").symlink_to("safe")
+    assert read_key(tmp_path / "link to folder" / "link") == KEY
+    (tmp_path / "open" / "link").symlink_to(tmp_path / "safe" / "key")
+    (tmp_path / "open").chmod(0o777)
+    with pytest.raises(ConfigError, match="nobody else may write to"):
+        read_key(tmp_path / "open" / "link")
+    (tmp_path / "round").symlink_to("round")
+    with pytest.raises(ConfigError, match="too many symlinks"):
+        read_key(tmp_path / "round")
+
+
+def test_a_key_of_another_user_is_refused(tmp_path, monkeypatch):
+    path = key_at(tmp_path / "key")
+    monkeypatch.setattr(os, "geteuid", lambda: 12_345)
+    if path.stat().st_uid == 0:
+        assert read_key(path) == KEY  # root's own is as good
+        try:
+            os.chown(path, 54_321, -1)
+        except PermissionError:
+            pytest.skip("nobody here may give a file away")
+    with pytest.raises(ConfigError, match="of user"):
+        read_key(path)
+
+
+def test_what_is_no_plain_file_is_no_key(tmp_path):
+    os.mkfifo(tmp_path / "pipe", 0o600)
+    with pytest.raises(ConfigError, match="not a plain file"):
+        read_key(tmp_path / "pipe")
 
 
 # --- in the codec

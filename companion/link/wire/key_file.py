@@ -1,0 +1,80 @@
+"""The file of the secret key: read only where nobody else can have read or replaced it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from companion.errors import ConfigError
+from companion.safe_files import read_file
+
+KEY_BYTES = 32
+_SIZE_MAX = 1_000  # digits with a line's end, and room to say that it is something else
+_LINKS_MAX = 40  # as the kernel has it
+_PLACE = "link.signing.key_file"
+
+
+def read_key(path: Path) -> bytes:
+    """Key of a file: 32 bytes, or 64 hexadecimal digits.
+
+    A symlink is followed where every folder and link on the way is as safe as the file's own.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, others than its owner may read, write or replace it, or it is no key.
+    """
+    try:
+        safe = _resolved(path)
+        status = safe.stat()
+        if not _is_ours(status):
+            raise _refusal(path, f"a file of user {status.st_uid}'s", "one of the service's user or of root")
+        if stat.S_IMODE(status.st_mode) & 0o077:
+            found = f"mode {stat.S_IMODE(status.st_mode):04o}"
+            raise _refusal(path, found, "mode 0600: the owner's alone")
+        data = read_file(safe, _SIZE_MAX)
+    except OSError as error:
+        raise _refusal(path, (error.strerror or str(error)).lower(), "a key file") from None
+    key = data if len(data) == KEY_BYTES else _key_of_digits(data)
+    if len(key) != KEY_BYTES:
+        raise _refusal(path, f"{len(data)} bytes", "32 bytes, or 64 hexadecimal digits")
+    return key
+
+
+def _key_of_digits(data: bytes) -> bytes:
+    try:
+        return bytes.fromhex(data.decode("ascii").strip())
+    except ValueError:
+        return b""
+
+
+def _resolved(path: Path) -> Path:
+    """The file that a path leads to, through symlinks, none of which others can lead elsewhere."""
+    place = Path(os.path.abspath(path))
+    for _ in range(_LINKS_MAX):
+        link = next((part for part in [*reversed(place.parents), place] if part.is_symlink()), None)
+        _check_folders(path, (link or place).parent)
+        if link is None:
+            return place
+        place = Path(os.path.normpath(link.parent / link.readlink() / place.relative_to(link)))
+    raise _refusal(path, "too many symlinks", "a key file")
+
+
+def _check_folders(path: Path, folder: Path) -> None:
+    """See that nobody else can put another file in the place of a folder's."""
+    for entry in (folder, *folder.parents):
+        status = entry.stat()
+        # In a folder with the sticky bit, as /tmp, others replace only what is theirs.
+        is_open = status.st_mode & 0o022 and not status.st_mode & stat.S_ISVTX
+        if is_open or not _is_ours(status):
+            found = f"{entry}, mode {stat.S_IMODE(status.st_mode):04o} of user {status.st_uid}'s, on the way"
+            raise _refusal(path, found, "folders that nobody else may write to")
+
+
+def _is_ours(status: os.stat_result) -> bool:
+    return status.st_uid in (os.geteuid(), 0)
+
+
+def _refusal(path: Path, found: str, expected: str) -> ConfigError:
+    return ConfigError(str(path), None, _PLACE, found, expected)

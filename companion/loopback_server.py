@@ -1,0 +1,181 @@
+"""A small HTTP server for this computer alone: it answers GET, briefly, and nobody can hold it up.
+
+One thread serves a few connections at once. Each has a few seconds and a few kilobytes to ask in, and one
+too many is refused at once, so that neither threads nor memory grow whatever connects.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from http import HTTPStatus
+
+LOOPBACK = "127.0.0.1"
+CONNECTIONS_MAX = 8
+TIMEOUT_S = 3.0  # to ask, and to take the answer
+HEAD_MAX = 8_192  # bytes of a request
+POLL_S = 0.1  # within which it ends
+_PORTION = 65_536
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a page holds: its status, its kind (``text/plain``), and its bytes."""
+
+    status: HTTPStatus
+    kind: str
+    body: bytes
+
+
+@dataclass(slots=True, eq=False)
+class _Connection:
+    """One that asks: until when it may, what it has said, and what it is still to be told."""
+
+    line: socket.socket
+    until_s: float
+    asked: bytearray = field(default_factory=bytearray)
+    told: memoryview | None = None
+
+    def hear(self, data: bytes) -> bool:
+        """Take what it says; whether it has asked, or said too much for that."""
+        self.asked += data
+        return b"\r\n\r\n" in self.asked or len(self.asked) > HEAD_MAX
+
+    def answer(self, answer: bytes) -> None:
+        """Take the answer that it is to be told."""
+        self.told = memoryview(answer)
+
+    def tell(self) -> bool:
+        """Tell as much as goes without waiting; whether that was all."""
+        told = self.told or memoryview(b"")
+        self.told = told[self.line.send(told[:_PORTION]) :]
+        return not self.told
+
+
+class LoopbackServer:
+    """Serves pages on the loopback interface, in a thread of its own.
+
+    Parameters
+    ----------
+    port : int
+        TCP port to listen on; 0 for any that is free.
+    page : callable
+        Makes the answer to a path, in the server's thread.
+    now_s : callable
+        Monotonic seconds.
+
+    Raises
+    ------
+    OSError
+        If the port is taken.
+    """
+
+    def __init__(
+        self, port: int, page: Callable[[str], Answer], now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._page, self._now_s = page, now_s
+        self._connections: set[_Connection] = set()
+        self._listener = socket.create_server((LOOPBACK, port), backlog=CONNECTIONS_MAX)
+        self._listener.setblocking(False)
+        self.address: tuple[str, int] = self._listener.getsockname()
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._is_over = False
+        self._thread = threading.Thread(target=self._serve, name="metrics", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End it."""
+        self._is_over = True
+        self._thread.join()
+
+    def _serve(self) -> None:
+        while not self._is_over:
+            for key, _ in self._selector.select(POLL_S):
+                if key.data is None:
+                    self._accept()
+                else:
+                    self._go_on(key.data)
+            now = self._now_s()
+            for connection in [entry for entry in self._connections if now > entry.until_s]:
+                self._drop(connection)
+        for connection in list(self._connections):
+            self._drop(connection)
+        self._selector.close()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        try:
+            line, _ = self._listener.accept()
+        except OSError:  # gone again, or no descriptors left
+            return
+        line.setblocking(False)
+        if len(self._connections) >= CONNECTIONS_MAX:
+            with line, contextlib.suppress(OSError):
+                line.send(_head(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
+            return
+        connection = _Connection(line, self._now_s() + TIMEOUT_S)
+        self._connections.add(connection)
+        self._selector.register(line, selectors.EVENT_READ, connection)
+
+    def _go_on(self, connection: _Connection) -> None:
+        """Hear or tell as much as goes without waiting."""
+        try:
+            if connection.told:
+                self._tell(connection)
+            else:
+                self._hear(connection)
+        except BlockingIOError:
+            return
+        except OSError:
+            self._drop(connection)
+
+    def _hear(self, connection: _Connection) -> None:
+        data = connection.line.recv(HEAD_MAX)
+        if not data:
+            self._drop(connection)
+        elif connection.told is None and connection.hear(data):  # what follows the question is not heard
+            connection.answer(self._answer(bytes(connection.asked)))
+            self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
+
+    def _tell(self, connection: _Connection) -> None:
+        if connection.tell():
+            # Closed at once, unheard words of the other's would take the answer back.
+            connection.line.shutdown(socket.SHUT_WR)
+            self._selector.modify(connection.line, selectors.EVENT_READ, connection)
+
+    def _drop(self, connection: _Connection) -> None:
+        self._connections.discard(connection)
+        self._selector.unregister(connection.line)
+        connection.line.close()
+
+    def _answer(self, asked: bytes) -> bytes:
+        """Answer to a request as it goes out."""
+        head, end, _ = asked.partition(b"\r\n\r\n")
+        words = head.partition(b"\r\n")[0].split(b" ")
+        if not end:
+            answer = Answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "text/plain", b"")
+        elif len(words) != 3 or not words[2].startswith(b"HTTP/1."):
+            answer = Answer(HTTPStatus.BAD_REQUEST, "text/plain", b"")
+        elif words[0] not in (b"GET", b"HEAD"):
+            answer = Answer(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"")
+        else:
+            answer = self._page(words[1].partition(b"?")[0].decode("latin-1"))
+        return _head(answer) + (b"" if words[0] == b"HEAD" else answer.body)
+
+
+def _head(answer: Answer) -> bytes:
+    """What goes before a page."""
+    lines = [
+        f"HTTP/1.1 {answer.status.value} {answer.status.phrase}",
+        f"Content-Type: {answer.kind}",
+        f"Content-Length: {len(answer.body)}",
+        "Connection: close",
+        *(["Allow: GET, HEAD"] if answer.status is HTTPStatus.METHOD_NOT_ALLOWED else []),
+    ]
+    return "\r\n".join([*lines, "", ""]).encode("latin-1")
