@@ -23,6 +23,7 @@ from tests.fuzz.targets import Target, Work, promise
 
 FILE_MIN = 4096  # bytes: a shorter file is charged as the block that it takes on a disk
 RECORDS_MAX = 300
+BOMB_MIN, BOMB_STEPS = 14, 8  # powers of two: bytes that a chunk of a few unpacks to; a file may have many
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END = 1, 2, 3, 4, 5, 6, 15
 TOPICS = (*(known.topic for known in channels.CHANNELS), "")
@@ -171,7 +172,7 @@ class McapScript:
         document = (None, b"{}", b'{"a":[[],[],[],[],[],[],[],[]]}', b"[" * 900 + b"]" * 900)[
             reader.number() % 4
         ]
-        compression, power = ("lz4", "zstd")[reader.number() % 2], 16 + reader.number() % 10
+        compression, power = ("lz4", "zstd")[reader.number() % 2], BOMB_MIN + reader.number() % BOMB_STEPS
         self.num_unpacked += 2**power
         return bomb(compression, power, document)
 

@@ -319,7 +319,10 @@ def mission_text(data):
         return data[1:].decode("utf-8", "replace")
     lines = MISSION.splitlines()
     while not reader.is_at_end and len(lines) < 400:
-        kind, place = reader.number() % 8, reader.number() % len(lines)
+        kind, place = reader.number() % 9, reader.number() % len(lines)
+        if kind == 8:  # the same again and again
+            lines[place:place] = [lines[place]] * reader.number()
+            continue
         value = (
             VALUES[reader.number() % len(VALUES)] if kind % 2 else str(reader.number(4, signed=True) / SCALE)
         )

@@ -85,6 +85,8 @@ def mission_seeds():
     num_lines = len(MISSION.splitlines())
     for value in range(len(VALUES)):
         yield bytes((0, 1, value * 5 % num_lines, value))
+    for place in range(7, num_lines):
+        yield bytes((0, 8, place, 250))
 
 
 def transfer_seeds():
@@ -123,7 +125,7 @@ def mcap_seeds():
     for kind in range(8):
         yield bytes((0,)) + about + bytes((2, 0, 1, 0, 0, kind, 3, 0, 1, 5, 2))
     for choice in range(4):
-        yield bytes((0,)) + about[:1] + bytes((1, 0, 10, choice, choice % 2, 4))
+        yield bytes((0,)) + about[:1] + bytes((1, 0, 10, choice, choice % 2, 2))
     yield bytes((0, 11, 4, 1, 2, 3, 4, 9, 9, 9, 5, 3))
     whole = (TESTS / "replay" / "recordings" / "first-flight-px4.mcap").read_bytes()
     yield bytes((AS_IT_IS,)) + whole[:3500]
