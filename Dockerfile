@@ -27,7 +27,7 @@ RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
     && /opt/sbom/bin/pip install --quiet --only-binary :all: --require-hashes -r requirements/sbom.txt \
     && /opt/companion/bin/pip uninstall --quiet --yes lxml matplotlib contourpy cycler fonttools kiwisolver \
         pillow pyparsing python-dateutil pip setuptools \
-    && mkdir /opt/companion/share \
+    && mkdir -p /opt/companion/share \
     && /opt/sbom/bin/cyclonedx-py environment --output-reproducible --output-format JSON \
         --output-file /opt/companion/share/sbom.cdx.json /opt/companion/bin/python \
     && cd /opt/companion/lib/python3*/site-packages \

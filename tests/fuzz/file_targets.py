@@ -23,12 +23,14 @@ from tests.fuzz.targets import Target, Work, promise
 
 FILE_MIN = 4096  # bytes: a shorter file is charged as the block that it takes on a disk
 RECORDS_MAX = 300
-BOMB_MIN, BOMB_STEPS = 14, 8  # powers of two: bytes that a chunk of a few unpacks to; a file may have many
+BOMB_MIN, BOMB_STEPS = 10, 8  # powers of two: bytes that a chunk of a few unpacks to
+UNPACKED_MAX = 2**18  # so that many are tried in a second; what far more does is measured, see HEAVY
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END = 1, 2, 3, 4, 5, 6, 15
 TOPICS = (*(known.topic for known in channels.CHANNELS), "")
 LOG = [(1_790_000_000_000_000 + 200_000 * n, packed(0, b"\0\0\0\0\1\3\x51\4\3", 1, 1)) for n in range(8)]
-ABOUT = json.dumps({"stamp_s": 0.0, "epoch_s": 1.79e9, "clock": "wall", "mission_file": MISSION}).encode()
+EMPTY = MISSION.partition("radars:")[0]  # a world with nothing in it, which is quickly made
+ABOUT = json.dumps({"stamp_s": 0.0, "epoch_s": 1.79e9, "clock": "wall", "mission_file": EMPTY}).encode()
 NUMBERS = (
     "0", "1", "-1", "0.5", "1e9", "1e308", "-1e308", "1e309", "Infinity", "-Infinity", "NaN", "null",
     "true", '"x"', "[]", "{}", "9" * 400, "9" * 5000, '[1.0, 2.0, 3.0]', "[[1, 2], [3]]", '[{"id": 1}]',
@@ -40,6 +42,13 @@ KEYS = (
     "course_rad", "level", "tracks", "outcome", "items", "waypoints_enu_m", "obstacles", "path", "name",
     "seed", "remembered", "airspeed_m_s",
 )  # fmt: skip
+
+
+UNPACK = {
+    b"": bytes,
+    b"lz4": lz4.frame.decompress,
+    b"zstd": lambda data: zstandard.ZstdDecompressor().decompress(data, max_output_size=2**26),
+}
 
 
 @functools.cache
@@ -115,11 +124,11 @@ class McapScript:
         self.topics = {}
         self.is_sound = True  # whether all of it was written as it must be
         self.told = []  # topic and bytes of each message on a channel that was told before
-        self.num_unpacked = 0  # bytes in chunks
+        self._num_unpacked = 0
         self._num = 0
         start = self._reader.number()
         self.is_sound &= start != AS_IT_IS
-        self.has_mission = start % 4 == 1  # so that a report can be made of it
+        self.has_mission = start % 16 == 1  # so that a report can be made of it
         self.data = data[1:] if start == AS_IT_IS else self._file()
 
     def _file(self):
@@ -163,7 +172,6 @@ class McapScript:
         sizes = (None, None, None, 0, reader.number(), 2**26, 2**40, 2**63)
         size, crc = sizes[reader.number() % len(sizes)], (None, None, 0, 1)[reader.number() % 4]
         self.is_sound &= size is None and crc != 1
-        self.num_unpacked += len(inside)
         return chunk(inside, compression, size=size, crc=crc)
 
     def _bomb(self):
@@ -173,7 +181,9 @@ class McapScript:
             reader.number() % 4
         ]
         compression, power = ("lz4", "zstd")[reader.number() % 2], BOMB_MIN + reader.number() % BOMB_STEPS
-        self.num_unpacked += 2**power
+        self._num_unpacked += 2**power
+        if self._num_unpacked > UNPACKED_MAX:
+            return b""
         return bomb(compression, power, document)
 
 
@@ -258,15 +268,32 @@ def _reading(path, read, raw):
     return start
 
 
+def unpacked_bytes(raw):
+    """How many bytes the chunks of a file hold, as far as it is one."""
+    at, found = len(MAGIC), 0
+    while at + 9 <= len(raw):
+        kind, length = struct.unpack_from("<BQ", raw, at)
+        content = raw[at + 9 : at + 9 + length]
+        at += 9 + length
+        if kind != CHUNK or len(content) < 32:
+            continue
+        name_end = 32 + int.from_bytes(content[28:32], "little")
+        squeezed = content[name_end + 8 :]
+        try:
+            found += len(UNPACK[content[32:name_end]](squeezed))
+        except (KeyError, RuntimeError, zstandard.ZstdError, MemoryError):
+            continue  # no chunk that anybody can unpack
+    return found
+
+
 def work_mcap(data):
     """A byte is one that is unpacked: how many these may be is limited by the reader, not by a time."""
-    script, path = McapScript(data), scratch()[1] / "flight.mcap"
-    raw = script.data
+    raw, path = McapScript(data).data, scratch()[1] / "flight.mcap"
 
     def read(path):
         read_messages(path, Counter())
 
-    num_bytes = max(FILE_MIN, len(raw), script.num_unpacked)
+    num_bytes = max(FILE_MIN, len(raw), unpacked_bytes(raw))
     return Work(num_bytes, _reading(path, read, raw), _reading(path, read, b""))
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import atheris
 
-WATCHED = ["companion", "mcap", "yaml"]
+WATCHED = ["companion", *{"mission_file": ["yaml"], "mcap": ["mcap"]}.get(sys.argv[1], [])]
 KERNELS = Path(__file__).parents[2] / "companion" / "kernels"
 SLOW_KEPT, LEAST_BYTES = 24, 256
 GROWTH_MB = 1.0
