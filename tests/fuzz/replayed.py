@@ -17,8 +17,8 @@ from pathlib import Path
 
 from tests.fuzz.targets import HEAVY, all_targets, corpus_of
 
-TURNS, CLOSELY = 7, 12
-ENOUGH_S = 2.0
+TURNS, CLOSELY = 7, 8
+ENOUGH_S = 1.0
 INPUTS_MAX, TRACED_MAX = 1500, 400
 ADDRESSES_MAX = 12 * 2**30
 
