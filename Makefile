@@ -31,7 +31,8 @@ $(STAMP): pyproject.toml $(LOCKS)/dev.txt
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python $(PIP) --require-hashes -r $(LOCKS)/dev.txt
-	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
+	@# Of what an editable installation is, setuptools need not warn.
+	PYTHONWARNINGS=ignore $(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
 COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header
