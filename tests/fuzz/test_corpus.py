@@ -8,7 +8,8 @@ from companion.errors import ConfigError
 from companion.link.messages import codec as codecs
 from companion.link.missions.mission_sniffer import MissionSniffer
 from companion.link.missions.mission_transfer import MissionDownload, Upload
-from companion.link.wire import framing, signing
+from companion.link.wire import signing
+from companion.link.wire.framing import raw_frame
 from tests.fuzz import file_targets, link_targets, mission_targets, seeds
 from tests.fuzz.scripts import IDS, SIGNED, V2, Reader, pieces_of, record_of
 from tests.fuzz.targets import BrokenPromiseError, all_targets, corpus_of
@@ -63,29 +64,30 @@ def wire_script(*records):
 SOUND = record_of(heartbeat(), IDS, V2)
 
 
-@pytest.mark.parametrize(
-    ("method", "stand_in", "told"),
-    [
-        ("_fits", lambda raw, body, extra: True, "does not fit its checksum"),
-        ("_fits", lambda raw, body, extra: False, "a sound frame was lost"),
-    ],
-)
-def test_a_framer_without_its_checksum_is_noticed(monkeypatch, method, stand_in, told):
-    monkeypatch.setattr(framing, method, stand_in)
+def framing_by(monkeypatch, found):
+    """A framer that finds what a function of the chunks says."""
+    monkeypatch.setattr(link_targets, "framed", lambda chunks: (found(list(chunks)), Counter()))
+
+
+def test_a_framer_without_its_checksum_is_noticed(monkeypatch):
     damaged = bytes((3,)) + SOUND[1:] + bytes((18, 0, 1))
-    with pytest.raises(BrokenPromiseError, match=told):
-        link_targets.check_framer(wire_script(SOUND, damaged))
+    (piece,) = pieces_of(Reader(damaged))
+    framing_by(monkeypatch, lambda chunks: [raw_frame(piece.raw)])
+    with pytest.raises(BrokenPromiseError, match="does not fit its checksum"):
+        link_targets.check_framer(wire_script(damaged))
+
+
+def test_a_framer_that_loses_a_frame_is_noticed(monkeypatch):
+    framed = link_targets.framed
+    framing_by(monkeypatch, lambda chunks: framed(chunks)[0][:-1])
+    with pytest.raises(BrokenPromiseError, match="a sound frame was lost"):
+        link_targets.check_framer(wire_script(SOUND, SOUND))
 
 
 def test_a_framer_that_forgets_between_portions_is_noticed(monkeypatch):
-    feed = framing.Framer.feed
-
-    def forgets(self, data):
-        self._buffer.clear()
-        return feed(self, data)
-
-    monkeypatch.setattr(framing.Framer, "feed", forgets)
-    with pytest.raises(BrokenPromiseError, match="other portions"):
+    framed = link_targets.framed
+    framing_by(monkeypatch, lambda chunks: [frame for chunk in chunks for frame in framed([chunk])[0]])
+    with pytest.raises(BrokenPromiseError, match="other believed frames"):
         link_targets.check_framer(wire_script(SOUND, SOUND, SOUND))
 
 
