@@ -142,13 +142,13 @@ def test_the_mission_that_scripts_change_is_a_sound_one():
 
 
 def test_a_reader_that_leaves_a_message_out_is_noticed(monkeypatch):
-    read = file_targets.read_messages
+    read = file_targets.documents_in
     sound = bytes((0, 0, 1, 3, 2, 1, 3, 0))
     assert file_targets.McapScript(sound).is_sound
     file_targets.check_mcap(sound)
     monkeypatch.setattr(
         file_targets,
-        "read_messages",
+        "documents_in",
         lambda path, counters: {k: v[1:] for k, v in read(path, counters).items()},
     )
     with pytest.raises(BrokenPromiseError, match="as it was written"):
