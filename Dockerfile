@@ -7,19 +7,29 @@
 # packaging/prove_image.py carries out these very steps in a clean Debian, without a registry.
 FROM python:3.11-slim-bookworm AS build
 WORKDIR /src
-COPY pyproject.toml README.md constraints.txt ./
+COPY pyproject.toml README.md ./
+COPY requirements requirements
 COPY companion companion
 # Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads, all
 # of scipy but its linear algebra, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
 # pictures and reports are made where the recordings are taken to. Symbols go from libraries but those in
 # *.libs and numba's thread pools: these were patched after they were linked, and strip would break them.
+# Every package has the hash that requirements has of it. What the image then holds of Python is listed in
+# /opt/companion/share/sbom.cdx.json (CycloneDX), made by a program that does not come into the image.
 # Times of files are whole seconds, as a registry keeps them: numba compares them with its cache's.
 RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
     && apt-get -qq install --yes --no-install-recommends binutils > /dev/null \
     && python -m venv /opt/companion \
-    && /opt/companion/bin/pip install --quiet --no-compile -c constraints.txt '.[metrics]' \
+    && /opt/companion/bin/pip install --quiet --no-compile --only-binary :all: --require-hashes \
+        -r requirements/service.txt \
+    && /opt/companion/bin/pip install --quiet --no-compile --no-deps --no-build-isolation . \
+    && python -m venv /opt/sbom \
+    && /opt/sbom/bin/pip install --quiet --only-binary :all: --require-hashes -r requirements/sbom.txt \
     && /opt/companion/bin/pip uninstall --quiet --yes lxml matplotlib contourpy cycler fonttools kiwisolver \
         pillow pyparsing python-dateutil pip setuptools \
+    && mkdir -p /opt/companion/share \
+    && /opt/sbom/bin/cyclonedx-py environment --output-reproducible --output-format JSON \
+        --output-file /opt/companion/share/sbom.cdx.json /opt/companion/bin/python \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \
     && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete \

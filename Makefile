@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: real corruptions image help venv fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -17,18 +17,35 @@ QUICK := not slow and not bench and not real
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
 COVERAGE_MIN ?= 92
-PINS ?= -c constraints.txt
+# What is installed comes from these files alone, each package with its hash: make lock renews them.
+LOCKS := requirements
+PIP := -m pip install --quiet --disable-pip-version-check
+SECONDS ?= 3600
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
 
 venv: $(STAMP) ## make .venv with everything in it
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml $(LOCKS)/dev.txt
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(PINS) -e '.[dev]'
+	$(BIN)/python $(PIP) --require-hashes -r $(LOCKS)/dev.txt
+	@# Of what an editable installation is, setuptools need not warn.
+	PYTHONWARNINGS=ignore $(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
 	touch $@
+
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header
+
+# All other files take their versions from the first. make lock LOCK=--upgrade takes the newest there are.
+lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade for newer versions
+	$(COMPILE) $(LOCK) --extra dev --extra plot --group build pyproject.toml -o $(LOCKS)/dev.txt
+	$(COMPILE) -c $(LOCKS)/dev.txt --extra metrics --extra plot --group build pyproject.toml -o $(LOCKS)/service.txt
+	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
+	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt
+
+audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
+	.ci/audit
 
 fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
 	$(BIN)/companion sitl $(MISSION) $(FLAGS)
@@ -73,8 +90,22 @@ reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits agai
 hostile: $(STAMP) ## an hour of hostile traffic into the service, and what became of it
 	$(BIN)/python -m tests.hostile.hostile_hour
 
+garbage: $(STAMP) ## floods of the worst known sort beside a flight in real time, ten minutes
+	$(BIN)/python -m tests.hostile.garbage $(FLAGS)
+
+intercepted: $(STAMP) ## flights with a man in the middle: 500 with a key, 500 without
+	$(BIN)/python -m tests.hostile.intercepted --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+	$(BIN)/python -m tests.hostile.intercepted --unsigned --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
 soak: $(STAMP) ## MINUTES of flights back to back, faults on: what grows?
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
+
+fuzzer: $(STAMP)
+	$(BIN)/python $(PIP) --only-binary :all: --require-hashes -r $(LOCKS)/fuzz.txt
+
+# Corpora grow in .fuzz from run to run; FLAGS=--keep stores what reaches further, a target's name runs it alone.
+fuzz: fuzzer ## fuzz all that reads what others send, for SECONDS altogether, JOBS at once; fails on a find
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 docs: $(STAMP) ## write docs/mission-file.md and the pictures of docs/architecture.md anew
 	$(BIN)/python -m companion.config.reference docs/mission-file.md
@@ -104,4 +135,4 @@ format: $(STAMP) ## put the source into its format
 	$(BIN)/ruff format .
 
 clean: ## remove what the targets made
-	rm -rf .venv .venv-* .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-* .fuzz .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

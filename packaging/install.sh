@@ -90,7 +90,7 @@ install_program() {
     }
     # The digest of what is installed says whether there is anything to do.
     stamp=/opt/companion/installed
-    digest=$(cd "$source" && find companion constraints.txt pyproject.toml -type f ! -path '*/__pycache__/*' \
+    digest=$(cd "$source" && find companion requirements/service.txt pyproject.toml -type f ! -path '*/__pycache__/*' \
         -exec sha256sum {} + | LC_ALL=C sort | sha256sum | cut -d ' ' -f 1)
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$digest" ]; then
         return
@@ -104,10 +104,11 @@ install_program() {
         trap 'rm -rf "$copy"' EXIT
     fi
     run cp -R "$source/companion" "$source/pyproject.toml" "$source/README.md" "$copy"
+    # Nothing is installed but what has the hash that the lock file has of it.
     run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
-        --force-reinstall --no-deps "$copy"
+        --only-binary :all: --require-hashes -r "$source/requirements/service.txt"
     run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
-        -c "$source/constraints.txt" "safe-rrt-companion[metrics,plot] @ file://$copy"
+        --force-reinstall --no-deps --no-build-isolation "$copy"
     say "+ remember $digest"
     [ "$dry" = yes ] || echo "$digest" > "$stamp"
     renewed=yes

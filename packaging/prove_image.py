@@ -27,6 +27,7 @@ import time
 import urllib.request
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 SOURCE = Path(__file__).resolve().parents[1]
 BASE = re.compile(r"python:3\.11-slim-(?P<release>bookworm)")  # whose python3 is 3.11, too
@@ -34,6 +35,7 @@ PACKAGES = "python3,python3-venv,ca-certificates"
 KNOWN = ["FROM", "WORKDIR", "COPY", "RUN", "ENV", "USER", "HEALTHCHECK", "STOPSIGNAL", "ENTRYPOINT", "CMD"]
 FROM_OUTSIDE = ("PIP_", "SSL_CERT_", "http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY")
 MISSION = "/usr/share/companion/mission_configs/first-flight.yaml"
+SBOM = "/opt/companion/share/sbom.cdx.json"
 HEALTHY_S = 60.0
 COMPILING = "compiling"  # in the status that the service tells until its kernels are there
 SIZE_MAX_MB = 420.0  # above the base image
@@ -293,6 +295,41 @@ def prove_health(builder: Builder) -> None:
         raise RuntimeError("healthy after the end")
 
 
+def installed(packages: Path) -> set[tuple[str, str]]:
+    """Name and version of each distribution in a folder of packages, as its own metadata has them."""
+    found = set()
+    for metadata in packages.glob("*.dist-info/METADATA"):
+        head = metadata.read_text(encoding="utf-8").partition("\n\n")[0]
+        name, version = (re.search(rf"(?m)^{key}: (.+)$", head) for key in ("Name", "Version"))
+        if name is None or version is None:
+            raise ValueError(f"{metadata}: no name or version")
+        found.add((_normal(name[1]), version[1].strip()))
+    return found
+
+
+def listed(bill: dict[str, Any]) -> set[tuple[str, str]]:
+    """Name and version of each component of a bill of materials."""
+    if bill.get("bomFormat") != "CycloneDX":
+        raise ValueError(f"{SBOM}: not of CycloneDX")
+    return {(_normal(row["name"]), row["version"]) for row in bill["components"]}
+
+
+def _normal(name: str) -> str:
+    """A distribution's name as all ways to write it have it."""
+    return re.sub(r"[-_.]+", "-", name.strip()).lower()
+
+
+def prove_contents(root: Path) -> int:
+    """See that the image's bill of materials lists what is installed, and nothing else; how much that is."""
+    bill = listed(json.loads((root / SBOM.lstrip("/")).read_text(encoding="utf-8")))
+    found = set().union(
+        *(installed(path) for path in (root / "opt/companion").glob("lib/python3*/site-packages"))
+    )
+    if not found or found != bill:
+        raise RuntimeError(f"the bill of materials is of something else: {sorted(found ^ bill)}")
+    return len(bill)
+
+
 def _health(port: str) -> dict[str, object]:
     """What a healthy service says of itself; asked from here, so that no program's start counts."""
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
@@ -347,6 +384,7 @@ def main() -> int:
         log.info("%s", largest(stage.root / "opt"))
         if above_mb > SIZE_MAX_MB:
             raise RuntimeError(f"{above_mb:.0f} MB above its base: more than {SIZE_MAX_MB:.0f}")
+        tell(f"{prove_contents(stage.root)} packages in {SBOM}, as they are installed")
         tell("plan, run, health check, stop")
         builder.run([*stage.entry, "plan", MISSION])
         prove_health(builder)

@@ -22,8 +22,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.errors import RecordError
 from companion.link.wire.framing import frames_in, raw_frame
 from companion.recording import mcap_schema
-from companion.recording.reader import read_messages
 from tests.service.processes import FIRST_FLIGHT, Manager, free_port, process
+from tests.support.messages import read_messages
 
 OURS = (1, 195)
 PATIENCE_S = 600.0

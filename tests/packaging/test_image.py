@@ -1,6 +1,7 @@
 """The Dockerfile and the proof that carries it out keep to each other. ``make image`` runs the proof."""
 
 import importlib.util
+import json
 import re
 import sys
 from pathlib import Path
@@ -73,7 +74,60 @@ def test_what_is_copied_is_there_and_gets_past_the_ignore_file():
             assert f"!{source}" in ignored
 
 
-def test_the_extras_that_are_installed_exist():
-    extras = re.search(r"'\.\[([a-z,]+)\]'", TEXT)[1].split(",")
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert all(re.search(rf"(?m)^{extra} = \[", project) for extra in extras)
+def test_nothing_is_installed_without_its_hash_but_the_project_itself():
+    installs = re.findall(r"pip install ([^&]+)", " ".join(words("RUN")))
+    assert len(installs) == 3
+    for rest in installs:
+        if "--no-deps --no-build-isolation ." not in rest:
+            assert "--only-binary :all: --require-hashes -r requirements/" in rest
+
+
+def test_the_bill_of_materials_is_where_the_proof_looks_for_it_and_made_when_all_else_is_gone():
+    (build,) = (rest for rest in words("RUN") if "cyclonedx-py" in rest)
+    assert f"--output-file {proof.SBOM} /opt/companion/bin/python" in build
+    assert proof.SBOM.startswith("/opt/companion/")  # all of which is copied into the image
+    assert build.index("pip uninstall") < build.index("cyclonedx-py environment")
+
+
+@pytest.fixture
+def image(tmp_path):
+    """An image's folder with two packages and the bill of materials of them."""
+    packages = tmp_path / "opt/companion/lib/python3.11/site-packages"
+    for name, version in (("Some_Thing", "1.2"), ("other", "3")):
+        folder = packages / f"{name}-{version}.dist-info"
+        folder.mkdir(parents=True)
+        text = f"Metadata-Version: 2.4\nName: {name}\nVersion: {version}\n\nName: of something else\n"
+        (folder / "METADATA").write_text(text, encoding="utf-8")
+    rows = [{"name": "some-thing", "version": "1.2"}, {"name": "other", "version": "3"}]
+    bill = tmp_path / proof.SBOM.lstrip("/")
+    bill.parent.mkdir()
+    bill.write_text(json.dumps({"bomFormat": "CycloneDX", "components": rows}), encoding="utf-8")
+    return tmp_path, bill
+
+
+def test_a_bill_of_materials_of_what_is_installed_passes(image):
+    assert proof.prove_contents(image[0]) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda rows: rows.pop(), "something else: .*other"),
+        (lambda rows: rows.append({"name": "pip", "version": "1"}), "something else: .*pip"),
+        (lambda rows: rows[0].update(version="1.3"), "something else: .*1.3"),
+    ],
+)
+def test_one_of_something_else_does_not(image, change, told):
+    root, bill = image
+    document = json.loads(bill.read_text(encoding="utf-8"))
+    change(document["components"])
+    bill.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(RuntimeError, match=told):
+        proof.prove_contents(root)
+
+
+def test_a_file_of_another_format_is_no_bill_of_materials(image):
+    root, bill = image
+    bill.write_text('{"components": []}', encoding="utf-8")
+    with pytest.raises(ValueError, match="CycloneDX"):
+        proof.prove_contents(root)

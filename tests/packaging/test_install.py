@@ -22,9 +22,8 @@ case "$*" in
     "-m venv "*) install -D "$0" "$3/bin/python" ;;
     "-m pip install "*)
         for source; do :; done
-        folder=${source##*file://}
-        mkdir "$folder/build" "$folder/x.egg-info" 2> /dev/null
-        echo "$source: $(echo $(ls "$folder"))" >> LOG ;;
+        [ ! -d "$source" ] || mkdir "$source/build" "$source/x.egg-info"
+        echo "$*: $(echo $(ls "$source"))" >> LOG ;;
 esac
 """
 
@@ -87,8 +86,9 @@ def checkout(tmp_path):
     made = tmp_path / "checkout"
     shutil.copytree(SCRIPT.parent, made / "packaging")
     shutil.copytree(SCRIPT.parents[1] / "mission_configs", made / "mission_configs")
-    (made / "companion").mkdir()
-    for name in ("pyproject.toml", "README.md", "constraints.txt", "companion/__init__.py"):
+    for folder in ("companion", "requirements"):
+        (made / folder).mkdir()
+    for name in ("pyproject.toml", "README.md", "requirements/service.txt", "companion/__init__.py"):
         shutil.copy(SCRIPT.parents[1] / name, made / name)
     script = made / "packaging" / "install.sh"
     text = script.read_text(encoding="utf-8").replace("program=no; shift", "shift")
@@ -115,13 +115,12 @@ def test_the_program_is_built_in_a_copy_and_the_checkout_stays_as_it_is(checkout
     install("--dry-run")
     assert not (tmp_path / "pip.log").exists()
     install()
-    installed = (tmp_path / "pip.log").read_text(encoding="utf-8").splitlines()
-    assert len(installed) == 2
-    for line in installed:
-        source, _, inside = line.rpartition(": ")
-        assert f"{temporary}/" in source
-        assert inside == "README.md build companion pyproject.toml x.egg-info"
-    assert installed[1].startswith("safe-rrt-companion[metrics,plot] @ file://")
+    libraries, program = (tmp_path / "pip.log").read_text(encoding="utf-8").splitlines()
+    lock = checkout / "requirements" / "service.txt"
+    assert libraries.endswith(f" --only-binary :all: --require-hashes -r {lock}: {lock}")
+    done, _, inside = program.rpartition(": ")
+    assert f" --no-deps --no-build-isolation {temporary}/" in done
+    assert inside == "README.md build companion pyproject.toml x.egg-info"
     assert list(temporary.iterdir()) == []
     assert files(checkout) == before
     assert [path for path in checkout.rglob("*") if path.name in ("build", "x.egg-info")] == []
