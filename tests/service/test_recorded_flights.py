@@ -189,7 +189,7 @@ def test_goals_of_the_last_flight_are_forgotten_on_the_ground(tmp_path):
     async def script():
         await bench.pass_time(LANDED_S - 1.0, (FBWA, False))
         left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
-        await bench.pass_time(3.0, (FBWA, False))  # a second of them to know the vehicle by
+        await bench.pass_time(6.0, (FBWA, False))  # it is known after five heartbeats alone
         left.append(Checkpoint(bench.flights / "first-flight").reached(GOALS))
 
     served(bench, script)

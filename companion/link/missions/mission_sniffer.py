@@ -19,6 +19,9 @@ _TARGET = 32  # of both items: target system, then component
 
 Items = tuple[MissionItem | None, ...]
 
+ITEMS_MAX = 2_000  # of a list that is followed; an announced length is not believed beyond
+CLIENTS_MAX = 64  # whose transfers are followed, the last to begin
+
 
 @dataclass(slots=True)
 class _Transfer:
@@ -88,7 +91,7 @@ class MissionSniffer:
         payload = frame.payload.ljust(40, b"\0")
         if frame.message_id == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:
             transfer = _Transfer(int.from_bytes(payload[:2], "little"))
-            self._down[payload[2], payload[3]] = transfer
+            _begun(self._down, (payload[2], payload[3]), transfer)
             self._note_whole(transfer)
         elif frame.message_id in ITEM_LAYOUTS:
             item, mission_type = item_from_payload(frame.message_id, frame.payload)
@@ -118,8 +121,10 @@ class MissionSniffer:
         before = self._up.get(client)
         if before is not None and before.items:
             self.num_broken += 1
-        self._up[client] = _Transfer(count)
-        if not self._swaps_whole_lists:
+        _begun(self._up, client, _Transfer(count))
+        if not self._swaps_whole_lists and count > ITEMS_MAX:
+            self.items = None  # cut or lengthened; to what is not followed
+        elif not self._swaps_whole_lists:
             held = self.items or ()
             self.items = (*held[:count], *(None,) * (count - len(held)))
 
@@ -130,7 +135,7 @@ class MissionSniffer:
 
     def _begin_part(self, client: tuple[int, int], first: int, last: int) -> None:
         if first <= last:
-            self._up[client] = _Transfer(last - first + 1, first)
+            _begun(self._up, client, _Transfer(last - first + 1, first))
 
     def _written(self, client: tuple[int, int], item: MissionItem, stamp_s: float) -> None:
         transfer = self._up.get(client)
@@ -158,7 +163,7 @@ class MissionSniffer:
             self.items = tuple(replace(item, is_current=False) for item in transfer.in_order)
         self._settle()
         last = next((n for n in reversed(range(len(self.uploads))) if self.uploads[n].client == client), None)
-        if last is not None:
+        if last is not None and transfer.count:
             self.uploads[last] = replace(self.uploads[last], is_accepted=True)
 
     def _read(self, client: tuple[int, int], item: MissionItem) -> None:
@@ -177,3 +182,11 @@ class MissionSniffer:
         known = tuple(item for item in self.items or () if item is not None)
         if self.items is not None and len(known) == len(self.items):
             self.settled = known
+
+
+def _begun(transfers: dict[tuple[int, int], _Transfer], client: tuple[int, int], transfer: _Transfer) -> None:
+    """Follow a client's transfer; the one that began first is forgotten for it where there are many."""
+    transfers.pop(client, None)
+    if len(transfers) >= CLIENTS_MAX:
+        del transfers[next(iter(transfers))]
+    transfers[client] = transfer

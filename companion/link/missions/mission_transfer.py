@@ -21,6 +21,7 @@ MAVLink developer guide, "Mission Protocol"; RFC 6298 for the time after which t
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 
 from companion.link.wire.decoded_frame import (
@@ -157,7 +158,8 @@ class Upload:
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # else it ends some transfer before this one
-            self.failure, self.opaque_id = "", ack.opaque_id
+            is_whole = all(number in self._sent_s for number in range(self._first, self._last + 1))
+            self.failure, self.opaque_id = "" if is_whole else "ACCEPTED_WITH_GAPS", ack.opaque_id
 
 
 class MissionDownload:
@@ -186,6 +188,7 @@ class MissionDownload:
         self._count: int | None = None
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}
+        self._lowest = 0  # that may be missing
         self._asked_s: dict[int, float] = {}
         self._repeated: set[int] = set()
 
@@ -213,7 +216,11 @@ class MissionDownload:
 
     def _missing(self, count: int, now_s: float) -> list[int]:
         """Numbers of the items in the window that were not asked for, or long enough ago."""
-        missing = [number for number in range(count) if number not in self._items][: self._window]
+        while self._lowest in self._items:
+            self._lowest += 1
+        # What was read beyond the lowest was asked for within a window from it, so this ends soon.
+        after = (number for number in range(self._lowest, count) if number not in self._items)
+        missing = list(itertools.islice(after, self._window))
         repeat_s = self._round_trip.repeat_s
         asking = [
             number for number in missing

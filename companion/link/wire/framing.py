@@ -11,7 +11,7 @@ MAVLink guide, *Packet Serialization*: header layout, CRC-16/MCRF4XX with the me
 from __future__ import annotations
 
 import re
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -24,7 +24,8 @@ _CHECKSUM = 2
 SIGNATURE = 13
 _SIGNED = 0x01
 _LENGTH_KNOWN = 3  # bytes of a header that tell the frame's length
-_MAGICS = re.compile(rb"[\xfd\xfe]").finditer
+_MAGIC = re.compile(rb"[\xfd\xfe]").search
+_NONE, _WAITING, _UNKNOWN = -1, -2, -3  # no frame begins here; it cannot be told yet; of an unknown message
 
 
 def checksum(data: bytes | bytearray, extra: int) -> int:
@@ -87,7 +88,11 @@ def frames_in(data: bytes) -> Iterator[bytes]:
 
 
 class Framer:
-    """Bytes in, frames out; each place in the stream is judged once, whatever the bytes are.
+    """Bytes in, frames out: the same frames in whatever portions the bytes come.
+
+    Each place in the stream is judged in turn, and once. One where a frame may begin whose last byte has not
+    come is waited for, over no more than 280 bytes. A frame of an unknown message is given up for a verified
+    one that begins inside it: a header cut short joins with what follows to any message.
 
     Parameters
     ----------
@@ -98,12 +103,6 @@ class Framer:
     lengths_max : mapping of int to int, optional
         Bytes of each message with all its extensions: a MAVLink 1 frame cannot carry more. (A MAVLink 2
         frame can, of extensions that are younger than the dialect.)
-
-    Notes
-    -----
-    Places are counted from the stream's first byte. A place where a frame may begin, but cannot be told
-    yet, is *open*: it waits for its last byte, or holds a whole frame of an unknown message, which is
-    given up for a verified one that begins inside. A verified frame ends all that is open before it.
     """
 
     def __init__(
@@ -116,104 +115,82 @@ class Framer:
         self._extras = {number: bytes((extra,)) for number, extra in extras.items()}
         self._counters = counters
         self._buffer = b""
-        self._begin = 0  # place of the buffer's first byte
-        self._start = 0  # before it nothing is left to tell
-        self._seen = 0  # before it every place was looked at
-        self._open: OrderedDict[int, RawFrame | None] = OrderedDict()
-        self._awaited: dict[int, list[int]] = {}  # open places by where what begins there ends
+        self._inside = 1  # how far the unknown frame at the buffer's start has been looked through
 
     def feed(self, data: bytes) -> list[RawFrame]:
         """Take bytes; return the frames that became complete, in order."""
-        buffer = self._buffer = self._buffer[self._start - self._begin :] + data
-        begin = self._begin = self._start
-        end = begin + len(buffer)
+        buffer = self._buffer + data
+        start, size = 0, len(buffer)
         found: list[RawFrame] = []
-        for place in self._completed(end - len(data), end):
-            self._judge(place, found)
-        seen = end
-        for magic in _MAGICS(buffer, max(self._seen, self._start) - begin):
-            place = begin + magic.start()
-            if place + _LENGTH_KNOWN > end:
-                seen = place
+        while start < size:
+            if buffer[start] not in _HEADERS:
+                start = self._skipped(buffer, start)
+                continue
+            end = self._judged(buffer, start)
+            is_unknown = end == _UNKNOWN
+            if is_unknown:
+                end = self._looked_through(buffer, start)
+            if end == _WAITING:
                 break
-            if place >= self._start:
-                self._judge(place, found)
-        self._seen = seen
-        self._give_unknown(end, found)
-        self._skip_to(next(iter(self._open), seen))
+            if end > 0:
+                found.append(raw_frame(buffer[start:end], is_verified=not is_unknown))
+                start = end
+            else:
+                self._counters["garbage_bytes"] += 1
+                start += 1
+        self._buffer = buffer[start:]
         return found
 
-    def _completed(self, before: int, end: int) -> list[int]:
-        """Open places, in order, whose last byte came behind one place and before another."""
-        if not self._awaited:
-            return []
-        ends = [last for last in range(before + 1, end + 1) if last in self._awaited]
-        return sorted(place for last in ends for place in self._awaited.pop(last) if place >= self._start)
+    def _skipped(self, buffer: bytes, start: int) -> int:
+        """Where the next magic byte stands."""
+        magic = _MAGIC(buffer, start)
+        place = len(buffer) if magic is None else magic.start()
+        self._counters["garbage_bytes"] += place - start
+        return place
 
-    def _judge(self, place: int, found: list[RawFrame]) -> None:
-        """Tell what begins at a place where a magic byte and a length stand."""
-        self._give_unknown(place, found)
-        if place < self._start:
-            return
-        buffer, start = self._buffer, place - self._begin
-        size, length = len(buffer), buffer[start + 1]
-        is_v1 = buffer[start] == MAGIC_V1
+    def _judged(self, buffer: bytes, start: int, *, is_counted: bool = True) -> int:
+        """Where the frame that begins at a magic byte ends, or a verdict below 0."""
+        size = len(buffer)
+        if size - start < _LENGTH_KNOWN:
+            return _WAITING
+        length, is_v1 = buffer[start + 1], buffer[start] == MAGIC_V1
         if is_v1:
             if start + 5 < size and length > self._lengths_max.get(buffer[start + 5], 255):
-                self._deny(place, "bad_length")
-                return
+                return self._denied("bad_length", is_counted)
             body = start + _HEADER_V1 + length
             end = body + _CHECKSUM
         elif (flags := buffer[start + 2]) & ~_SIGNED:
-            self._deny(place, "incompatible")
-            return
+            return self._denied("incompatible", is_counted)
         else:
             body = start + _HEADER_V2 + length
             end = body + _CHECKSUM + (SIGNATURE if flags else 0)
         if end > size:
-            self._open[place] = None
-            self._awaited.setdefault(self._begin + end, []).append(place)
-            return
+            return _WAITING
         number = buffer[start + 5] if is_v1 else int.from_bytes(buffer[start + 7 : start + 10], "little")
         extra = self._extras.get(number)
         if extra is None:
-            self._hold(place, start, end)
-        elif mcrf4xx(extra, mcrf4xx(buffer[start + 1 : body])) == buffer[body] | buffer[body + 1] << 8:
-            self._give(place, raw_frame(buffer[start:end]), found)
-        else:
-            self._deny(place, "bad_checksum")
+            return _UNKNOWN
+        if mcrf4xx(extra, mcrf4xx(buffer[start + 1 : body])) == buffer[body] | buffer[body + 1] << 8:
+            return end
+        return self._denied("bad_checksum", is_counted)
 
-    def _hold(self, place: int, start: int, end: int) -> None:
-        """Keep a whole frame of an unknown message, if something like a frame follows it, or nothing."""
-        if end < len(self._buffer) and self._buffer[end] not in _HEADERS:
-            self._deny(place, "")
-        else:
-            self._open[place] = raw_frame(self._buffer[start:end], is_verified=False)
+    def _looked_through(self, buffer: bytes, start: int) -> int:
+        """The end of a frame of an unknown message, unless a verified one begins inside."""
+        end = start + _length_at(buffer, start)
+        for place in range(start + self._inside, end):
+            if buffer[place] not in _HEADERS:
+                continue
+            verdict = self._judged(buffer, place, is_counted=False)
+            if verdict == _WAITING:
+                self._inside = place - start
+                return _WAITING
+            if verdict > 0:
+                end = _NONE
+                break
+        self._inside = 1
+        return end
 
-    def _deny(self, place: int, reason: str) -> None:
-        """No frame begins here; why not is counted where none could begin before it either."""
-        if reason and next(iter(self._open), place) >= place:
+    def _denied(self, reason: str, is_counted: bool) -> int:
+        if is_counted:
             self._counters[reason] += 1
-        self._open.pop(place, None)
-
-    def _give(self, place: int, frame: RawFrame, found: list[RawFrame]) -> None:
-        found.append(frame)
-        self._skip_to(place)
-        self._start = place + len(frame.raw)
-        while self._open and next(iter(self._open)) < self._start:
-            self._open.popitem(last=False)
-
-    def _give_unknown(self, until: int, found: list[RawFrame]) -> None:
-        """Give frames of unknown messages that end by a place, with nothing open before them."""
-        while self._open:
-            place = next(iter(self._open))
-            frame = self._open[place]
-            if frame is None or place + len(frame.raw) > until:
-                return
-            self._give(place, frame, found)
-
-    def _skip_to(self, place: int) -> None:
-        """Count what lies before a place, and belongs to no frame."""
-        if place > self._start:
-            self._counters["garbage_bytes"] += place - self._start
-            self._start = place
+        return _NONE

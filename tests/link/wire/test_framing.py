@@ -102,7 +102,7 @@ def test_of_any_bytes_each_belongs_to_one_frame_or_is_counted(data, cuts):
     edges = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
     for begin, end in itertools.pairwise(edges):
         frames += cutter.feed(data[begin:end])
-    rest = len(cutter._buffer) - (cutter._start - cutter._begin)
+    rest = len(cutter._buffer)
     assert sum(len(frame.raw) for frame in frames) + cutter._counters["garbage_bytes"] + rest == len(data)
     assert rest < 280
     place = 0
