@@ -145,7 +145,7 @@ class Interceptor:
         self._rate_hz = self._chance.choice((0.5, 2.0, 10.0, 50.0))
         harness.link.faults = LinkFaults(
             loss=self._chance.choice((0.0, 0.1, 0.3)), duplication=self._chance.choice((0.0, 0.3)),
-            corruption=self._chance.choice((0.0, 0.05)), jitter_s=self._chance.choice((0.0, 0.3, 1.0)),
+            corruption=self._chance.choice((0.0, 0.05)), jitter_s=self._chance.choice((0.0, 0.0, 0.1, 1.0)),
         )  # fmt: skip
         harness.link.watch = self.seen
 
