@@ -46,3 +46,4 @@ _.pursuit_measures, _.estimated_share, _.first_pursued_share, _.num_reachable
 
 # Of Enum's own protocol; and the value of a form that is neither of the two that code asks for.
 _._value_, _.FORM_LITERAL
+_.__call__  # of a Protocol

@@ -42,7 +42,9 @@ def by_checkpoint(folder):
 
 
 def by_parameters(folder):
-    Parameters(mission(), folder / "parameters.json").set("SRRT_ENABLE", 0.0)
+    parameters = Parameters(mission(), folder / "parameters.json")
+    parameters.set("SRRT_ENABLE", 0.0, (255, 190))
+    parameters.keep()
 
 
 def by_times(folder):

@@ -175,7 +175,8 @@ def test_a_file_that_cannot_be_read_is_set_aside_and_told_once(tmp_path, text, c
     assert parameters.values_set == {}
     assert (tmp_path / "parameters.json.damaged").read_text() == text
     assert caplog.text.count("parameters.json.damaged") == 1
-    assert parameters.set("SRRT_HORIZON", 30.0) == ""
+    assert parameters.set("SRRT_HORIZON", 30.0, STATION) == ""
+    parameters.keep()
     assert Parameters(MISSION, file).values_set == {"SRRT_HORIZON": 30.0}
 
 

@@ -134,7 +134,7 @@ def test_a_rally_point_is_flown_to_and_circled_at(dialect):
 
 @BOTH
 def test_without_a_rally_point_nothing_is_sent(dialect):
-    harness = in_the_lane(dialect).fly(40.0)
+    harness = in_the_lane(dialect).fly(36.0)
     assert steps(harness)[0] == "leave the autopilot with its mission"
     assert not harness.recorder.missions
 
