@@ -127,17 +127,19 @@ class Framer:
                 start = self._skipped(buffer, start)
                 continue
             end = self._judged(buffer, start)
-            is_unknown = end == _UNKNOWN
-            if is_unknown:
+            is_verified = end != _UNKNOWN
+            if not is_verified:
                 end = self._looked_through(buffer, start)
             if end == _WAITING:
                 break
-            if end > 0:
-                found.append(raw_frame(buffer[start:end], is_verified=not is_unknown))
+            if is_verified and end == _NONE:
+                end = start + 1
+            elif is_verified or end - start == _length_at(buffer, start):
+                found.append(raw_frame(buffer[start:end], is_verified=is_verified))
                 start = end
-            else:
-                self._counters["garbage_bytes"] += 1
-                start += 1
+                continue
+            self._counters["garbage_bytes"] += end - start
+            start = end
         self._buffer = buffer[start:]
         return found
 
@@ -175,7 +177,7 @@ class Framer:
         return self._denied("bad_checksum", is_counted)
 
     def _looked_through(self, buffer: bytes, start: int) -> int:
-        """The end of a frame of an unknown message, unless a verified one begins inside."""
+        """Where a frame of an unknown message ends, or the first verified one inside it begins."""
         end = start + _length_at(buffer, start)
         for place in range(start + self._inside, end):
             if buffer[place] not in _HEADERS:
@@ -185,7 +187,7 @@ class Framer:
                 self._inside = place - start
                 return _WAITING
             if verdict > 0:
-                end = _NONE
+                end = place
                 break
         self._inside = 1
         return end
