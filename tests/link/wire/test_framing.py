@@ -51,7 +51,7 @@ WORST = {
     "headers of MAVLink 2": bytes([0xFD, 0xFD, 0x00, 0x00]),
     "signed": bytes([0xFD, 0xFF, 0x01, 0xFD, 0x01, 0x00]),
     "long ones of file transfer": bytes([0x6E, 0x09, 0x00, 0x6E, 0xFE, 0xFE]),
-    "unknown ones round a true one": bytes([0xFE, 0xFE, 0xFE, 0xA8, 0x91]) * 30 + heartbeat() * 2,
+    "unknown ones round a true one": bytes.fromhex("fefea891fefe") * 30 + heartbeat() * 3,
     "both": bytes([0xFE, 0xFD, 0xFD, 0x00, 0x1E, 0xFD]),
 }
 
@@ -76,12 +76,19 @@ def test_each_byte_costs_a_bounded_number_of_checksums_whatever_it_is(monkeypatc
         summed["bytes"] += len(data)
         return real(data, *start)
 
-    real = framing.mcrf4xx
+    def judging(self, buffer, start, **options):
+        summed["judged"] += 1
+        return judged(self, buffer, start, **options)
+
+    real, judged = framing.mcrf4xx, Framer._judged
+    monkeypatch.setattr(Framer, "_judged", judging)
     monkeypatch.setattr(framing, "mcrf4xx", counting)
     data = (pattern * 8_000)[:8_000]
     fed(data, portion)
     assert summed["calls"] <= 2 * len(data)  # body, and extra byte
     assert summed["bytes"] <= 266 * len(data)
+    # Again where the last byte is waited for, once a portion; a place inside an unknown message twice.
+    assert summed["judged"] <= 2 * len(data) + 2 * len(data) / portion + 2
 
 
 @given(
