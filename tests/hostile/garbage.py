@@ -18,6 +18,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tests.hostile.real_time import FRAMES_A_DATAGRAM, Bench, datagrams
+from tests.sim.client import PLAIN
 
 BYTES_PER_S, MESSAGES_PER_S = 1_000_000, 10_000
 DATAGRAM = 1_000
@@ -48,44 +49,21 @@ MESSAGES = {
 }
 OF_MANY = ("PING", "PARAM_SET", "ADSB_VEHICLE")
 # Goals to and fro, a good ten minutes of flight.
-ROUTE = """
-name: garbage
-dimension: 2
-unit_m: 25
-origin: {latitude_deg: -35.363261, longitude_deg: 149.165230, altitude_amsl_m: 584.0}
-bounds: {east_m: [-6000, 6000], north_m: [-6000, 6000], up_m: [60, 160]}
-start: {east_m: -2000, north_m: -3000, up_m: 100, course_deg: 90}
-goals:
-  - {east_m: -1000, north_m: -3000, up_m: 100}
-  - {east_m: 0, north_m: -3000, up_m: 100}
-  - {east_m: 1000, north_m: -3000, up_m: 100}
-  - {east_m: 1000, north_m: -2000, up_m: 100}
-  - {east_m: 0, north_m: -2000, up_m: 100}
-  - {east_m: -1000, north_m: -2000, up_m: 100}
-  - {east_m: -1000, north_m: -1000, up_m: 100}
-  - {east_m: 0, north_m: -1000, up_m: 100}
-  - {east_m: 1000, north_m: -1000, up_m: 100}
-  - {east_m: 1000, north_m: 0, up_m: 100}
-  - {east_m: 0, north_m: 0, up_m: 100}
-  - {east_m: -1000, north_m: 0, up_m: 100}
-  - {east_m: -1000, north_m: 1000, up_m: 100}
-  - {east_m: 0, north_m: 1000, up_m: 100}
-  - {east_m: 1000, north_m: 1000, up_m: 100}
-  - {east_m: 1000, north_m: 2000, up_m: 100}
-  - {east_m: 0, north_m: 2000, up_m: 100}
-  - {east_m: -1000, north_m: 2000, up_m: 100}
-vehicle:
-  airspeed_min_m_s: 12.5
-  airspeed_max_m_s: 37.5
-  airspeed_cruise_m_s: 25
-  acceleration_max_m_s2: 0.5
-  turn_radius_min_m: 125
-  straight_length_min_m: 125
-  penetration_speed_m_s: 25
-planning: {sensing_horizon_m: 825, time_horizon_s: 15, total_planning_time_s: 80}
-dynamic_threats:
-  - {name: car, east_m: 0, north_m: -3000, speed_m_s: 15, max_threat_radius_m: 200}
-"""
+PLACES = [
+    (east if row % 2 == 0 else -east, north)
+    for row, north in enumerate(range(-3_000, 3_000, 1_000))
+    for east in (-1_000, 0, 1_000)
+]
+ROUTE = (
+    PLAIN.replace("name: plain", "name: garbage")
+    .replace("start: {east_m: 0, north_m: 0", "start: {east_m: -2000, north_m: -3000")
+    .replace(
+        "  - {east_m: 1750, north_m: 750, up_m: 100}\n",
+        "".join(f"  - {{east_m: {east}, north_m: {north}, up_m: 100}}\n" for east, north in PLACES),
+    )
+    + "dynamic_threats:\n"
+    + "  - {name: car, east_m: 0, north_m: -3000, speed_m_s: 15, max_threat_radius_m: 200}\n"
+)
 
 
 def of_many(message_of, number=1_000):
