@@ -61,7 +61,7 @@ def run_main(monkeypatch, tmp_path, capsys, wrong, *, is_there=True):
     monkeypatch.setattr(sys, "argv", ["fuzz", "--found", str(tmp_path), "framer", "codec"])
     monkeypatch.setattr(runner.importlib.util, "find_spec", lambda name: "there" if is_there else None)
     row = ("x", *[0] * 8)
-    monkeypatch.setattr(runner, "one", lambda name, folder, seconds, *, is_fuzzing: (row, wrong))
+    monkeypatch.setattr(runner, "one", lambda name, folder, seconds, *, is_fuzzing, cost_max_us: (row, wrong))
     return runner.main(), capsys.readouterr().out
 
 
