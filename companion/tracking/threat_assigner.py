@@ -89,7 +89,7 @@ class ThreatAssigner:
         self._remembered: dict[str, int] = {}
         self._standing: dict[int, str] = {}
 
-    def assigned(
+    def kind_of(
         self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
     ) -> VehicleClass:
         """The class of a vehicle that is seen for the first time, or again.
@@ -97,7 +97,7 @@ class ThreatAssigner:
         One that the mission file names by its identity is that threat wherever it is, and nobody else is. Of
         those that fit by kind and sender the nearest is meant: near its start as it stands in the file, and
         farther away with at least what is assumed of a stranger. A threat that does not move is taken for
-        one only near its place, and one vehicle only: a second is taken to move. An identity seen before
+        one only near its place, and one vehicle only: a second is taken to move. An identity followed before
         stays what it was, since where a vehicle reappears says less.
 
         Parameters
@@ -112,18 +112,38 @@ class ThreatAssigner:
             Who reports it.
         """
         unknown = self._settings.air if is_airborne else self._settings.ground
-        former = self._remembered.get(identity)
-        if former is not None:
-            return self._taken_for(former, identity, unknown)
-        by_name = next((n for n, threat in enumerate(self._threats) if threat.identity == identity), None)
-        if by_name is not None:
-            return self._taken_for(by_name, identity, unknown)
-        distance, number = self._nearest(east_m, north_m, system_id)
-        if distance <= self._settings.match_distance_m:
-            return self._taken_for(number, identity, unknown)
-        if number < 0 or is_airborne or self._threats[number].speed_m_s == 0.0:
+        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        if number < 0:
             return unknown
-        return self._class_of(number).at_least(unknown)
+        kind = self._class_of(number)
+        if is_meant:
+            is_second = kind.stands and self._standing.get(number, identity) != identity
+            return kind.at_least(unknown) if is_second else kind
+        return unknown if is_airborne or kind.stands else kind.at_least(unknown)
+
+    def assigned(
+        self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
+    ) -> VehicleClass:
+        """The same of one that is followed from now on, and remembered."""
+        kind = self.kind_of(identity, east_m, north_m, is_airborne=is_airborne, system_id=system_id)
+        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        if is_meant:
+            self._remembered.pop(identity, None)
+            self._remembered[identity] = number
+            if len(self._remembered) > REMEMBERED_MAX:
+                del self._remembered[next(iter(self._remembered))]
+        if kind.stands:
+            self._standing.setdefault(number, identity)
+        return kind
+
+    def _meant(self, identity: str, east_m: float, north_m: float, system_id: int | None) -> tuple[int, bool]:
+        """Number of the threat that a vehicle may be, -1 for none, and whether it is taken for that one."""
+        by_name = next((n for n, threat in enumerate(self._threats) if threat.identity == identity), None)
+        number = self._remembered.get(identity, by_name)
+        if number is not None:
+            return number, True
+        distance, number = self._nearest(east_m, north_m, system_id)
+        return number, distance <= self._settings.match_distance_m
 
     def _nearest(self, east_m: float, north_m: float, system_id: int | None) -> tuple[float, int]:
         """Distance [m] and number of the threat that starts nearest of those that a sender's may be."""
@@ -137,16 +157,6 @@ class ThreatAssigner:
     def release(self, identity: str) -> None:
         """A vehicle is followed no more; the next at its place may be the one that stands there."""
         self._standing = {number: holder for number, holder in self._standing.items() if holder != identity}
-
-    def _taken_for(self, number: int, identity: str, unknown: VehicleClass) -> VehicleClass:
-        self._remembered.pop(identity, None)
-        self._remembered[identity] = number
-        if len(self._remembered) > REMEMBERED_MAX:
-            del self._remembered[next(iter(self._remembered))]
-        kind = self._class_of(number)
-        if kind.stands and self._standing.setdefault(number, identity) != identity:
-            return kind.at_least(unknown)
-        return kind
 
     def _class_of(self, number: int) -> VehicleClass:
         threat = self._threats[number]

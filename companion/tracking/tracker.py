@@ -133,13 +133,8 @@ class Tracker:
         track = self._tracks.get(report.identity)
         if track is not None:
             self.counters[track.observe(detection)] += 1
-            return
-        east, north, _ = detection.position_enu_m
-        kind = self._assigner.assigned(
-            report.identity, east, north, is_airborne=detection.is_airborne, system_id=report.system_id
-        )
-        if self._has_room(report.sender, detection, kind, now_s):
-            self._initiate(report, detection, kind)
+        elif self._has_room(report, detection, now_s):
+            self._initiate(report, detection)
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
         """Return all vehicles as estimated at an instant, sorted by identity."""
@@ -184,15 +179,19 @@ class Tracker:
             and speed <= self._settings.speed_max_m_s
         )
 
-    def _initiate(self, report: TrackReport, detection: Detection, kind: VehicleClass) -> None:
+    def _initiate(self, report: TrackReport, detection: Detection) -> None:
         identity = report.identity
+        east, north, _ = detection.position_enu_m
+        kind = self._assigner.assigned(
+            identity, east, north, is_airborne=detection.is_airborne, system_id=report.system_id
+        )
         name = hashlib.sha256(identity.encode()).digest()
         generator = np.random.default_rng([self._seed, int.from_bytes(name[:16], "big")])
         self._tracks[identity] = Track(identity, kind, detection, self._settings.track, generator)
         self._senders[identity] = report.sender
         self.counters["initiated"] += 1
 
-    def _has_room(self, sender: str, detection: Detection, kind: VehicleClass, now_s: float) -> bool:
+    def _has_room(self, report: TrackReport, detection: Detection, now_s: float) -> bool:
         """Whether a new track fits.
 
         One sender's vehicles cannot crowd out those of another: up to its share a sender gets room from one
@@ -201,6 +200,7 @@ class Tracker:
         """
         if len(self._tracks) < self._settings.num_tracks_max:
             return True
+        sender = report.sender
         share = max(1, int(self._settings.sender_share * self._settings.num_tracks_max))
         held = Counter(self._senders.values())
         kept = self._claimants()
@@ -211,6 +211,10 @@ class Tracker:
         elif crowding:
             self._end(_least_dangerous(crowding), "evicted")
             return True
+        east, north, _ = detection.position_enu_m
+        kind = self._assigner.kind_of(
+            report.identity, east, north, is_airborne=detection.is_airborne, system_id=report.system_id
+        )
         near_m, ahead_s = self._approach(detection.horizontal_m, kind)
         ease = self._settings.seniority
         danger[_NEWCOMER] = (False, near_m / ease), (False, ahead_s / ease)

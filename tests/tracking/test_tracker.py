@@ -414,3 +414,15 @@ def test_who_is_followed_gives_way_to_what_is_clearly_more_dangerous_only():
         target.observe(report(0.0, east, identity=name), 0.0)
     assert [track.identity for track in target.tracks(0.0)] == ["clearly", "near"]
     assert target.counters["crowded"] == 1
+
+
+def test_one_who_finds_no_place_is_not_taken_for_what_stands_there():
+    """Beside the launcher, but nobody follows it; the true one comes when there is room again."""
+    target = tracker(PARKED, num_tracks_max=2)
+    target.note_ownship(0.0, 0.0)
+    fakes(target, 2, lambda index: (300.0 + index, 0.0), "66/1")
+    target.observe(replace(report(0.0, 1010.0, identity="fake"), source="ADSB_VEHICLE 66/1"), 0.0)
+    assert target.counters["crowded"] == 1
+    target.observe(report(70.0, 1000.0), 70.0)  # the others have aged out
+    (launcher,) = target.tracks(70.0)
+    assert (launcher.identity, launcher.speed_max_m_s) == ("icao:00ABCD", 0.0)
