@@ -24,6 +24,8 @@ def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps |
     beside = key_file if state is None else state / key_file.name
     times = signing.timestamp_file or f"{beside}.times"
     timestamps = Timestamps(Path(times), time.time, lambda: clock_state() != UNSYNCHRONISED)
-    signer = signer_of(read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned)
-    signer.set_mavlink1(is_allowed=signing.allow_mavlink1)
+    signer = signer_of(
+        read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned,
+        allow_mavlink1=signing.allow_mavlink1,
+    )  # fmt: skip
     return timestamps, signer

@@ -55,10 +55,15 @@ _OWN_SYSTEM_UNTIL_KNOWN = 1
 
 
 def signer_of(
-    key: bytes, link_id: int, timestamps: Timestamps, allow_unsigned: Collection[int] = ()
+    key: bytes,
+    link_id: int,
+    timestamps: Timestamps,
+    allow_unsigned: Collection[int] = (),
+    *,
+    allow_mavlink1: bool = False,
 ) -> Signer:
     """Signer that knows the checksums of all messages of the dialect."""
-    return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned)
+    return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned, allow_mavlink1=allow_mavlink1)
 
 
 def is_intact(raw: bytes) -> bool:

@@ -242,10 +242,6 @@ class Signer:
         self._allow_mavlink1 = allow_mavlink1
         self._has_told_of_clock = False
 
-    def set_mavlink1(self, *, is_allowed: bool) -> None:
-        """Believe frames of MAVLink 1 from those that need not sign, or do not."""
-        self._allow_mavlink1 = is_allowed
-
     def count_in(self, counters: Counter[str]) -> None:
         """Count what is refused among somebody else's figures from now on."""
         self.counters = counters

@@ -30,8 +30,8 @@ def times(path=None, now_s=NOW_S, *, is_synchronised=True):
     return Timestamps(path, lambda: now_s, lambda: is_synchronised)
 
 
-def made(key=KEY, link_id=3, allow=(), timestamps=None):
-    return signer_of(key, link_id, timestamps or times(), allow)
+def made(key=KEY, link_id=3, allow=(), timestamps=None, *, mavlink1=False):
+    return signer_of(key, link_id, timestamps or times(), allow, allow_mavlink1=mavlink1)
 
 
 def theirs(message, *, key=KEY, time=NOW, link_id=1, system=1, component=1):
@@ -114,7 +114,7 @@ def test_mavlink_1_is_refused_even_from_those_that_need_not_sign(tmp_path):
     signer = made(allow=(200,))
     assert not signer.accepts(old)
     assert signer.counters["mavlink1"] == 1
-    signer.set_mavlink1(is_allowed=True)
+    signer = made(allow=(200,), mavlink1=True)
     assert signer.accepts(old)
     assert not signer.accepts(
         raw_frame(bytes(HEARTBEAT.pack(mavlink.MAVLink(None, 1, 1), force_mavlink1=True)))
