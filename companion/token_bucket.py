@@ -3,6 +3,34 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
+
+Key = TypeVar("Key")
+Kept = TypeVar("Kept")
+
+
+def kept_for(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: int) -> Kept:
+    """What is kept for somebody, made where there is nothing; who was asked for longest ago is forgotten.
+
+    Parameters
+    ----------
+    store : dict
+        In the order of asking; it never grows beyond ``most``.
+    key : hashable
+        Who.
+    make : callable
+        Makes what is kept.
+    most : int
+        For how many something is kept.
+    """
+    kept = store.pop(key, None)
+    if kept is None:
+        kept = make()
+        if len(store) >= most:
+            del store[next(iter(store))]
+    store[key] = kept
+    return kept
 
 
 class TokenBucket:

@@ -7,7 +7,7 @@ import math
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
 from companion.link.wire.decoded_frame import DecodedFrame
-from companion.token_bucket import TokenBucket
+from companion.token_bucket import TokenBucket, kept_for
 
 # Both are a share of what the line carries, where that is known, and never more than this.
 ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
@@ -48,13 +48,7 @@ class Speech:
         if frame.request is None:
             return b""
         asker = frame.system_id, frame.component_id
-        budget = self._answers_to.pop(asker, None)
-        if budget is None:
-            rate = SOURCE_SHARE * self._answers.rate
-            budget = TokenBucket(rate, BURST_S * rate)
-            if len(self._answers_to) >= SOURCES_MAX:
-                del self._answers_to[next(iter(self._answers_to))]
-        self._answers_to[asker] = budget
+        budget = kept_for(self._answers_to, asker, self._share, SOURCES_MAX)
         is_change = frame.request.kind == "parameter_set"
         if not (budget.has_any(now_s) and self._answers.has_any(now_s)) or (
             is_change and not self._changes.takes(now_s)
@@ -65,6 +59,10 @@ class Speech:
         budget.owe(len(said))
         self._answers.owe(len(said))
         return said
+
+    def _share(self) -> TokenBucket:
+        rate = SOURCE_SHARE * self._answers.rate
+        return TokenBucket(rate, BURST_S * rate)
 
     def text(self, severity: int, words: str, now_s: float) -> bytes:
         """Words to the pilot, as far as their budget goes."""

@@ -1,7 +1,7 @@
 """MAVLink frames cut out of a byte stream, without I/O and without a dialect.
 
 A frame is believed when its checksum fits. After damage the search goes on one byte further, not
-one frame further, so that a corrupted length does not swallow the good frames behind it.
+one frame further, so that a corrupted length holds the good frames behind it back, and swallows none.
 
 References
 ----------
@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from fastcrc.crc16 import mcrf4xx
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
-_HEADER_V1, _HEADER_V2 = 6, 10
-_HEADERS = {MAGIC_V1: _HEADER_V1, MAGIC_V2: _HEADER_V2}
+_HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
 _CHECKSUM = 2
 SIGNATURE = 13
 _SIGNED = 0x01
@@ -38,7 +37,7 @@ class RawFrame:
     """One frame as it came.
 
     ``is_verified`` is false for a message that the dialect does not know: its checksum cannot be
-    told, only that another frame or nothing follows it.
+    told, only that no verified frame begins inside it.
     """
 
     raw: bytes
@@ -156,18 +155,14 @@ class Framer:
         if size - start < _LENGTH_KNOWN:
             return _WAITING
         length, is_v1 = buffer[start + 1], buffer[start] == MAGIC_V1
-        if is_v1:
-            if start + 5 < size and length > self._lengths_max.get(buffer[start + 5], 255):
-                return self._denied("bad_length", is_counted)
-            body = start + _HEADER_V1 + length
-            end = body + _CHECKSUM
-        elif (flags := buffer[start + 2]) & ~_SIGNED:
+        if is_v1 and start + 5 < size and length > self._lengths_max.get(buffer[start + 5], 255):
+            return self._denied("bad_length", is_counted)
+        if not is_v1 and buffer[start + 2] & ~_SIGNED:
             return self._denied("incompatible", is_counted)
-        else:
-            body = start + _HEADER_V2 + length
-            end = body + _CHECKSUM + (SIGNATURE if flags else 0)
+        end = start + _length_at(buffer, start)
         if end > size:
             return _WAITING
+        body = start + _HEADERS[buffer[start]] + length
         number = buffer[start + 5] if is_v1 else int.from_bytes(buffer[start + 7 : start + 10], "little")
         extra = self._extras.get(number)
         if extra is None:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from companion.link.wire.framing import Framer, RawFrame
 from companion.link.wire.transport import Address
-from companion.token_bucket import TokenBucket
+from companion.token_bucket import TokenBucket, kept_for
 
 ADDRESSES_MAX = 16  # whose begun frames are kept, the last heard
 BURST_S = 2.0
@@ -61,10 +61,7 @@ class Incoming:
         if not (self._peer if is_peer else self._strangers).takes(stamp_s, len(data)):
             self._counters["flooded_bytes"] += len(data)
             return []
-        framer = self._framers.pop(address, None)
-        if framer is None:
-            framer = Framer(self._extras, self._counters, self._lengths_max)
-            if len(self._framers) >= ADDRESSES_MAX:
-                del self._framers[next(iter(self._framers))]
-        self._framers[address] = framer
-        return framer.feed(data)
+        return kept_for(self._framers, address, self._framer, ADDRESSES_MAX).feed(data)
+
+    def _framer(self) -> Framer:
+        return Framer(self._extras, self._counters, self._lengths_max)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from companion.token_bucket import TokenBucket
+from companion.token_bucket import TokenBucket, kept_for
 
 BURST_S = 2.0
 SOURCES_MAX = 1_000  # more are forgotten, the oldest first: a flood of ids must not fill the memory
@@ -53,15 +53,15 @@ class SourceLimits:
         if self._systems is not None and system_id not in self._systems:
             return "unlisted_system"
         source = system_id, component_id
-        bucket = self._buckets.pop(source, None) or TokenBucket(self._rate_hz, BURST_S * self._rate_hz)
-        if len(self._buckets) >= SOURCES_MAX:
-            del self._buckets[next(iter(self._buckets))]
-        self._buckets[source] = bucket
+        bucket = kept_for(self._buckets, source, self._bucket, SOURCES_MAX)
         if not bucket.takes(stamp_s):
             return "rate_limited"
         if not self._is_known(source, stamp_s) and not self._strangers.takes(stamp_s):
             return "total_limited"
         return ""
+
+    def _bucket(self) -> TokenBucket:
+        return TokenBucket(self._rate_hz, BURST_S * self._rate_hz)
 
     def _is_known(self, source: Source, stamp_s: float) -> bool:
         """Whether a source has been heard for a while; sixteen are remembered until they fall silent."""
