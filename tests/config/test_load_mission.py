@@ -330,11 +330,11 @@ def test_file_errors(tmp_path):
     for path, value in (
         (tmp_path / "none.yaml", "no such file or directory"),
         (tmp_path, "is a directory"),
-        ("bad\0name", "embedded null byte"),
+        ("bad\0name", "embedded null"),  # Pythons put it differently
     ):
         with pytest.raises(ConfigError, match="a mission file that can be read") as caught:
             load_mission(path)
-        assert caught.value.value == value
+        assert value in caught.value.value
     binary = tmp_path / "binary.yaml"
     binary.write_bytes(b"name: \xff\xfe\n")
     with pytest.raises(ConfigError, match="not UTF-8"):
