@@ -161,7 +161,8 @@ class Bench:
             )
         )  # fmt: skip
         self._said = []
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
         # Warm first, and an aircraft in the air then: kernels may have to be compiled.
         self.manager.hear_until(lambda words: "waiting for the first" in words.get("STATUS", ""))
         self._parts.enter_context(
@@ -172,10 +173,13 @@ class Bench:
         return self
 
     def _read(self):
-        for line in self.service.stdout:
-            self._said.append(line)
+        with self.service.stdout as lines:
+            self._said.extend(lines)
 
     def __exit__(self, *_):
+        if self.service.poll() is None:
+            self.service.kill()
+        self._reader.join()
         self._parts.close()
 
     @property
@@ -197,6 +201,7 @@ class Bench:
         self.service.send_signal(signal.SIGTERM)
         self.exit_code = self.service.wait(PATIENCE_S)
         self.ended_in_s = time.monotonic() - began
+        self._reader.join()
         self.said = "".join(self._said)
         return self.ended_in_s
 

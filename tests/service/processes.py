@@ -78,6 +78,9 @@ def process(*arguments, environment=None, **options):
     finally:
         if running.poll() is None:
             running.kill()
+        if running.stdout.closed:  # by a thread that read it
+            running.wait()
+        else:
             running.communicate()
 
 
