@@ -20,7 +20,9 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import RecordError
+from companion.link.messages.codec import signer_of
 from companion.link.wire.framing import frames_in, raw_frame
+from companion.link.wire.signing import Timestamps
 from companion.recording import mcap_schema
 from tests.service.processes import FIRST_FLIGHT, Manager, free_port, process
 from tests.support.messages import read_messages
@@ -51,11 +53,12 @@ class Heard:
 
 
 class Relay(threading.Thread):
-    """Passes datagrams on between the simulator and the service."""
+    """Passes datagrams on between the simulator and the service; with a signer, signs for the simulator."""
 
-    def __init__(self, service_port):
+    def __init__(self, service_port, signer=None):
         super().__init__(daemon=True)
         self.heard = Heard()
+        self._signer = signer
         self._service = ("127.0.0.1", service_port)
         self.outer, self.inner = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         self._parser = mavlink.MAVLink(None)
@@ -78,7 +81,7 @@ class Relay(threading.Thread):
         data, sender = line.recvfrom(65_536)
         if line is self.outer:
             self._simulator = sender
-            self.inner.sendto(data, self._service)
+            self.inner.sendto(data if self._signer is None else self._signer.signed(data), self._service)
             return
         for raw in frames_in(data):
             self._note(raw)
@@ -136,20 +139,38 @@ def datagrams(message_of, *, system=77, component=1):
         yield b"".join(bytes(message_of(next(numbers)).pack(writer)) for _ in range(FRAMES_A_DATAGRAM))
 
 
-class Bench:
-    """The three of them; a context."""
+def signed_mission(folder, mission, key):
+    """The mission file, with a key beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    key_file, file = folder / "key", folder / "signed.yaml"
+    key_file.write_bytes(key)
+    key_file.chmod(0o600)
+    file.write_text(
+        Path(mission).read_text(encoding="utf-8") + f"\nlink: {{signing: {{key_file: {key_file}}}}}\n",
+        encoding="utf-8",
+    )
+    return file
 
-    def __init__(self, folder, mission=FIRST_FLIGHT):
+
+class Bench:
+    """The three of them; a context.
+
+    ``key`` signs both ways; ``before`` is what an attacker does before the aircraft is switched on.
+    """
+
+    def __init__(self, folder, mission=FIRST_FLIGHT, *, key=None, before=lambda attacker: None):
         self.port = free_port(socket.SOCK_DGRAM)
         self.folder = folder
         self.said = ""
         self.exit_code = None
         self.ended_in_s = None
-        self._mission = mission
+        self._mission = mission if key is None else signed_mission(Path(folder), mission, key)
+        self._signer = None if key is None else signer_of(key, 1, Timestamps(None, time.time))
+        self._before = before
         self._parts = contextlib.ExitStack()
 
     def __enter__(self):
-        self.relay = Relay(self.port)
+        self.relay = Relay(self.port, self._signer)
         self.relay.start()
         self._parts.callback(self.relay.end)
         self.manager = Manager()
@@ -165,6 +186,7 @@ class Bench:
         self._reader.start()
         # Warm first, and an aircraft in the air then: kernels may have to be compiled.
         self.manager.hear_until(lambda words: "waiting for the first" in words.get("STATUS", ""))
+        self._before(self.attacker())
         self._parts.enter_context(
             process("-m", "sim", self._mission, "--listen", f"udpout://127.0.0.1:{self.relay.port}")
         )

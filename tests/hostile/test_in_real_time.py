@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.hostile.garbage import PATTERNS, faults_of, flooded
 from tests.hostile.real_time import Bench
 from tests.link.pymavlink_frames import heartbeat
+from tests.link.wire.test_signing import HEARTBEAT, KEY, NOW, theirs
 
 pytestmark = pytest.mark.slow  # half a minute each, of the computer's time
 PX4_MISSION = 4 << 24 | 4 << 16
@@ -82,3 +83,29 @@ def test_heartbeats_of_a_px4_change_no_dialect(bench):
 def test_a_short_flood_of_every_kind(tmp_path):
     found = flooded(tmp_path, 90.0)
     assert faults_of(found) == []
+
+
+def test_the_first_to_be_heard_is_not_the_vehicle_for_ever(tmp_path):
+    """A few heartbeats of another system, before the aircraft is switched on."""
+
+    def first(attacker):
+        for _ in range(4):
+            attacker.send(heartbeat(system=77))
+            time.sleep(0.3)
+
+    with Bench(tmp_path / "flights", before=first) as bench:
+        bench.until(12.0)
+        assert "swap" in kinds(bench)
+
+
+@pytest.mark.parametrize("strange", [2**48 - 3, 10 * 365 * 86_400 * 100_000 + NOW])
+def test_one_signed_frame_with_a_strange_time_ends_nothing(tmp_path, strange):
+    """By a holder of the key: the latest time there is, or ten years ahead."""
+    with Bench(tmp_path / "flights", key=KEY) as bench:
+        attacker = bench.attacker()
+        for second in range(12):
+            for system in (1, 255):
+                attacker.send(theirs(HEARTBEAT, time=strange + second, system=system))
+            bench.until(second + 1.0)
+        assert max(bench.heard.gaps_s(bench.begun_s + 1.0, bench.begun_s + 12.0)) < 1.5
+        assert "swap" in kinds(bench)

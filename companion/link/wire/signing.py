@@ -41,6 +41,7 @@ _HEADER = 10
 _EPOCH_S = 1_420_070_400.0  # 2015-01-01T00:00:00Z
 _UNITS_A_SECOND = 100_000
 _MINUTE = 60 * _UNITS_A_SECOND
+_JUMPED = 3 * _UNITS_A_SECOND
 _DAY = 86_400 * _UNITS_A_SECOND
 _BUILT = int(1_704_067_200.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2024-01-01: no computer ran this program before
 _LATEST = int(4_102_444_800.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2100-01-01; 48 bits end in 2104
@@ -83,7 +84,9 @@ class Timestamps:
         self._newest = self._floor = max([0, *self.streams.values()])
         self._leader: Stream | None = None
         self._lead = 0  # of the leader's time over the clock
+        self._jump: tuple[int, int] | None = None  # of the leader's time: when, by the clock, and to when
         self._written = self._clock()
+        self._was_believed = self._is_believed(self._written)
 
     @property
     def reference(self) -> int:
@@ -105,12 +108,11 @@ class Timestamps:
 
     def refusal(self, stream: Stream, time: int) -> str:
         """Why a frame of a stream with such a time is not believed, in a word; '' where it is."""
+        self._follow_clock()
         reference, last = self.reference, self.streams.get(stream)
-        is_leading = self._leader in (None, stream) and not self._is_believed(self._clock())
-        limit = _LATEST if is_leading else reference + _MINUTE
-        if time > limit:
+        if time > (_LATEST if self._may_lead(stream, time) else reference + _MINUTE):
             return "too_new"
-        if last is not None and last <= limit:  # what lies beyond was heard when the clock was wrong
+        if last is not None:
             return "replayed" if time <= last else ""
         if time + _MINUTE < reference:
             return "too_old"
@@ -122,13 +124,38 @@ class Timestamps:
         self.streams[stream] = time
         self._newest = max(self._newest, time)
         if not self._is_believed(clock) and self._leader in (None, stream):
-            self._leader, self._lead = stream, time - clock
+            self._leader, self._lead, self._jump = stream, time - clock, None
         if abs(clock - self._written) >= _KEEP_EVERY:  # by the clock, or a peer could have us write always
             self._write()
 
     def close(self) -> None:
         """Keep what is known now."""
         self._write()
+
+    def _may_lead(self, stream: Stream, time: int) -> bool:
+        """Whether a stream tells what time it is, for want of a clock that does.
+
+        The first that is believed does. Its time may jump, as with the first fix of its GPS: once it has
+        gone on from there for a while, and no frame of the time before came in between.
+        """
+        clock = self._clock()
+        if self._is_believed(clock) or self._leader not in (None, stream):
+            return False
+        if self._leader is None or time <= self.reference + _MINUTE:
+            return True
+        held = self._jump
+        if held is None or abs((time - held[1]) - (clock - held[0])) > _MINUTE:
+            self._jump = clock, time
+            return False
+        return clock - held[0] >= _JUMPED
+
+    def _follow_clock(self) -> None:
+        """Once the clock is right, times beyond it are forgotten: they were heard when it was not."""
+        clock, was_believed = self._clock(), self._was_believed
+        self._was_believed = self._is_believed(clock)
+        if self._was_believed and not was_believed:
+            limit = clock + _MINUTE
+            self.streams = {stream: time for stream, time in self.streams.items() if time <= limit}
 
     def _clock(self) -> int:
         """The computer's clock, which may tell any time."""

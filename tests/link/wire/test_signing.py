@@ -302,11 +302,26 @@ def test_without_a_clock_the_first_that_is_believed_tells_the_time_and_the_other
     assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW - year, component=2)))
     assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 59 * UNITS, component=2)))
     assert timestamps.next() <= NOW + 60 * UNITS
-    assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year)))  # as with its first GPS fix
+    for second in range(4):  # as with its first GPS fix
+        is_confirmed = second == 3
+        assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year + second * UNITS))) is is_confirmed
+        now[0] += 1.0
+    year += 4 * UNITS
     assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year, component=3)))
     now[0] += 600.0  # the first fell silent, and its time goes on
     assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year + 600 * UNITS, component=3)))
     assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + year + 661 * UNITS, component=3)))
+
+
+def test_without_a_clock_frames_of_another_time_in_the_vehicles_name_do_not_shut_it_out():
+    """By a holder of the key, ten years ahead, while the vehicle goes on."""
+    now = [100.0]
+    signer = made(timestamps=Timestamps(None, lambda: now[0]))
+    ahead = NOW + 3_650 * 86_400 * UNITS
+    for second in range(60):
+        now[0] += 1.0
+        assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + second * UNITS)))
+        assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=ahead + second * UNITS)))
 
 
 def test_a_clock_that_is_put_right_under_way_counts_from_then_on():
@@ -323,6 +338,20 @@ def test_a_clock_that_is_put_right_under_way_counts_from_then_on():
 
 
 # --- many streams
+
+
+@pytest.mark.parametrize("begin_s", [NOW_S, 1_437_000_000.0])
+@pytest.mark.parametrize("back_s", [30.0, 600.0, 8e6])
+def test_a_clock_set_back_makes_nothing_believable_that_is_earlier(begin_s, back_s):
+    """Fuzzed: a frame from before one that was believed was, where the clock had gone back meanwhile."""
+    clock = [begin_s]
+    signer = made(timestamps=Timestamps(None, lambda: clock[0]))
+    sent = int((begin_s - 1_420_070_400) * UNITS)
+    frames = [raw_frame(theirs(HEARTBEAT, time=sent + step)) for step in range(3)]
+    assert signer.accepts(frames[1])
+    clock[0] -= back_s
+    assert not any(signer.accepts(frame) for frame in frames[:2])
+    assert signer.accepts(frames[2]) is (back_s < 60.0), "a jump, from where the clock is now"
 
 
 def test_streams_are_a_hundred_at_most_in_memory_and_on_disk(tmp_path):
