@@ -11,6 +11,9 @@ _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _.
 _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pymavlink
 _.debug_lvl  # jsbsim
 
+# Of the simulator, for tests.
+_.displace
+
 # Written to recordings as a whole data class, and read from there by their keys.
 _.ended_s, _.waypoints_enu_m
 

@@ -133,10 +133,10 @@ class VehicleLink:
         if self.has_heard:
             self.send(self._speech.text(severity, text, self._clock.now_s()))
 
-    def keep_up(self, now_s: float, *, is_active: bool) -> None:
-        """Send what is due every second: the heartbeat, and requests for streams that do not come."""
+    def keep_up(self, now_s: float, state: int) -> None:
+        """Send what is due every second: the heartbeat with its MAV_STATE, and requests for streams."""
         if self.has_heard:
-            self.send(self.codec.heartbeat(is_active=is_active))
+            self.send(self.codec.heartbeat(state))
             self.send(self.streams.due(self.codec, now_s))
 
     def status(self) -> dict[str, object]:

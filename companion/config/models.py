@@ -262,6 +262,29 @@ class LinkConfig(Section):
     """MAVLink 2 signing; left out, nothing is signed or verified."""
 
 
+class UseBy(Section):
+    """Ages up to which what was heard is gone by; of what is older, the pilot hears.
+
+    Without a position, or the item being flown, nothing is planned and no mission changed: what is flown
+    stands. Bank, airspeed and wind are worked out from the rest instead.
+    """
+
+    position_s: Seconds = 1.5
+    """Of the aircraft's position."""
+    attitude_s: Seconds = 1.5
+    """Of its attitude."""
+    airspeed_s: Seconds = 1.5
+    """Of its airspeed."""
+    wind_s: Seconds = 30.0
+    """Of the autopilot's estimate of the wind."""
+    mission_item_s: Seconds = 5.0
+    """Of the number of the item being flown."""
+    track_s: Seconds = 10.0
+    """Of a moving threat's position; it is believed to be wherever it could have got to since."""
+    jump_confirm_s: Seconds = 30.0
+    """How long a position that jumped has to go on without another jump, until it is believed."""
+
+
 class Authority(Section):
     """What the service may do without asking the pilot.
 
@@ -337,6 +360,8 @@ class MissionConfig(Section):
     """Weather of the simulator."""
     link: LinkConfig = LinkConfig()
     """What is listened to."""
+    use_by: UseBy = UseBy()
+    """Ages up to which what was heard is gone by."""
     authority: Authority = Authority()
     """What the service may do without asking the pilot."""
     takeover: Takeover = Takeover()

@@ -26,9 +26,11 @@ ENDINGS = frozenset({Command.DO_JUMP, Command.NAV_LAND, Command.NAV_RETURN_TO_LA
 AHEAD_M = 5_000.0  # a take-off leads straight on
 
 
-def begin(state: FlightState, ownship: Ownship, current: MissionCurrent | None) -> Start:
+def begin(
+    state: FlightState, ownship: Ownship, current: MissionCurrent | None, *, is_urgent: bool = False
+) -> Start:
     """Where a plan that is made now takes effect: on the flown path, else on what the autopilot flies."""
-    ahead_s = lead_s(state.rules, state.mission_list.exchange_s)
+    ahead_s = lead_s(state, is_urgent=is_urgent)
     start = start_after(state, ownship, ahead_s)
     if start.rest is not None or current is None or not state.may_act:
         return start
@@ -55,7 +57,7 @@ def start_at_takeover(state: FlightState, current: MissionCurrent, ownship: Owns
     if row is None:
         return None
     exchange_s = state.mission_list.exchange_s + TAKEOVER_MARGIN_S
-    soonest_s = lead_s(state.rules, state.mission_list.exchange_s)
+    soonest_s = lead_s(state)
     ahead_s = max(float(track.times_s[row]) + exchange_s, soonest_s)
     return start_on(state, ownship, track, ahead_s)
 

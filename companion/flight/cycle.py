@@ -35,7 +35,7 @@ class EmergencyConclusion:
 
 def is_over(state: FlightState, ownship: Ownship) -> bool:
     """Whether the flown path ends before a plan begun now could be of use."""
-    return is_on_last_leg(state, ownship, lead_s(state.rules, state.mission_list.exchange_s))
+    return is_on_last_leg(state, ownship, lead_s(state))
 
 
 def flown_passes(state: FlightState, start: Start) -> bool:

@@ -44,6 +44,8 @@ class DecisionKind(Enum):
     HANDBACK = "handback", Severity.NOTICE
     RESTART = "restart", Severity.INFO
     LINK = "link", Severity.WARNING
+    STALE = "stale", Severity.WARNING
+    FRESH = "fresh", Severity.NOTICE
     FENCE = "fence", Severity.INFO
     RALLY = "rally", Severity.INFO
     RELOAD = "reload", Severity.NOTICE

@@ -24,6 +24,7 @@ OUTSIDE_S = 1.5  # at another item for so long, it is no report from before a sw
 UNDER_WAY_S = 4.0  # a command may still take effect, and a report from before still arrive, for so long
 ITEM_S = 0.02  # for each of a list's: half are written, one in 20 ms, all are read twice, several at once
 EXCHANGE_EXTRA_S = 0.5
+EXCHANGE_MIN_S = 0.3
 EXCHANGE_MAX_S = 12.0  # believed at most: what is further ahead is flown by then
 EXCHANGES_KEPT = 3
 MARGIN_OF_EXCHANGES = 1.3
@@ -151,9 +152,10 @@ class ListState:
 
     @property
     def exchange_s(self) -> float:
-        """How long a swap lasts from a plan to its entry, by the list's length and the last few swaps [s]."""
-        expected = ITEM_S * self.num_items + EXCHANGE_EXTRA_S
-        return min(EXCHANGE_MAX_S, max(expected, MARGIN_OF_EXCHANGES * max(self.lasted_s, default=0.0)))
+        """How long a swap lasts from a plan to its entry, by the last few swaps, or the list's length [s]."""
+        if not self.lasted_s:
+            return min(EXCHANGE_MAX_S, ITEM_S * self.num_items + EXCHANGE_EXTRA_S)
+        return min(EXCHANGE_MAX_S, max(EXCHANGE_MIN_S, MARGIN_OF_EXCHANGES * max(self.lasted_s)))
 
     def sending_s(self, mission: Mission) -> float:
         """How long a PX4 takes for a whole list [s]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,13 +11,16 @@ from companion.config.rules import Rules
 from companion.flight.flight_state import WINDOW_ROWS, FlightState
 from companion.frames import direction_from_course
 from companion.mission.path_progress import progress_on, rest_of_path, time_at
-from companion.planning.problem import StartState, initial_covariances
+from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.route import reassessed
 from companion.tracking.ownship import predicted
 from companion.types.path import Path
 from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
 
 OFF_TRACK_MAX_M = 80.0
 LAST_LEG_S = 10.0
+URGENT_BUDGET_S, URGENT_MARGIN_S = 0.3, 0.7  # at most, of a plan that answers a surprise
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +31,45 @@ class Start:
     rest: Path | None
 
 
-def lead_s(rules: Rules, exchange_s: float) -> float:
+def budget_s(rules: Rules, *, is_urgent: bool = False) -> float:
+    """How long a plan may take [s]; one that answers a surprise is handed over as soon as it will do."""
+    budget = float(rules.mission.planning.planning_budget_s)
+    return min(budget, URGENT_BUDGET_S) if is_urgent else budget
+
+
+def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
     """How long until a plan begun now is flown: planning, the exchange with the autopilot, margin [s]."""
-    planning = rules.mission.planning
-    return float(planning.planning_budget_s + planning.swap_margin_s) + exchange_s
+    margin = float(state.mission.planning.swap_margin_s)
+    if is_urgent:
+        margin = min(margin, URGENT_MARGIN_S)
+    return budget_s(state.rules, is_urgent=is_urgent) + margin + state.mission_list.exchange_s
+
+
+def carried_s(state: FlightState) -> float:
+    """How long the mission in the autopilot still carries [s]; endless where it carries to the path's end."""
+    flown = state.flown
+    if flown is None or flown.carried_until_s >= flown.path.times_s[-1]:
+        return math.inf
+    return flown.carried_until_s - float(flown.path.times_s[flown.row])
+
+
+def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
+    """The start with what is left of the flown path as it is to be judged in the world of now.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals and rules.
+    start : Start
+        Where a plan would begin.
+    snapshot : Snapshot
+        The world of now.
+    """
+    if start.rest is None:
+        return start
+    rules = state.rules
+    problem = Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
+    return replace(start, rest=reassessed(problem, start.rest))
 
 
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:

@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.config import MissionConfig
 from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
 from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import threat_scene
-from companion.tracking.ownship import OwnshipEstimator
+from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings
 from companion.tracking.tracker import Tracker
 from companion.types.events import Event, TrackReport
 from companion.types.state import Ownship
@@ -23,6 +24,18 @@ from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
 EYE_M = 2.0
+
+
+def _ages_of(mission: MissionConfig) -> OwnshipSettings:
+    """How old telemetry may grow by a mission file."""
+    use_by = mission.use_by
+    return OwnshipSettings(
+        position_max_age_s=use_by.position_s,
+        attitude_max_age_s=use_by.attitude_s,
+        airspeed_max_age_s=use_by.airspeed_s,
+        wind_max_age_s=use_by.wind_s,
+        jump_confirm_s=use_by.jump_confirm_s,
+    )
 
 
 class Situation:
@@ -39,7 +52,7 @@ class Situation:
     def __init__(self, rules: Rules, seed: int) -> None:
         self._read(rules)
         mission = rules.mission
-        self.ownship = OwnshipEstimator(mission.frame)
+        self.ownship = OwnshipEstimator(mission.frame, _ages_of(mission))
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
         self.newest_track_s = -math.inf
         self.reports: Counter[str] = Counter()  # by the message they came in
@@ -63,6 +76,7 @@ class Situation:
         before, known = self._rules.mission.radars, self._snapshot.threats.known
         sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
         self._read(rules)
+        self.ownship.go_by(_ages_of(rules.mission))
         kept = np.array([radar in sensed for radar in rules.mission.radars], dtype=np.int64)
         self._snapshot = self._snapshot.with_known(kept)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import path_cost
 from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
-from companion.planning.problem import GoalRegion
+from companion.planning.problem import GoalRegion, Problem
 from companion.types.path import Path
 
 
@@ -178,6 +178,28 @@ def path_from_route(route: Route, assessment: Assessment) -> Path:
         position_covariances_m2=assessment.covariances,
         collision_free=assessment.clear,
         threat_levels=assessment.levels,
+    )
+
+
+def reassessed(problem: Problem, path: Path) -> Path:
+    """The path with the uncertainty and the threat levels that it has in the problem's world.
+
+    Some milliseconds: no search, but the same kernels by which a search judges its paths.
+
+    Parameters
+    ----------
+    problem : Problem
+        Where the aircraft is on the path's first row, how well that is known, and the world.
+    path : Path
+        What is left of a path; its levels are of the world that it was planned in.
+    """
+    exploration = Exploration(problem, np.random.default_rng(problem.seed))
+    found = assess_route(exploration, route_from_path(path))
+    return replace(
+        path,
+        position_covariances_m2=found.covariances,
+        collision_free=found.clear,
+        threat_levels=found.levels,
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from companion.clock import Clock
 from companion.errors import LinkError, TransferError
@@ -65,6 +66,12 @@ class ReplayLink(AutopilotLink):
             return
         self.has_diverged = True
         self.abandon()
+
+    @property
+    def current(self) -> MissionCurrent | None:
+        """What is flown; the model tells it all the time."""
+        told = super().current
+        return replace(told, stamp_s=self._clock.now_s()) if self.has_diverged and told is not None else told
 
     @property
     def has_stored(self) -> bool:

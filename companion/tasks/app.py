@@ -39,13 +39,16 @@ from companion.types.events import (
     MissionCurrent,
     StatusText,
 )
+from companion.types.mavlink_enums import SystemState
 from companion.types.state import Ownship
 
 SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
 HOUSEKEEPING_S = 1.0
+FENCES_S = 0.2  # between looks at whether they are to be read
 STATE_S = 0.2
 LET_GO_S = 30.0  # a vehicle silent for so long on the ground may be followed by another
 LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # of the autopilot's words; a boot has some forty
+FRESH_AGAIN = "all is heard again"
 FAREWELL_S = 0.2  # for the last words to leave before the link is closed
 TOLD = {
     Mode.SUSPENDED: (DecisionKind.SUSPENDED, "by the pilot"),
@@ -103,7 +106,10 @@ class App:
         await self.link.open(self._take, self._parameters)
         try:
             async with asyncio.TaskGroup() as tasks:
-                for name, task in (("housekeeping", self._housekeeping), ("states", self._states)):
+                beside = {
+                    "housekeeping": self._housekeeping, "states": self._states, "fences": self._keep_up_fences
+                }  # fmt: skip
+                for name, task in beside.items():
                     tasks.create_task(_guarded(name, task), name=name)
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
@@ -320,7 +326,7 @@ class App:
         """Heartbeat, streams, and the watch over the autopilot's silence, at 1 Hz."""
         while True:
             now = self._clock.now_s()
-            self.link.keep_up(now, is_active=self.mode is Mode.ACTIVE)
+            self.link.keep_up(now, self._system_state())
             if not self.hears_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
             settings = self.link.streams.settings
@@ -331,6 +337,22 @@ class App:
             self._parameters.keep()
             self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
+
+    async def _keep_up_fences(self) -> None:
+        """Read the fences again and again, beside planning, from the first plan on."""
+        while True:
+            is_wanted = self.replanning.num_plans and not self.mode.is_before_takeover
+            if is_wanted and self.hears_autopilot and not self.replanning.freshness.is_blind:
+                await self.replanning.geofences.keep_up()
+            await self._clock.sleep_until(self._clock.now_s() + FENCES_S)
+
+    def _system_state(self) -> SystemState:
+        """What the heartbeat tells."""
+        if not self._is_warm:
+            return SystemState.BOOT
+        if self.mode is not Mode.ACTIVE or not self._parameters.is_replanning:
+            return SystemState.STANDBY
+        return SystemState.CRITICAL if self.replanning.is_in_trouble() else SystemState.ACTIVE
 
     def _note_link(self, now: float) -> None:
         """Record how the link is, and tell once that the recording ended."""
@@ -348,6 +370,8 @@ class App:
         """Record the flight, and notice the goal."""
         while True:
             now = self._clock.now_s()
+            if self.replanning.freshness.look(now):
+                self.replanning.plan_at_once(FRESH_AGAIN)
             ownship = self.situation.ownship.state(now)
             if ownship is not None:
                 tracks = self.situation.tracker.tracks(now)

@@ -51,7 +51,7 @@ class LookAhead:
         maker.schedule.begin(parts.clock.now_s())
         if self._keeps_ready():
             return
-        await parts.geofences.renew()
+        await parts.geofences.read_once()
         await maker.until_begun()
         now, state = parts.clock.now_s(), parts.flight.state
         start = self._start(now)
@@ -92,7 +92,7 @@ class LookAhead:
             return None
         if state.mode is Mode.DEPARTING:
             return None if current is None else start_at_takeover(state, current, ownship)
-        return start_by_motion(state.rules, ownship, lead_s(state.rules, state.mission_list.exchange_s))
+        return start_by_motion(state.rules, ownship, lead_s(state))
 
     def _tell(self, kind: DecisionKind, text: str) -> None:
         """Say what planning ahead came to, once until it comes to something else."""

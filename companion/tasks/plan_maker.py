@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from companion.clock import Clock
 from companion.comms.observer import Observer
 from companion.config.rules import Rules
 from companion.flight.flight_state import FlightState
-from companion.flight.progress import Start
+from companion.flight.progress import Start, budget_s
 from companion.planning.plan_runner import PlanRunner, StopRule
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve
@@ -28,6 +29,7 @@ Conclusion = TypeVar("Conclusion")
 __all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
 PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
+STALLED_S = 5.0  # beyond its budget
 SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
 
 
@@ -49,6 +51,8 @@ class PlanRequest:
         Whether the rest of the flown path is worth improving on.
     snapshot : Snapshot
         The world.
+    is_urgent : bool
+        Whether it answers a surprise.
     """
 
     purpose: str
@@ -57,18 +61,23 @@ class PlanRequest:
     start: Start
     improves: bool
     snapshot: Snapshot
+    is_urgent: bool = False
 
 
-def plan_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRequest:
+def plan_request(
+    state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
+) -> PlanRequest:
     """What is asked of the planner in the ordinary course of a flight."""
     # A flown path that fails the check, since the world has changed, is nothing to improve on.
     improves = start.rest is not None and not state.violations_of(start.rest)
-    return PlanRequest(PLAN, state.rules, state.goals_left, start, improves, snapshot)
+    return PlanRequest(PLAN, state.rules, state.goals_left, start, improves, snapshot, is_urgent)
 
 
-def least_threat_request(state: FlightState, start: Start, snapshot: Snapshot) -> PlanRequest:
+def least_threat_request(
+    state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
+) -> PlanRequest:
     """What is asked in an emergency: threats weigh most, and have no limit."""
-    return PlanRequest(LEAST_THREAT, state.rules, state.goals_left, start, False, snapshot)
+    return PlanRequest(LEAST_THREAT, state.rules, state.goals_left, start, False, snapshot, is_urgent)
 
 
 def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:
@@ -183,6 +192,11 @@ class PlanMaker:
         self._recorder = recorder
         self._observer = observer
         self._num_runs = 0
+        self._overdue_s = math.inf
+
+    def is_stalled(self, now_s: float) -> bool:
+        """Whether a plan is being made long beyond its budget."""
+        return now_s > self._overdue_s
 
     @property
     def num_plans(self) -> int:
@@ -212,10 +226,11 @@ class PlanMaker:
             Takes the plan; what comes of it.
         """
         begun_s = self._clock.now_s()
-        budget_s = float(request.rules.mission.planning.planning_budget_s)
+        allowed_s = budget_s(request.rules, is_urgent=request.is_urgent)
         self._num_runs += 1
+        self._overdue_s = begun_s + allowed_s + STALLED_S
         self._observer.progress()
-        timing = self._runner.timing(self._clock, budget_s, self._num_runs)
+        timing = self._runner.timing(self._clock, allowed_s, self._num_runs)
 
         def work() -> tuple[PlanRun, Conclusion]:
             run = self._planner.run(request, timing.rule)
@@ -224,6 +239,7 @@ class PlanMaker:
         run, concluded = await in_thread(work) if timing.is_threaded else work()
         if timing.until_s is not None:
             await self._clock.sleep_until(timing.until_s)
+        self._overdue_s = math.inf
         self._observer.progress()
         self._observer.planned(run.plan, run.plan_ms)
         self._record(run, request, begun_s)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 SUSPICION_S = 1.0  # soonest after a plan that signs of another uploader are looked into
 RETRY_S = 3.0  # between plans while nothing safe is flown
 EARLY_REPLAN_S = 5.0  # soonest after a plan that news of threats makes another
+SURPRISE_S = 1.0  # soonest after a plan that what is flown, having become worse, makes another
+ENDS_S = 5.0  # sooner than a plan would take effect: then the mission is extended before it ends
 BEGIN = "the mission is flown"
 
 
@@ -37,6 +40,8 @@ class PlanSchedule:
         When it was found to be due, by the clock [s].
     planned_for : KnownThreats
         What the last plan knew.
+    is_urgent : bool
+        Whether the plan that is due, or was made last, answers a surprise.
     """
 
     def __init__(self) -> None:
@@ -45,11 +50,12 @@ class PlanSchedule:
         self.planned_for = KnownThreats()
         self._last_s = -math.inf
         self._retry, self._retry_s = "", math.inf
+        self.is_urgent = False
 
-    def plan_at_once(self) -> None:
+    def plan_at_once(self, why: str = BEGIN) -> None:
         """Whatever was flown meanwhile, plan from here at once."""
         self._last_s = -math.inf
-        self.occasion = BEGIN
+        self.occasion = why
 
     def begin(self, now_s: float) -> None:
         """A plan is being made."""
@@ -65,7 +71,15 @@ class PlanSchedule:
         self._retry, self._retry_s = why, at_s
 
     def is_due(
-        self, now_s: float, horizon_s: float, known: KnownThreats, suspected: str, *, flies_to_goal: bool
+        self,
+        now_s: float,
+        horizon_s: float,
+        known: KnownThreats,
+        suspected: str,
+        *,
+        flies_to_goal: bool,
+        surprise: str = "",
+        ends_soon: bool = False,
     ) -> bool:
         """Whether a plan is due now; then :attr:`occasion` tells why.
 
@@ -80,23 +94,35 @@ class PlanSchedule:
         suspected : str
             Signs of another uploader, '' without any.
         flies_to_goal : bool
-            Whether what is flown leads to the last goal.
+            Whether what is flown leads to the last goal, and passes.
+        surprise : str
+            How what is flown has become worse since it was judged last; '' if it has not.
+        ends_soon : bool
+            Whether the mission in the autopilot ends before a later plan could extend it.
         """
         since = now_s - self._last_s
+        self.is_urgent = bool(surprise) and since >= SURPRISE_S
         wanted = horizon_s if flies_to_goal else RETRY_S
         if since == math.inf:
             return True
-        news = self.planned_for.news(known) if since >= EARLY_REPLAN_S else ""
-        if suspected and since >= SUSPICION_S:
-            self.occasion = f"another uploader? {suspected}"
-        elif news:
-            self.occasion = news
-        elif self._retry:
-            if now_s < self._retry_s:
-                return False
-            self.occasion = self._retry
-        elif since >= wanted:
-            self.occasion = f"{wanted:g} s since the last plan"
-        else:
-            return False
-        return True
+        sooner = (
+            (SURPRISE_S, surprise),
+            (SUSPICION_S, f"another uploader? {suspected}" if suspected else ""),
+            (EARLY_REPLAN_S, self.planned_for.news(known)),
+        )
+        later = (
+            (RETRY_S, "the mission ends" if ends_soon else ""),
+            (wanted, f"{wanted:g} s since the last plan"),
+        )
+        occasion = _first(sooner, since)
+        if not occasion and self._retry:
+            occasion = self._retry if now_s >= self._retry_s else ""
+        elif not occasion:
+            occasion = _first(later, since)
+        self.occasion = occasion or self.occasion
+        return bool(occasion)
+
+
+def _first(occasions: Iterable[tuple[float, str]], since_s: float) -> str:
+    """The first of several occasions, each with when it counts after the last plan [s]; '' if none does."""
+    return next((occasion for after_s, occasion in occasions if occasion and since_s >= after_s), "")

@@ -19,6 +19,7 @@ from companion.flight.cycle import (
 )
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.modes import ModeEvent
+from companion.flight.progress import as_of_now, carried_s, lead_s
 from companion.flight.shaping import ShapedPath, conclude
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
@@ -29,8 +30,9 @@ from companion.tasks.plan_maker import (
     plan_request,
     rally_request,
 )
-from companion.tasks.plan_schedule import RETRY_S, SUSPICION_S
+from companion.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
 from companion.tasks.replanning_parts import ReplanningParts, known_threats
+from companion.tasks.surprise_watch import SurpriseWatch
 from companion.world.snapshot import Snapshot
 
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
@@ -53,9 +55,11 @@ class Replanning:
     handover : Handover
         Brings missions to the autopilot.
     geofences : Geofences
-        Renewed before each plan.
+        Kept up beside planning.
     look_ahead : LookAhead
         Plans for the moment at which the aircraft is left to us.
+    freshness : FreshnessWatch
+        Without what is vital nothing is planned or handed over.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -67,15 +71,17 @@ class Replanning:
         self._rally_points = parts.rally_points
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
+        self.freshness = parts.freshness
+        self._surprises = SurpriseWatch(parts.flight, parts.situation, parts.handover.reader)
 
     @property
     def num_plans(self) -> int:
         """How many plans were begun."""
         return self._maker.num_plans
 
-    def plan_at_once(self) -> None:
+    def plan_at_once(self, why: str = BEGIN) -> None:
         """Whatever was flown meanwhile, plan from here at once."""
-        self._schedule.plan_at_once()
+        self._schedule.plan_at_once(why)
 
     def break_off(self) -> None:
         """End an exchange that is under way where it stands; nothing is ready for a way back."""
@@ -86,15 +92,22 @@ class Replanning:
         """When to look next whether a plan is due, by the clock [s]."""
         return self._maker.next_look_s()
 
+    def is_in_trouble(self) -> bool:
+        """Whether the planner cannot do its work now: it is blind, or stands still."""
+        return self.freshness.is_blind or self._maker.is_stalled(self._clock.now_s())
+
     def is_due(self) -> bool:
         """Whether a plan is due."""
-        state = self._flight.state
+        state, now = self._flight.state, self._clock.now_s()
+        surprise = self._surprises.look(now)
         return self._schedule.is_due(
-            self._clock.now_s(),
+            now,
             state.rules.time_horizon_s,
-            known_threats(self._situation, self._clock.now_s()),
+            known_threats(self._situation, now),
             state.mission_list.suspected,
-            flies_to_goal=state.flies_to_goal and state.may_act,
+            flies_to_goal=state.flies_to_goal and state.may_act and not self._surprises.is_failing,
+            surprise=surprise,
+            ends_soon=state.may_act and carried_s(state) < lead_s(state) + ENDS_S,
         )
 
     async def plan_once(self) -> ModeEvent | None:
@@ -107,6 +120,8 @@ class Replanning:
         """
         now = self._clock.now_s()
         self._schedule.begin(now)
+        if self.freshness.is_blind:
+            return None  # until it is told that all is there again
         if not self.handover.is_settled():
             self._schedule.retry(now + SUSPICION_S, "it was not known what is flown")
             return None
@@ -115,7 +130,7 @@ class Replanning:
             return event
         if await self._flew_prepared():
             return None
-        await self.geofences.renew()
+        await self.geofences.read_once()
         await self._rally_points.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
@@ -126,8 +141,11 @@ class Replanning:
         self._schedule.knows(known_threats(self._situation, now))
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
-            start = begin(state, ownship, self.handover.reader.current)
-            await self._plan(plan_request(state, start, snapshot), track_s)
+            is_urgent = self._schedule.is_urgent
+            start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
+            start = as_of_now(state, start, snapshot)
+            self._surprises.judged(start)
+            await self._plan(plan_request(state, start, snapshot, is_urgent=is_urgent), track_s)
         return None
 
     async def _flew_prepared(self) -> bool:
@@ -147,6 +165,9 @@ class Replanning:
         run, found = await self._maker.make(request, lambda plan: conclude(state, plan, request.start))
         if not self._flight.state.may_act:
             return
+        if self._flight.state.rules is not state.rules:
+            self._schedule.plan_at_once("the rules changed meanwhile")
+            return
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
             return
@@ -165,13 +186,15 @@ class Replanning:
         ownship, state = self._situation.ownship.state(self._clock.now_s()), self._flight.state
         if ownship is None:
             return
-        start = begin(state, ownship, self.handover.reader.current)
+        is_urgent = request.is_urgent
+        start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
+        start = as_of_now(state, start, request.snapshot)
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
         home = way_home(state, ownship) if state.mission.authority.allow_rtl else None
         run, found = await self._maker.make(
-            least_threat_request(state, start, request.snapshot),
+            least_threat_request(state, start, request.snapshot, is_urgent=is_urgent),
             lambda plan: conclude_emergency(state, plan, failed.plan, start, home),
         )
         if found.step in LAST_RESORTS and state.rally_points:
@@ -220,10 +243,13 @@ class Replanning:
 
     async def _hand_over(self, shaped: ShapedPath, plan_ms: float, track_s: float) -> SwapOutcome:
         """Hand a mission over, and see what is flown then."""
+        if self.freshness.is_blind:
+            return SwapOutcome.REFUSED
         outcome = await self.handover.hand_over(
             shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
         )
         if outcome is SwapOutcome.FLOWN:
+            self._surprises.entered(float(shaped.path.threat_levels.max()))
             self._num_failed_swaps = 0
             if shaped.verdict is not Verdict.EMERGENCY:
                 self.emergency = None

@@ -14,10 +14,11 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.recording.recorder import Recorder
 from companion.swapping.handover import Handover
 from companion.swapping.protocols import protocols_for
-from companion.tasks.geofences import Geofences
 from companion.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.tasks.plan_schedule import KnownThreats
-from companion.tasks.rally_points import RallyPoints
+from companion.upkeep.freshness_watch import FreshnessWatch
+from companion.upkeep.geofences import Geofences
+from companion.upkeep.rally_points import RallyPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +36,11 @@ class ReplanningParts:
     handover : Handover
         Brings them to the autopilot.
     geofences : Geofences
-        Renewed before each plan.
+        Kept up beside planning.
     rally_points : RallyPoints
         Renewed when they are told to be others.
+    freshness : FreshnessWatch
+        Knows what is stale.
     announcer : Announcer
         Told what is decided.
     clock : Clock
@@ -50,6 +53,7 @@ class ReplanningParts:
     handover: Handover
     geofences: Geofences
     rally_points: RallyPoints
+    freshness: FreshnessWatch
     announcer: Announcer
     clock: Clock
 
@@ -74,8 +78,9 @@ def parts_for(
         situation=situation,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
         handover=Handover(protocols, announcer, checkpoint, recorder, observer),
-        geofences=Geofences(flight, situation, link, announcer),
+        geofences=Geofences(flight, situation, link, announcer, clock),
         rally_points=RallyPoints(flight, link, announcer, clock),
+        freshness=FreshnessWatch(flight, situation, link, announcer),
         announcer=announcer,
         clock=clock,
     )

@@ -10,11 +10,13 @@ import math
 from collections import Counter
 from dataclasses import astuple, dataclass, replace
 
-from companion.frames import LocalFrame
+from companion.frames import LocalFrame, wrapped_angle
+from companion.tracking.position_integrity import PositionIntegrity
 from companion.types.events import (
     AirData,
     Attitude,
     EstimatorAccuracy,
+    EstimatorHealth,
     Event,
     GlobalPosition,
     WindEstimate,
@@ -26,6 +28,9 @@ BANK_MAX_RAD = math.radians(75.0)
 TURN_RATE_MIN_RAD_S = 1e-6
 TURN_AIRSPEED_MIN_M_S = 1.0  # slower air flows past no wing: g·tan(bank)/v says nothing there
 
+WIND_TIME_S = 20.0  # of the filter behind the wind that is worked out here
+TURN_COMPARED_S = 1.0  # apart at most are two positions from which a turn is taken
+
 _HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
 
 
@@ -35,12 +40,12 @@ class OwnshipSettings:
 
     Parameters
     ----------
-    extrapolate_max_s : float
-        Longest time a position is moved on by its velocity [s].
-    stale_after_s : float
-        Age of the position from which nothing should be decided by it [s].
-    secondary_max_age_s : float
-        Age from which airspeed and bank count as not heard [s].
+    position_max_age_s : float
+        Age of the position from which nothing is decided by it [s].
+    attitude_max_age_s, airspeed_max_age_s, wind_max_age_s : float
+        Ages from which these count as not heard, and are worked out from what is [s].
+    jump_confirm_s : float
+        For how long a position that jumped has to go on without another jump, until it is believed [s].
     course_speed_min_m_s : float
         Ground speed below which the course is taken from the yaw: at rest a velocity has no
         direction [m/s].
@@ -48,9 +53,11 @@ class OwnshipSettings:
         Accuracy taken until the autopilot tells its own [m].
     """
 
-    extrapolate_max_s: float = 1.0
-    stale_after_s: float = 2.0
-    secondary_max_age_s: float = 3.0
+    position_max_age_s: float = 1.5
+    attitude_max_age_s: float = 1.5
+    airspeed_max_age_s: float = 1.5
+    wind_max_age_s: float = 30.0
+    jump_confirm_s: float = 30.0
     course_speed_min_m_s: float = 1.0
     position_std_horizontal_m: float = 2.0
     position_std_vertical_m: float = 3.0
@@ -84,11 +91,16 @@ class OwnshipEstimator:
         self._air: AirData | None = None
         self._attitude: Attitude | None = None
         self._wind: WindEstimate | None = None
+        self._own_wind: WindEstimate | None = None
+        self._turn_rad_s = 0.0
         self._accuracy: EstimatorAccuracy | None = None
+        self._integrity = PositionIntegrity()
         self.counters: Counter[str] = Counter()
 
     def observe(self, event: Event) -> None:
         """Take in an event; those that say nothing of the own state are passed over."""
+        if isinstance(event, EstimatorHealth):
+            self._integrity.note_health(event)
         if not isinstance(event, _HEARD):
             return
         if not _is_finite(event):
@@ -100,10 +112,7 @@ class OwnshipEstimator:
             return
         match event:
             case GlobalPosition():
-                self._position = event
-                self._place_enu_m = self._frame.local_from_global(
-                    event.latitude_deg, event.longitude_deg, event.altitude_amsl_m
-                )
+                self._note_position(event)
             case AirData():
                 self._air = event
             case Attitude():
@@ -113,22 +122,79 @@ class OwnshipEstimator:
             case EstimatorAccuracy():
                 self._accuracy = event
 
-    def is_stale(self, now_s: float) -> bool:
-        """Whether no position was heard, or none lately."""
-        return self._position is None or now_s - self._position.stamp_s > self._settings.stale_after_s
+    def _note_position(self, event: GlobalPosition) -> None:
+        before, self._position = self._position, event
+        self._place_enu_m = self._frame.local_from_global(
+            event.latitude_deg, event.longitude_deg, event.altitude_amsl_m
+        )
+        self._integrity.note_position(event, self._place_enu_m, self._settings.jump_confirm_s)
+        self._note_turn(before, event)
+        self._note_own_wind(event)
+
+    def _note_turn(self, before: GlobalPosition | None, event: GlobalPosition) -> None:
+        """Rate of turn between two positions, for want of a bank."""
+        self._turn_rad_s = 0.0
+        step_s = 0.0 if before is None else event.stamp_s - before.stamp_s
+        if before is None or not 0.0 < step_s <= TURN_COMPARED_S:
+            return
+        (east, north, _), (east_before, north_before, _) = event.velocity_enu_m_s, before.velocity_enu_m_s
+        turned = math.atan2(east, north) - math.atan2(east_before, north_before)
+        self._turn_rad_s = wrapped_angle(turned) / step_s
+
+    def _note_own_wind(self, event: GlobalPosition) -> None:
+        """Velocity over the ground less that through the air, smoothed: it flies where it points."""
+        air, attitude, now_s = self._air, self._attitude, event.stamp_s
+        is_known = self._is_fresh(air, now_s, self._settings.airspeed_max_age_s)
+        if air is None or attitude is None or not is_known or air.airspeed_m_s < TURN_AIRSPEED_MIN_M_S:
+            return
+        if not self._is_fresh(attitude, now_s, self._settings.attitude_max_age_s):
+            return
+        speed = air.airspeed_m_s * math.cos(attitude.pitch_rad)
+        east = event.velocity_enu_m_s[0] - speed * math.sin(attitude.yaw_rad)
+        north = event.velocity_enu_m_s[1] - speed * math.cos(attitude.yaw_rad)
+        held = self._own_wind
+        if held is None:
+            self._own_wind = WindEstimate(now_s, east, north)
+            return
+        step_s = max(now_s - held.stamp_s, 0.0)
+        share = step_s / (WIND_TIME_S + step_s)
+        self._own_wind = WindEstimate(
+            now_s,
+            held.wind_east_m_s + share * (east - held.wind_east_m_s),
+            held.wind_north_m_s + share * (north - held.wind_north_m_s),
+        )
+
+    def go_by(self, settings: OwnshipSettings) -> None:
+        """Go by other ages from now on."""
+        self._settings = settings
+
+    def heard_s(self) -> dict[str, float]:
+        """When each input was heard last, by the clock [s]; minus infinity for one that never was."""
+        kept = {
+            "position": self._position, "attitude": self._attitude,
+            "airspeed": self._air, "wind": self._wind,
+        }  # fmt: skip
+        return {name: -math.inf if event is None else event.stamp_s for name, event in kept.items()}
+
+    def doubt(self, now_s: float) -> str:
+        """Why positions, though they come, are not to be believed now; '' if they are."""
+        return self._integrity.doubt(now_s, self._settings.jump_confirm_s)
 
     def state(self, now_s: float) -> Ownship | None:
-        """Return the state moved on to ``now_s``, as far as settings allow; None before any position.
+        """Return the state moved on to ``now_s``; None where no position is fresh and to be believed.
 
-        ``stamp_s`` of the answer is the instant it was moved on to. Airspeed not heard is the
-        length of ground velocity less wind.
+        ``stamp_s`` of the answer is the instant it was moved on to. What is not fresh is worked out:
+        airspeed as the length of ground velocity less wind, bank from the turn over ground, wind from
+        airspeed, yaw and ground velocity.
         """
         heard = self._position
-        if heard is None:
+        if heard is None or not self._is_fresh(heard, now_s, self._settings.position_max_age_s):
             return None
-        ahead = min(max(now_s - heard.stamp_s, 0.0), self._settings.extrapolate_max_s)
+        if self.doubt(now_s):
+            return None
+        ahead = max(now_s - heard.stamp_s, 0.0)
         east, north, up = heard.velocity_enu_m_s
-        wind = (0.0, 0.0) if self._wind is None else (self._wind.wind_east_m_s, self._wind.wind_north_m_s)
+        wind = self._wind_now(now_s)
         ground_speed = math.hypot(east, north)
         place = self._place_enu_m
         return Ownship(
@@ -153,17 +219,34 @@ class OwnshipEstimator:
             return self._attitude.yaw_rad % (2.0 * math.pi)
         return math.atan2(east_m_s, north_m_s) % (2.0 * math.pi)
 
+    @staticmethod
+    def _is_fresh(heard: GlobalPosition | Attitude | AirData | WindEstimate | None, now_s: float,
+                  max_age_s: float) -> bool:  # fmt: skip
+        return heard is not None and now_s - heard.stamp_s <= max_age_s
+
+    def _wind_now(self, now_s: float) -> tuple[float, float]:
+        """The autopilot's while it is fresh, then that worked out here, then the last there was."""
+        told, own = self._wind, self._own_wind
+        max_age_s = self._settings.wind_max_age_s
+        is_own_better = self._is_fresh(own, now_s, max_age_s) and not self._is_fresh(told, now_s, max_age_s)
+        wind = own if told is None or is_own_better else told
+        return (0.0, 0.0) if wind is None else (wind.wind_east_m_s, wind.wind_north_m_s)
+
     def _airspeed(self, now_s: float, east_m_s: float, north_m_s: float, up_m_s: float) -> float:
         air = self._air
-        if air is not None and now_s - air.stamp_s <= self._settings.secondary_max_age_s:
+        if air is not None and self._is_fresh(air, now_s, self._settings.airspeed_max_age_s):
             return air.airspeed_m_s
         return math.hypot(east_m_s, north_m_s, up_m_s)
 
     def _bank(self, now_s: float) -> float:
         attitude = self._attitude
-        if attitude is None or now_s - attitude.stamp_s > self._settings.secondary_max_age_s:
+        if attitude is not None and self._is_fresh(attitude, now_s, self._settings.attitude_max_age_s):
+            return attitude.bank_rad
+        if self._position is None:
             return 0.0
-        return attitude.bank_rad
+        # The circle is flown through the air; over the ground its rate of turn is about the same.
+        speed = math.hypot(*self._position.velocity_enu_m_s[:2])
+        return math.atan(self._turn_rad_s * speed / GRAVITY_M_S2)
 
     def _position_std(self) -> tuple[float, float]:
         if self._accuracy is None:

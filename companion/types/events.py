@@ -43,7 +43,7 @@ class Dialect(Enum):
 
     @property
     def tells_covariances(self) -> bool:
-        """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND alone."""
+        """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND and EKF_STATUS_REPORT."""
         return self is Dialect.PX4
 
     @property
@@ -183,12 +183,21 @@ class EstimatorAccuracy:
 
 
 @dataclass(frozen=True, slots=True)
+class EstimatorHealth:
+    """EKF_STATUS_REPORT, ESTIMATOR_STATUS or GPS_RAW_INT: which of them, and the fault found, '' for none."""
+
+    stamp_s: float
+    source: str
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
 class MissionCurrent:
     """MISSION_CURRENT.
 
-    ``mission_id`` is 0 where the autopilot gives none (ArduPlane), and so is ``rally_id``, the name of its
-    rally points. ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not started, 3 active, 4 paused,
-    5 complete.
+    ``mission_id`` is 0 where the autopilot gives none (ArduPlane), and so are ``rally_id`` and ``fence_id``,
+    the names of its rally points and fences. ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not
+    started, 3 active, 4 paused, 5 complete.
     """
 
     stamp_s: float
@@ -197,6 +206,7 @@ class MissionCurrent:
     mission_id: int
     state: int = 0
     rally_id: int = 0
+    fence_id: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,6 +298,7 @@ Event = (
     | Attitude
     | WindEstimate
     | EstimatorAccuracy
+    | EstimatorHealth
     | MissionCurrent
     | MissionItemReached
     | LandedTold

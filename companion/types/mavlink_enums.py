@@ -25,6 +25,7 @@ class MessageId(IntEnum):
     """Messages, by their ids."""
 
     HEARTBEAT = 0
+    GPS_RAW_INT = 24
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
     MISSION_WRITE_PARTIAL_LIST = 38
@@ -44,6 +45,7 @@ class MessageId(IntEnum):
     COMMAND_ACK = 77
     AUTOPILOT_VERSION = 148
     WIND = 168
+    EKF_STATUS_REPORT = 193
     ESTIMATOR_STATUS = 230
     WIND_COV = 231
     HOME_POSITION = 242
@@ -188,6 +190,37 @@ class ModeFlag(IntFlag):
 
     CUSTOM_MODE_ENABLED = 1
     SAFETY_ARMED = 128
+
+
+class SystemState(IntEnum):
+    """MAV_STATE of a HEARTBEAT."""
+
+    BOOT = 1
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+
+
+class EstimatorStatusFlag(IntFlag):
+    """ESTIMATOR_STATUS_FLAGS, what says whether there is a position; PX4's."""
+
+    POS_HORIZ_ABS = 16
+    CONST_POS_MODE = 128
+    GPS_GLITCH = 1024
+
+
+class EkfStatusFlag(IntFlag):
+    """EKF_STATUS_FLAGS, the same of ArduPilot's."""
+
+    POS_HORIZ_ABS = 16
+    CONST_POS_MODE = 128
+    GPS_GLITCHING = 32_768
+
+
+class GpsFix(IntEnum):
+    """GPS_FIX_TYPE: the least that is a fix in space."""
+
+    TYPE_3D_FIX = 3
 
 
 class VehicleType(IntEnum):

@@ -1,9 +1,11 @@
-"""The autopilot's fences, its list and its parameters, looked at once a plan and made obstacles of."""
+"""The autopilot's fences, its list and its parameters, looked at again and again and made obstacles of."""
 
 from __future__ import annotations
 
 import logging
+import math
 
+from companion.clock import Clock
 from companion.comms.announcer import Announcer
 from companion.config.compose import bounds_of
 from companion.departure.capability import FENCE_CIRCLE, FENCE_HEIGHT
@@ -14,6 +16,10 @@ from companion.flight.situation import Situation
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.fences import FenceError, FenceLimits, fence_obstacles, fences_of
 from companion.types.mission import MissionItem
+
+AGAIN_S = 1.0  # between two readings of a list that has no name
+NAMED_AGAIN_S = 30.0  # of one whose name the autopilot tells, and that is the same
+READING_SHARE = 10.0  # times as long as a reading took is waited for the next: others need the link, too
 
 _log = logging.getLogger(__name__)
 
@@ -31,10 +37,17 @@ class Geofences:
         To the autopilot.
     announcer : Announcer
         Told how many there are.
+    clock : Clock
+        The service's.
     """
 
     def __init__(
-        self, flight: StateOwner, situation: Situation, link: AutopilotLink, announcer: Announcer
+        self,
+        flight: StateOwner,
+        situation: Situation,
+        link: AutopilotLink,
+        announcer: Announcer,
+        clock: Clock,
     ) -> None:
         self._flight = flight
         self._situation = situation
@@ -42,14 +55,40 @@ class Geofences:
         self._announcer = announcer
         self._items: tuple[MissionItem, ...] = ()
         self._limits = FenceLimits()
+        self._clock = clock
+        self._read_s, self._took_s, self._name, self._has_failed = -math.inf, 0.0, 0, False
 
-    async def renew(self) -> None:
+    async def read_once(self) -> None:
+        """Read the fences, unless they were read before: the first plan is to know them."""
+        if self._read_s == -math.inf:
+            await self._read()
+
+    async def keep_up(self) -> None:
+        """Read the fences where they are others, or may be; not while a mission is exchanged."""
+        since_s, name = self._clock.now_s() - self._read_s, self._name_told()
+        wanted_s = AGAIN_S
+        if name and name == self._name:
+            wanted_s = NAMED_AGAIN_S
+        elif name != self._name and not self._has_failed:
+            wanted_s = 0.0
+        if since_s >= max(wanted_s, READING_SHARE * self._took_s) and not self._link.is_exchanging:
+            await self._read()
+
+    def _name_told(self) -> int:
+        """The name that the autopilot gives its fences; 0 for none."""
+        return 0 if self._link.current is None else self._link.current.fence_id
+
+    async def _read(self) -> None:
         """Read the fences; what cannot be read or understood leaves those that are known."""
-        items, limits = self._items, self._limits_told()
+        items, limits, name = self._items, self._limits_told(), self._name_told()
+        self._read_s = self._clock.now_s()
         try:
             items = await self._link.download_fence()
+            self._name, self._has_failed = name, False
         except CompanionError as error:
+            self._has_failed = True
             _log.debug("fences: %s", error)
+        self._took_s = self._clock.now_s() - self._read_s
         if (items, limits) == (self._items, self._limits):
             return
         self._items, self._limits = items, limits

@@ -76,6 +76,8 @@ class Flight:
 
     Attributes
     ----------
+    sensors : Sensors
+        The same.
     steering : Steering
         Target to fly to.
     airspeed_m_s : float
@@ -90,7 +92,7 @@ class Flight:
 
     def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
         self.dynamics = dynamics
-        self._sensors = sensors
+        self.sensors = sensors
         self._parameters = parameters
         self._airframe = Airframe()
         self._attitude = AttitudeController(self._airframe, TICK_S)
@@ -114,7 +116,7 @@ class Flight:
         """Sense, guide (every third time), move the servos, and fly for one tick; on the ground, nothing."""
         if self.is_standing:
             return
-        estimate = self.estimate = self._sensors.estimate(self.dynamics.state)
+        estimate = self.estimate = self.sensors.estimate(self.dynamics.state)
         if self._ticks % _TICKS_A_GUIDANCE == 0:
             self._guide(estimate)
         self._ticks += 1
@@ -142,7 +144,7 @@ class Flight:
             Start(true.east_m, true.north_m, true.up_m + CATAPULT_M, true.yaw_rad, self.airspeed_m_s)
         )
         self.is_standing = False
-        self.estimate = self._sensors.estimate(self.dynamics.state)
+        self.estimate = self.sensors.estimate(self.dynamics.state)
         self.energy = EnergyControl(self._airframe, _TICKS_A_GUIDANCE * TICK_S, self.estimate.up_m)
 
     def target_height_m(self) -> float:

@@ -94,6 +94,11 @@ class Sensors:
         first = generator.standard_normal(3)
         self._drift = [float(value) for value in first]
         self._wind: tuple[float, float] | None = None
+        self._displaced_m = (0.0, 0.0)
+
+    def displace(self, east_m: float, north_m: float) -> None:
+        """Have the estimate lie beside the truth by so much more from now on [m]: a receiver gone astray."""
+        self._displaced_m = east_m, north_m
 
     def estimate(self, true: TrueState) -> Estimate:
         """Estimate of a state; to be called once a period."""
@@ -109,8 +114,14 @@ class Sensors:
         north_speed = true.velocity_north_m_s + accuracy.velocity_m_s * n[6]
         wind = self._filtered_wind(true, airspeed * ratio, yaw, east_speed, north_speed)
         return Estimate(
-            true.east_m + accuracy.horizontal_drift_m * drift[0] + accuracy.position_m * n[7],
-            true.north_m + accuracy.horizontal_drift_m * drift[1] + accuracy.position_m * n[8],
+            true.east_m
+            + self._displaced_m[0]
+            + accuracy.horizontal_drift_m * drift[0]
+            + accuracy.position_m * n[7],
+            true.north_m
+            + self._displaced_m[1]
+            + accuracy.horizontal_drift_m * drift[1]
+            + accuracy.position_m * n[8],
             true.up_m + accuracy.vertical_drift_m * drift[2] + accuracy.position_m * n[9],
             east_speed,
             north_speed,

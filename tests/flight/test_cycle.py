@@ -198,8 +198,15 @@ def test_the_way_along_the_flown_path_only_goes_on():
 
 
 def test_lead_by_hand():
-    """1 s of planning, 2 s of margin, 40 items at 20 ms down, up and down again, and 0.5 s."""
-    assert lead_s(begun().rules, 2.9) == pytest.approx(1.0 + 2.0 + 2.9)
+    """1 s of planning, 2 s of margin, and an exchange of 1.3 times the longest of the last, or 0.3 s."""
+    made = begun()
+    expected_s = made.mission_list.exchange_s
+    assert lead_s(made) == pytest.approx(1.0 + 2.0 + expected_s)
+    assert lead_s(made, is_urgent=True) == pytest.approx(0.3 + 0.7 + expected_s)
+    for lasted_s, exchange_s in (((0.1,), 0.3), ((2.0, 1.0), 2.6)):
+        measured = replace(made, mission_list=replace(made.mission_list, lasted_s=lasted_s))
+        assert lead_s(measured) == pytest.approx(1.0 + 2.0 + exchange_s)
+        assert lead_s(measured, is_urgent=True) == pytest.approx(0.3 + 0.7 + exchange_s)
 
 
 @pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])

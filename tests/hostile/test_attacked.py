@@ -92,7 +92,10 @@ def test_a_value_that_is_in_force_is_no_change():
 
 
 def test_another_autopilot_is_told_once_and_not_flown():
-    harness = flown(12.0, every(0.5, lambda number: heartbeat(system=7) + position(number * 1_000, system=7)))
+    far = -352_632_610  # ten kilometres: near by it would be a threat
+    harness = flown(
+        12.0, every(0.5, lambda number: heartbeat(system=7) + position(number * 1_000, system=7, lat=far))
+    )
     assert harness.texts("link") == ["autopilot 7 is heard, too; flying 1"]
     assert harness.app.num_swaps == 1
 

@@ -51,9 +51,6 @@ class TimedLink(AutopilotLink):
     async def download(self):
         return await self._read("download", 0)
 
-    async def download_fence(self):
-        return await self._read("fence", 1)
-
     async def download_rally_points(self):
         return await self._read("rally points", 2)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from companion.types.events import Dialect
 from sim.faults import Schedule
-from tests.torture import campaigns
+from tests.torture import campaigns, senses
 from tests.torture.harness import WORLDS, broken_after, fly, num_messages, random_flight
 
 # In which the first mission is flown, and replaced; on ArduPlane a second time, then by a part only.
@@ -102,7 +102,10 @@ def main():
     """Run what was chosen, and end with 1 if anything was violated."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "what", nargs="?", default="swaps", choices=("swaps", "random", "losses", "kills", "pilots")
+        "what",
+        nargs="?",
+        default="swaps",
+        choices=("swaps", "random", "losses", "kills", "pilots", "senses"),
     )
     parser.add_argument(
         "-n", type=int, default=1000, help="flights of a random kind, half of them an autopilot"
@@ -119,6 +122,11 @@ def main():
         seeds = range(chosen.first_seed, chosen.first_seed + chosen.n // len(Dialect))
         total = run_broken(dialects, chosen.every, chosen.jobs) if chosen.what == "swaps" else 0
         total += run_random(dialects, chosen.worlds.split(","), seeds, chosen.jobs)
+    elif chosen.what == "senses":
+        with ProcessPoolExecutor(
+            chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)
+        ) as pool:
+            total = senses.run_senses(chosen.n, chosen.first_seed, say, pool)
     elif chosen.what == "losses":
         total = campaigns.run_losses(chosen.n, chosen.first_seed, say)
     elif chosen.what == "pilots":

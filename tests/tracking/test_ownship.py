@@ -12,6 +12,7 @@ from companion.types.events import (
     AirData,
     Attitude,
     EstimatorAccuracy,
+    EstimatorHealth,
     GlobalPosition,
     Rebooted,
     WindEstimate,
@@ -34,7 +35,6 @@ def estimator():
 def test_nothing_is_known_before_a_position(estimator):
     estimator.observe(Attitude(1.0, 0.1, 0.0, 0.0))
     assert estimator.state(1.0) is None
-    assert estimator.is_stale(1.0)
 
 
 def test_the_position_is_moved_on_by_its_velocity(estimator):
@@ -46,13 +46,17 @@ def test_the_position_is_moved_on_by_its_velocity(estimator):
     assert state.flight_path_angle_rad == pytest.approx(math.atan2(-2.0, math.hypot(3.0, 20.0)))
 
 
-def test_it_is_moved_on_for_one_second_at_most(estimator):
+def test_a_stale_position_is_none(estimator):
     estimator.observe(position())
-    state = estimator.state(30.0)
-    assert state.position_enu_m[1] == pytest.approx(220.0, abs=1e-3)
-    assert state.stamp_s == 11.0
-    assert estimator.is_stale(30.0)
-    assert not estimator.is_stale(11.9)
+    state = estimator.state(11.5)
+    assert state.position_enu_m[1] == pytest.approx(230.0, abs=1e-3)
+    assert state.stamp_s == 11.5
+    assert estimator.state(11.6) is None
+    estimator.observe(position(12.0, north_m=240.0))
+    assert estimator.state(12.0) is not None
+    assert estimator.heard_s() == {
+        "position": 12.0, "attitude": -math.inf, "airspeed": -math.inf, "wind": -math.inf
+    }  # fmt: skip
 
 
 def test_an_instant_before_the_position_does_not_move_it_back(estimator):
@@ -66,6 +70,7 @@ def test_airspeed_not_heard_is_ground_velocity_less_wind(estimator):
     assert estimator.state(10.0).airspeed_m_s == pytest.approx(25.0)
     estimator.observe(AirData(10.0, 24.0, 20.0))
     assert estimator.state(10.0).airspeed_m_s == 24.0
+    estimator.observe(position(14.0, velocity=(0.0, 20.0, 0.0)))
     assert estimator.state(14.0).airspeed_m_s == pytest.approx(25.0), "VFR_HUD has grown old"
 
 
@@ -78,7 +83,96 @@ def test_the_rest_comes_from_its_own_messages(estimator):
     state = estimator.state(10.1)
     assert state.bank_rad == 0.3
     assert state.position_std_m == (1.5, 2.5)
+    estimator.observe(position(20.0))
     assert estimator.state(20.0).bank_rad == 0.0, "an old bank is no bank"
+
+
+def test_a_bank_that_is_not_heard_is_that_of_the_turn(estimator):
+    """25 m/s round 125 m: 0.2 rad/s, tan(bank) = 25²/(125·9.80665)."""
+    for step in range(3):
+        course = 0.2 * 0.5 * step
+        east, north = 125.0 * (1.0 - math.cos(course)), 125.0 * math.sin(course)
+        velocity = (25.0 * math.sin(course), 25.0 * math.cos(course), 0.0)
+        estimator.observe(position(10.0 + 0.5 * step, east, north, velocity=velocity))
+    bank = estimator.state(11.0).bank_rad
+    assert bank == pytest.approx(math.atan(25.0**2 / (125.0 * 9.80665)), abs=1e-6)
+
+
+def test_wind_that_is_not_told_is_worked_out(estimator):
+    """Pointing north at 25 m/s through the air, moving north at 20 and east at 3: air moves (3, −5)."""
+    for step in range(1200):
+        now = 10.0 + 0.1 * step
+        estimator.observe(AirData(now, 25.0, 20.0))
+        estimator.observe(Attitude(now, 0.0, 0.0, 0.0))
+        estimator.observe(position(now, north_m=2.0 * step, east_m=0.3 * step, velocity=(3.0, 20.0, 0.0)))
+    assert estimator.state(now).wind_enu_m_s == pytest.approx((3.0, -5.0), abs=1e-9)
+    estimator.observe(WindEstimate(now, 1.0, 1.0))
+    assert estimator.state(now).wind_enu_m_s == (1.0, 1.0), "the autopilot's own, where it tells"
+
+
+@pytest.mark.parametrize(("messages", "wind"), [("", (0.0, 0.0)), ("wind", (2.0, 1.0))])
+def test_without_air_data_the_last_wind_told_is_the_wind(estimator, messages, wind):
+    if messages:
+        estimator.observe(WindEstimate(10.0, 2.0, 1.0))
+    estimator.observe(position(100.0))
+    assert estimator.state(100.0).wind_enu_m_s == wind
+
+
+def jumping(*jumps_m, every_s=0.2, speed=25.0):
+    """Positions of an aircraft flying north; at each step displaced to the east by what is given [m]."""
+    return [
+        position(10.0 + every_s * n, east_m=jump, north_m=speed * every_s * n, velocity=(0.0, speed, 0.0))
+        for n, jump in enumerate(jumps_m)
+    ]
+
+
+def test_a_jump_is_a_loss_until_it_has_gone_on(estimator):
+    for event in jumping(*[0.0] * 10, *[40.0] * 160):
+        estimator.observe(event)
+        is_after = event.stamp_s >= 12.0 - 1e-9
+        is_confirmed = event.stamp_s >= 42.0 - 1e-9
+        assert (estimator.state(event.stamp_s) is None) is (is_after and not is_confirmed), event.stamp_s
+        assert estimator.doubt(event.stamp_s) == (
+            "it jumped by 40 m" if is_after and not is_confirmed else ""
+        )
+
+
+def test_a_jump_back_is_believed_at_once(estimator):
+    for event in jumping(*[0.0] * 10, *[40.0] * 20):
+        estimator.observe(event)
+    assert estimator.state(event.stamp_s) is None
+    back = jumping(*[0.0] * 31)[-1]
+    estimator.observe(back)
+    assert estimator.state(back.stamp_s) is not None
+
+
+def test_a_correction_of_a_few_metres_is_none(estimator):
+    for event in jumping(0.0, 0.0, 8.0, 0.0, -8.0, 0.0):
+        estimator.observe(event)
+        assert estimator.state(event.stamp_s) is not None
+
+
+@given(st.floats(0.05, 2.0), st.floats(-0.3, 0.3), st.floats(10.0, 40.0), st.floats(0.0, 2.0 * math.pi))
+def test_no_turn_is_a_jump(every_s, rate_rad_s, speed, course_rad):
+    estimator, east, north = OwnshipEstimator(FRAME), 0.0, 0.0
+    for n in range(40):
+        course = course_rad + rate_rad_s * every_s * n
+        velocity = (speed * math.sin(course), speed * math.cos(course), 0.0)
+        estimator.observe(position(every_s * n, east, north, velocity=velocity))
+        assert estimator.doubt(every_s * n) == ""
+        half = 0.5 * rate_rad_s * every_s
+        chord = speed * every_s * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        east, north = east + chord * math.sin(course + half), north + chord * math.cos(course + half)
+
+
+def test_what_the_estimator_says_of_itself_is_believed(estimator):
+    estimator.observe(EstimatorHealth(10.0, "EKF_STATUS_REPORT", "GPS glitch"))
+    estimator.observe(EstimatorHealth(10.0, "GPS_RAW_INT", ""))
+    estimator.observe(position(10.5))
+    assert estimator.state(10.5) is None
+    assert estimator.doubt(10.5) == "GPS glitch"
+    estimator.observe(position(13.5))
+    assert estimator.state(13.5) is not None, "three seconds without a word of it"
 
 
 def test_at_rest_the_course_is_the_yaw(estimator):
@@ -98,7 +192,7 @@ def test_events_out_of_order_and_not_finite_are_counted_and_dropped(estimator):
 
 def test_negative_settings_are_refused():
     with pytest.raises(ValueError, match="from zero"):
-        OwnshipSettings(stale_after_s=-1.0)
+        OwnshipSettings(position_max_age_s=-1.0)
 
 
 def state(bank_rad=0.0, wind=(0.0, 0.0), course_rad=0.0, ground_speed_m_s=25.0, climb_rad=0.0):

@@ -24,6 +24,10 @@ DIALECT = {
     "ModeFlag": ("MAV_MODE_FLAG", "MAV_MODE_FLAG_"),
     "VehicleType": ("MAV_TYPE", "MAV_TYPE_"),
     "EmitterType": ("ADSB_EMITTER_TYPE", "ADSB_EMITTER_TYPE_"),
+    "SystemState": ("MAV_STATE", "MAV_STATE_"),
+    "EstimatorStatusFlag": ("ESTIMATOR_STATUS_FLAGS", "ESTIMATOR_"),
+    "EkfStatusFlag": ("EKF_STATUS_FLAGS", "EKF_"),
+    "GpsFix": ("GPS_FIX_TYPE", "GPS_FIX_"),
 }
 YOUNGER = {"CommandResult": {6: "MAV_RESULT_CANCELLED"}}  # than pymavlink's copy of the dialect
 KINDS = {

@@ -43,7 +43,7 @@ from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, witho
 from companion.link.wire.source_limits import SourceLimits
 from companion.link.wire.transport import Address
 from companion.types.events import Event
-from companion.types.mavlink_enums import ComponentId
+from companion.types.mavlink_enums import ComponentId, MissionType, SystemState
 from companion.types.mission import MissionItem
 
 COMPONENT_ID = ComponentId.PATHPLANNER
@@ -202,7 +202,8 @@ class Codec:
                 self.identity.note_heartbeat(raw.system_id, stamp_s, address)
         events: list[Event] = []
         try:
-            events += self._telemetry.events(kind, message, raw, stamp_s)
+            for event in self._telemetry.events(kind, message, raw, stamp_s):
+                events.append(event)  # noqa: PERF402 - those before one that is refused count
             report = self._tracks.report(kind, message, raw, stamp_s)
             if report is not None:
                 events.append(report)
@@ -230,9 +231,8 @@ class Codec:
         self._writer.seq = (self._writer.seq + 1) % 256
         return data
 
-    def heartbeat(self, *, is_active: bool = True) -> bytes:
-        """HEARTBEAT of an onboard controller, ACTIVE or CRITICAL."""
-        state = mavlink.MAV_STATE_ACTIVE if is_active else mavlink.MAV_STATE_CRITICAL
+    def heartbeat(self, state: int = SystemState.ACTIVE) -> bytes:
+        """HEARTBEAT of an onboard controller."""
         return self._packed(
             mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
@@ -358,27 +358,27 @@ class Codec:
             )
         )  # fmt: skip
 
-    def mission_question(self, sequence: int | None) -> bytes:
-        """MISSION_REQUEST_INT for an item of the autopilot's list; MISSION_REQUEST_LIST without one."""
+    def mission_question(self, sequence: int | None, mission_type: int = MissionType.MISSION) -> bytes:
+        """MISSION_REQUEST_INT for an item of a list of the autopilot's; MISSION_REQUEST_LIST without one."""
         target = self.own_ids[0], 1
         if sequence is None:
-            return self._packed(mavlink.MAVLink_mission_request_list_message(*target))
-        return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence))
+            return self._packed(mavlink.MAVLink_mission_request_list_message(*target, mission_type))
+        return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence, mission_type))
 
-    def mission_accepted(self) -> bytes:
+    def mission_accepted(self, mission_type: int = MissionType.MISSION) -> bytes:
         """MISSION_ACK accepted: the end of a reading."""
         accepted = mavlink.MAV_MISSION_ACCEPTED
-        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted))
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted, mission_type))
 
     def mission_refusal(self, target_system: int, target_component: int) -> bytes:
         """MISSION_ACK unsupported: this component stores no missions."""
         unsupported = mavlink.MAV_MISSION_UNSUPPORTED
         return self._packed(mavlink.MAVLink_mission_ack_message(target_system, target_component, unsupported))
 
-    def mission_cancel(self) -> bytes:
+    def mission_cancel(self, mission_type: int = MissionType.MISSION) -> bytes:
         """MISSION_ACK cancelled, to the autopilot: frees a PX4 from a transfer that was broken off."""
         cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
-        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled))
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled, mission_type))
 
     def parameter_question(self, name: str) -> bytes:
         """PARAM_REQUEST_READ of a parameter of the autopilot's, by its name."""

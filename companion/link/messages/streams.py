@@ -114,9 +114,10 @@ class Streams:
             MessageId.MISSION_CURRENT: (min(fast, 5.0), True),
             wind: (slow, False),
             MessageId.EXTENDED_SYS_STATE: (slow, False),
+            MessageId.GPS_RAW_INT: (slow, False),
             MessageId.HOME_POSITION: (0.5, False),
             MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }
-        if dialect.tells_covariances:
-            rates[MessageId.ESTIMATOR_STATUS] = (slow, False)
+        health = MessageId.ESTIMATOR_STATUS if dialect.tells_covariances else MessageId.EKF_STATUS_REPORT
+        rates[health] = (slow, False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from companion.link.messages.flight_modes import DIALECTS, flight_mode
@@ -13,6 +13,7 @@ from companion.types.events import (
     AirData,
     Attitude,
     EstimatorAccuracy,
+    EstimatorHealth,
     Event,
     GlobalPosition,
     Heartbeat,
@@ -24,7 +25,7 @@ from companion.types.events import (
     StatusText,
     WindEstimate,
 )
-from companion.types.mavlink_enums import ModeFlag
+from companion.types.mavlink_enums import EkfStatusFlag, EstimatorStatusFlag, GpsFix, MessageId, ModeFlag
 
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
@@ -93,7 +94,8 @@ class Telemetry:
             "VFR_HUD": self._air_data,
             "WIND": self._wind,
             "WIND_COV": self._wind_cov,
-            "ESTIMATOR_STATUS": self._accuracy,
+            "EKF_STATUS_REPORT": self._health,
+            "GPS_RAW_INT": self._fix,
             "MISSION_CURRENT": self._mission_current,
             "MISSION_ITEM_REACHED": self._reached,
             "EXTENDED_SYS_STATE": self._landed,
@@ -106,8 +108,8 @@ class Telemetry:
         """System id of the vehicle, None until it is known."""
         return self._identity.system_id
 
-    def events(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
-        """Decode a message, by whoever sent it.
+    def events(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> Iterator[Event]:
+        """Decode a message, by whoever sent it; what it tells before a value that cannot be true, is told.
 
         Raises
         ------
@@ -115,13 +117,16 @@ class Telemetry:
             For values that cannot be true.
         """
         if kind == "HEARTBEAT":
-            return self._heartbeat(message, frame, stamp_s)
-        if not self._identity.is_autopilot(frame.system_id, frame.component_id):
-            return []
-        if kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
-            return self._timed(kind, message, stamp_s)
-        decoder = self._decoders.get(kind)
-        return [] if decoder is None else [decoder(message, frame, stamp_s)]
+            yield from self._heartbeat(message, frame, stamp_s)
+        elif not self._identity.is_autopilot(frame.system_id, frame.component_id):
+            return
+        elif kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
+            yield from self._timed(kind, message, stamp_s)
+        elif kind == "ESTIMATOR_STATUS":
+            yield self._health(message, frame, stamp_s)
+            yield self._accuracy(message, stamp_s)
+        elif kind in self._decoders:
+            yield self._decoders[kind](message, frame, stamp_s)
 
     def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
         dialect = DIALECTS.get(message.autopilot)
@@ -145,20 +150,14 @@ class Telemetry:
             )
         ]
 
-    def _timed(self, kind: str, message: Message, stamp_s: float) -> list[Event]:
-        events: list[Event] = []
+    def _timed(self, kind: str, message: Message, stamp_s: float) -> Iterator[Event]:
         if self._has_rebooted(message.time_boot_ms):
             self._position_boot_ms = -1
-            events.append(Rebooted(stamp_s))
-        try:
-            if kind == "GLOBAL_POSITION_INT":
-                events.append(self._position(message, stamp_s))
-            elif kind == "ATTITUDE":
-                events.append(self._attitude(message, stamp_s))
-        except RefusedError:
-            if not events:
-                raise
-        return events
+            yield Rebooted(stamp_s)
+        if kind == "GLOBAL_POSITION_INT":
+            yield self._position(message, stamp_s)
+        elif kind == "ATTITUDE":
+            yield self._attitude(message, stamp_s)
 
     def _has_rebooted(self, boot_ms: int) -> bool:
         """Tell a reboot from a frame that comes late: after a reboot the clock goes on from low."""
@@ -211,12 +210,29 @@ class Telemetry:
             stamp_s, finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
         )
 
-    def _accuracy(self, message: Message, _frame: RawFrame, stamp_s: float) -> EstimatorAccuracy:
+    def _accuracy(self, message: Message, stamp_s: float) -> EstimatorAccuracy:
         horizontal = finite(message.pos_horiz_accuracy, _STD_MAX_M, "accuracy")
         vertical = finite(message.pos_vert_accuracy, _STD_MAX_M, "accuracy")
         if horizontal < 0.0 or vertical < 0.0:
             raise RefusedError("accuracy")
         return EstimatorAccuracy(stamp_s, horizontal, vertical)
+
+    def _health(self, message: Message, frame: RawFrame, stamp_s: float) -> EstimatorHealth:
+        """EKF_STATUS_REPORT and ESTIMATOR_STATUS: whether the estimator has a position at all."""
+        is_px4 = frame.message_id == MessageId.ESTIMATOR_STATUS
+        glitch = EstimatorStatusFlag.GPS_GLITCH if is_px4 else EkfStatusFlag.GPS_GLITCHING
+        fault = ""  # the other two bits are the same in both
+        if not message.flags & EkfStatusFlag.POS_HORIZ_ABS:
+            fault = "the autopilot has no position"
+        elif message.flags & EkfStatusFlag.CONST_POS_MODE:
+            fault = "the autopilot takes it for constant"
+        elif message.flags & glitch:
+            fault = "GPS glitch"
+        return EstimatorHealth(stamp_s, message.get_type(), fault)
+
+    def _fix(self, message: Message, _frame: RawFrame, stamp_s: float) -> EstimatorHealth:
+        fault = "" if message.fix_type >= GpsFix.TYPE_3D_FIX else "no GPS fix"
+        return EstimatorHealth(stamp_s, "GPS_RAW_INT", fault)
 
     def _mission_current(self, message: Message, frame: RawFrame, stamp_s: float) -> MissionCurrent:
         payload = frame.payload.ljust(18, b"\0")  # the lists' names are younger than the dialect
@@ -228,6 +244,7 @@ class Telemetry:
             mission_id=int.from_bytes(payload[6:10], "little"),
             state=payload[4],
             rally_id=int.from_bytes(payload[14:18], "little"),
+            fence_id=int.from_bytes(payload[10:14], "little"),
         )
 
     def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:

@@ -2,7 +2,8 @@
 
 What is written, and what is read back of it, goes by :mod:`~companion.link.missions.mission_transfer`: a
 swap has seconds, may be over a link that loses every fifth frame, writes only a part of an ArduPlane's
-list, and is timed by our clock. MAVSDK reads everything else: lists that others made, and fences.
+list, and is timed by our clock; so are fences read, every second, giving way to all else. MAVSDK reads lists
+that others made, and rally points.
 
 ``set_current`` and ``set_mode`` do not go through MAVSDK either: its set-current waits for ever when the
 autopilot stores no mission, and queues every later transfer behind. They wait by our clock.
@@ -11,8 +12,9 @@ autopilot stores no mission, and queues every later transfer behind. They wait b
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections import Counter
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Any
 
 from companion.clock import Clock
@@ -31,7 +33,7 @@ from companion.link.wire.decoded_frame import (
     MissionTold,
 )
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
-from companion.types.mavlink_enums import Command, CommandResult, ComponentId, name_of
+from companion.types.mavlink_enums import Command, CommandResult, ComponentId, MissionType, name_of
 from companion.types.mission import MissionItem
 
 _INSIST_S = 4.5  # for so long a command is sent again until it is answered
@@ -78,6 +80,7 @@ class AutopilotLink:
         self._round_trip = RoundTrip()
         self._moving: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._moved = asyncio.Event()
+        self._yielding: MissionDownload | None = None
 
     @property
     def dialect(self) -> Dialect | None:
@@ -183,8 +186,7 @@ class AutopilotLink:
     async def _sent(
         self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None, *, is_part: bool
     ) -> int:
-        async with self._turn:
-            self._require_autopilot()
+        async with self._exchange():
             upload = Upload(items, self._round_trip, self._clock.now_s(), may_finish)
             first = items[0].sequence
 
@@ -204,8 +206,7 @@ class AutopilotLink:
         TransferError
             When it could not be read completely.
         """
-        async with self._turn:
-            self._require_autopilot()
+        async with self._exchange():
             reading = MissionDownload(self._round_trip, self._clock.now_s(), _WINDOW)
 
             def frame_of(number: int) -> bytes:
@@ -216,7 +217,11 @@ class AutopilotLink:
             return reading.items
 
     async def _moved_whole(
-        self, transfer: Upload | MissionDownload, frame_of: Callable[[int], bytes], operation: str
+        self,
+        transfer: Upload | MissionDownload,
+        frame_of: Callable[[int], bytes],
+        operation: str,
+        kind: int = MissionType.MISSION,
     ) -> None:
         """Carry out a transfer of our own."""
         self._moving = transfer, frame_of
@@ -233,7 +238,7 @@ class AutopilotLink:
             ticking.cancel()
         if transfer.failure:
             self.counters[transfer.failure.lower()] += 1
-            self._free()
+            self._free(kind)
             raise TransferError(operation, transfer.failure)
 
     async def _ticking(self) -> None:
@@ -275,14 +280,28 @@ class AutopilotLink:
         return await self._read(self._mavsdk.download)
 
     async def download_fence(self) -> tuple[MissionItem, ...]:
-        """Read the autopilot's fence.
+        """Read the autopilot's fence; gives way to every other exchange.
 
         Raises
         ------
         TransferError
             When it could not be read completely.
         """
-        return await self._read(self._mavsdk.download_fence)
+        kind = MissionType.FENCE
+        async with self._turn:
+            window = 1 if self._require_autopilot().swaps_whole_lists else _WINDOW
+            reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind)
+
+            def frame_of(number: int) -> bytes:
+                return self._codec.mission_question(None if number == OPENING else number, kind)
+
+            self._yielding = reading
+            try:
+                await self._moved_whole(reading, frame_of, "fence", kind)
+            finally:
+                self._yielding = None
+            self._send(self._codec.mission_accepted(kind))
+            return reading.items
 
     async def download_rally_points(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's rally points.
@@ -295,8 +314,7 @@ class AutopilotLink:
         return await self._read(self._mavsdk.download_rally_points)
 
     async def _read(self, read: Callable[[], Awaitable[tuple[MissionItem, ...]]]) -> tuple[MissionItem, ...]:
-        async with self._turn:
-            self._require_autopilot()
+        async with self._exchange():
             try:
                 return await read()
             except TransferError:
@@ -413,10 +431,20 @@ class AutopilotLink:
             raise NoAutopilotError("no heartbeat of an autopilot was heard")
         return self._dialect
 
-    def _free(self) -> None:
+    @contextlib.asynccontextmanager
+    async def _exchange(self) -> AsyncIterator[None]:
+        """An exchange by itself; a reading that gives way ends for it."""
+        if self._yielding is not None:
+            self._yielding.abandon()
+            self._moved.set()
+        async with self._turn:
+            self._require_autopilot()
+            yield
+
+    def _free(self, mission_type: int = MissionType.MISSION) -> None:
         """Tell a PX4 that a transfer is over: it would be busy for 5 s, and 5 more at each new try."""
         if self._dialect is not None and self._dialect.stays_busy:
-            self._send(self._codec.mission_cancel())
+            self._send(self._codec.mission_cancel(mission_type))
 
 
 def _is_result_of(told: object, command: int) -> bool:

@@ -49,7 +49,7 @@ MISSION_MESSAGES = frozenset(
 )
 _DISCOVERY_S = 5.0
 _ACKNOWLEDGE_S = 0.5
-_END_S = 6.0  # discovery cannot be broken off, nor the reading of a fence, which is asked for during 3 s
+_END_S = 6.0  # discovery cannot be broken off, nor the reading of rally points: asked for during 3 s
 _LEFT: list[object] = []
 
 
@@ -124,10 +124,6 @@ class MavsdkReader:
     async def download(self) -> tuple[MissionItem, ...]:
         """Read the mission; TransferError when it could not be read completely."""
         return await self._downloaded("download", lambda missions: missions.download_mission_async)
-
-    async def download_fence(self) -> tuple[MissionItem, ...]:
-        """Read the fence; TransferError when it could not be read completely."""
-        return await self._downloaded("fence", lambda missions: missions.download_geofence_async)
 
     async def download_rally_points(self) -> tuple[MissionItem, ...]:
         """Read the rally points; TransferError when they could not be read completely."""
@@ -254,7 +250,7 @@ class MavsdkReader:
 
 
 def _cancel(missions: Any) -> None:  # noqa: ANN401
-    """Break off a call under way; MAVSDK complains where there is none, or it reads a fence."""
+    """Break off a call under way; MAVSDK complains where there is none, or it reads rally points."""
     if missions is not None:
         with contextlib.suppress(MissionRawError):
             missions.cancel_mission_download()

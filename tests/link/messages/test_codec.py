@@ -19,6 +19,7 @@ from companion.types.events import (
     Dialect,
     Emitter,
     EstimatorAccuracy,
+    EstimatorHealth,
     GlobalPosition,
     Heartbeat,
     HomePosition,
@@ -129,10 +130,6 @@ def test_position():
             HomePosition(10.0, pytest.approx(-35.363261), pytest.approx(149.16523), 584.0),
         ),
         (
-            mavlink.MAVLink_estimator_status_message(0, 0, *[0.0] * 6, 1.5, 2.5),
-            EstimatorAccuracy(10.0, 1.5, 2.5),
-        ),
-        (
             mavlink.MAVLink_wind_message(270.0, 8.0, 0.0),
             WindEstimate(10.0, pytest.approx(8.0), pytest.approx(0.0, abs=1e-9)),
         ),
@@ -150,6 +147,40 @@ def test_telemetry(message, expected):
     assert events(codec, packed(message, component=191)) == []
 
 
+# Flags of ESTIMATOR_STATUS and EKF_STATUS_REPORT: 831 is what both autopilots tell in good flight.
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [
+        (mavlink.MAVLink_ekf_status_report_message(831, *[0.0] * 5), ""),
+        (mavlink.MAVLink_ekf_status_report_message(831 - 16, *[0.0] * 5), "the autopilot has no position"),
+        (
+            mavlink.MAVLink_ekf_status_report_message(831 + 128, *[0.0] * 5),
+            "the autopilot takes it for constant",
+        ),
+        (mavlink.MAVLink_ekf_status_report_message(831 + 32768, *[0.0] * 5), "GPS glitch"),
+        (mavlink.MAVLink_gps_raw_int_message(0, 3, *[0] * 8), ""),
+        (mavlink.MAVLink_gps_raw_int_message(0, 2, *[0] * 8), "no GPS fix"),
+    ],
+)
+def test_what_the_estimator_finds_wrong(message, fault):
+    assert events(started(), packed(message)) == [EstimatorHealth(10.0, message.get_type(), fault)]
+
+
+@pytest.mark.parametrize(("flags", "fault"), [(831, ""), (831 + 1024, "GPS glitch")])
+def test_a_px4_tells_accuracy_and_health_in_one(flags, fault):
+    message = mavlink.MAVLink_estimator_status_message(0, flags, *[0.0] * 6, 1.5, 2.5)
+    health = EstimatorHealth(10.0, "ESTIMATOR_STATUS", fault)
+    assert events(started(), packed(message)) == [health, EstimatorAccuracy(10.0, 1.5, 2.5)]
+
+
+def test_an_accuracy_that_cannot_be_true_hides_no_fault():
+    codec = started()
+    message = mavlink.MAVLink_estimator_status_message(0, 0, *[0.0] * 6, math.nan, 2.5)
+    told = EstimatorHealth(10.0, "ESTIMATOR_STATUS", "the autopilot has no position")
+    assert events(codec, packed(message)) == [told]
+    assert codec.counters["refused_accuracy"] == 1
+
+
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
@@ -164,7 +195,6 @@ def test_telemetry(message, expected):
         (packed(mavlink.MAVLink_attitude_message(5, math.nan, 0, 0, 0, 0, 0)), "attitude"),
         (packed(mavlink.MAVLink_wind_message(10.0, 1e9, 0.0)), "wind"),
         (packed(mavlink.MAVLink_wind_cov_message(0, math.nan, 0.0, *[0.0] * 6)), "wind"),
-        (packed(mavlink.MAVLink_estimator_status_message(0, 0, *[0.0] * 6, -1.0, 2.5)), "accuracy"),
         (adsb(lat=910_000_000), "track_position"),
         (adsb(flags=0x0E), "track_position"),
         (adsb(flags=0x0D), "track_altitude"),
@@ -301,7 +331,7 @@ def test_encoders_are_understood_by_pymavlink():
     data = b"".join(
         [
             codec.heartbeat(),
-            codec.heartbeat(is_active=False),
+            codec.heartbeat(mavlink.MAV_STATE_CRITICAL),
             codec.status_text(4, "swap: plan 12, ΔQ"),
             codec.status_text(6, "x" * 120),
             codec.set_message_interval(33, 10.0),

@@ -39,7 +39,8 @@ async def ended(kind, number):
 
     reader = MavsdkReader(codec, send, Counter(), None, 5.0)
     take(messages(packer, packer.heartbeat_encode(1, 3, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 5, 4)))
-    call = asyncio.create_task(reader.download_fence() if kind == "fence" else reader.download())
+    download = reader.download_rally_points if kind == "rally points" else reader.download
+    call = asyncio.create_task(download())
     if kind == "discovery":
         await asyncio.sleep(0)
     else:

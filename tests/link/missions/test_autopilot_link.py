@@ -312,6 +312,59 @@ def test_lists_that_must_not_be_sent(items, reason):
     run(body())
 
 
+def fence_item(sequence, mission_type):
+    return mavlink.MAVLink_mission_item_int_message(
+        1, 195, sequence, 3, 5004, 0, 1, 80.0, 0.0, 0.0, 0.0, -353_632_610, 1_491_652_300 + sequence, 0.0,
+        mission_type,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_a_fence_is_read(autopilot):
+    async def body():
+        async with bench(FakeAutopilot(autopilot=autopilot)) as made:
+            asked = []
+            made.autopilot.on_mission_request_list = lambda m: [
+                mavlink.MAVLink_mission_count_message(1, 195, 3, m.mission_type)
+            ]
+
+            def item(message):
+                asked.append((message.seq, message.mission_type))
+                return [fence_item(message.seq, message.mission_type)]
+
+            made.autopilot.on_mission_request_int = item
+            items = await made.link.download_fence()
+            assert [entry.command for entry in items] == [5004] * 3
+            assert [entry.longitude_e7 for entry in items] == [1_491_652_300 + n for n in range(3)]
+            assert asked == [(n, mavlink.MAV_MISSION_TYPE_FENCE) for n in range(3)]
+            ack = made.autopilot.heard[-1]
+            assert (ack.get_type(), ack.type, ack.mission_type) == ("MISSION_ACK", 0, 1)
+
+    run(body())
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_the_reading_of_a_fence_gives_way(autopilot):
+    """One that hangs holds nothing up; a PX4 is told, or it would be busy for five seconds."""
+
+    async def body():
+        async with bench(FakeAutopilot(autopilot=autopilot)) as made:
+            made.autopilot.on_mission_request_list = lambda message: []
+            reading = asyncio.create_task(made.link.download_fence())
+            await asyncio.sleep(0.01)
+            await made.link.upload(mission())
+            with pytest.raises(TransferError, match="fence: ABANDONED"):
+                await reading
+            cancelled = [
+                message.mission_type
+                for message in made.autopilot.heard
+                if message.get_type() == "MISSION_ACK" and message.type == 15
+            ]
+            assert cancelled == ([1] if autopilot == 12 else [])
+
+    run(body())
+
+
 def test_silence_ends_a_download():
     async def body():
         async with bench(FakeAutopilot()) as made:

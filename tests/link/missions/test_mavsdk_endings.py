@@ -7,7 +7,7 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    ("kind", "number"), [("discovery", 200), ("asked", 200), ("answered", 100), ("fence", 2)]
+    ("kind", "number"), [("discovery", 200), ("asked", 200), ("answered", 100), ("rally points", 2)]
 )
 def test_a_call_that_is_cancelled_at_any_moment_ends_alone(kind, number):
     done = subprocess.run(

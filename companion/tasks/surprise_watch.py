@@ -1,0 +1,87 @@
+"""What is flown, judged again whenever the world has changed: what has become worse is answered at once."""
+
+from __future__ import annotations
+
+import math
+
+from companion.config.rules import Rules
+from companion.departure.foresight import begin
+from companion.flight.flight_state import StateOwner
+from companion.flight.progress import Start, as_of_now
+from companion.flight.situation import Situation
+from companion.swapping.list_reader import ListReader
+
+RISE = 0.15  # of the threat level: an estimate wanders by less
+LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
+
+
+class SurpriseWatch:
+    """Compares what is flown, in the world of now, with what it was when it was judged last.
+
+    Hysteresis: whatever a plan decides, what it saw is what the next surprise is measured by.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        What is flown, and by which rules.
+    situation : Situation
+        The world of now.
+    reader : ListReader
+        Knows the item being flown.
+
+    Attributes
+    ----------
+    is_failing : bool
+        Whether the rest of what is flown failed the check when it was judged last.
+    """
+
+    def __init__(self, flight: StateOwner, situation: Situation, reader: ListReader) -> None:
+        self.is_failing = False
+        self._flight, self._situation, self._reader = flight, situation, reader
+        self._level = math.inf
+        self._was_failing = True
+        self._surprise = ""
+        self._seen: tuple[float, int, Rules] | None = None
+        self._looked_s = -math.inf
+
+    def judged(self, start: Start) -> None:
+        """A plan is made from here: what is flown now is what a surprise is measured by."""
+        rest = start.rest
+        if rest is None:
+            self._level, self.is_failing = math.inf, False
+        else:
+            self._level = float(rest.threat_levels.max())
+            self.is_failing = bool(self._flight.state.violations_of(rest))
+        self._was_failing, self._surprise = self.is_failing, ""
+
+    def entered(self, level: float) -> None:
+        """Another path is flown, which passed, with this threat level."""
+        self._level, self.is_failing, self._was_failing, self._surprise = level, False, False, ""
+
+    def look(self, now_s: float) -> str:
+        """How what is flown has become worse since, in words; '' if it has not.
+
+        Parameters
+        ----------
+        now_s : float
+            The clock's reading [s].
+        """
+        state, situation = self._flight.state, self._situation
+        ownship = situation.ownship.state(now_s)
+        world = situation.newest_track_s, situation.num_known_threats, state.rules
+        if ownship is None or not state.may_act or not state.flies_to_goal:
+            return ""
+        if world == self._seen or now_s - self._looked_s < LOOK_S:
+            return self._surprise
+        self._seen, self._looked_s = world, now_s
+        start = begin(state, ownship, self._reader.current, is_urgent=True)
+        rest = as_of_now(state, start, situation.snapshot(now_s)).rest
+        if rest is None:
+            return ""
+        level, violations = float(rest.threat_levels.max()), state.violations_of(rest)
+        self.is_failing, self._surprise = bool(violations), ""
+        if violations and not self._was_failing:
+            self._surprise = f"flown path: {violations[0]}"
+        elif level > self._level + RISE:
+            self._surprise = f"threat on the flown path {self._level:.2f} -> {level:.2f}"
+        return self._surprise

@@ -1,0 +1,81 @@
+"""What changes in flight is answered at once; beside the same flights by a service that does not look."""
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from shapely.geometry import Point
+
+from companion.config import mission_from_text
+from companion.tasks.surprise_watch import SurpriseWatch
+from companion.types.events import Dialect
+from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence, flown
+from tests.sim.client import PLAIN
+from tests.support.sitl_harness import SitlHarness
+
+LONG = (
+    PLAIN.replace("{east_m: 1750, north_m: 750, up_m: 100}", "{east_m: 4000, north_m: 0, up_m: 100}")
+    .replace("total_planning_time_s: 80", "total_planning_time_s: 250, threat_level_max: 0.3")
+)  # fmt: skip
+CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
+PERIOD_S = 0.5
+
+
+def ahead(harness):
+    """A place on the flown path, 600 m on (2,) [m]."""
+    east = harness.simulator.truth.path[-1][1]
+    rows = harness.app.state.flown.path.positions_enu_m
+    return rows[np.searchsorted(rows[:, 0], east + AHEAD_M), :2]
+
+
+def sighted(harness, place, velocity=(0.0, 0.0)):
+    """A surveillance source reports a ground vehicle."""
+    autopilot = harness.simulator.autopilot
+    latitude, longitude = autopilot.projection.degrees(*place)
+    course = np.degrees(np.arctan2(*velocity)) % 360.0
+    report = mavlink.MAVLink_adsb_vehicle_message(
+        0xABC, round(latitude * 1e7), round(longitude * 1e7), 0, 584_000, round(100.0 * course),
+        round(100.0 * np.hypot(*velocity)), 0, b"TRUCK", mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, 0, 63, 0,
+    )  # fmt: skip
+    autopilot.relay_traffic(report, (200, mavlink.MAV_COMP_ID_ADSB))
+
+
+def fence_across(harness, places):
+    if not places:
+        places.append(ahead(harness))
+        fence(harness, (CIRCLE_OUT, 150.0, *places[0]))
+
+
+def pop_up(harness, places):
+    places = places or [ahead(harness)]
+    sighted(harness, places[0])
+
+
+def reaction_s(change, dialect, until_s=CHANGED_S + 25.0):
+    """A flight in which something changes; after how long another mission is flown, and the flight."""
+    harness = SitlHarness(mission_from_text(LONG, "surprise.yaml"), dialect=dialect)
+    harness.places, due = [], [CHANGED_S]
+
+    def on_step(harness):
+        if harness.now_s >= due[0]:
+            due[0] += PERIOD_S
+            change(harness, harness.places)
+
+    harness.fly(until_s, on_step)
+    swaps = [entry.stamp_s for entry in harness.recorder.decisions if entry.kind == "swap"]
+    return next((at - CHANGED_S for at in swaps if at > CHANGED_S), np.inf), harness
+
+
+@BOTH
+@pytest.mark.parametrize("change", [fence_across, pop_up])
+def test_a_surprise_is_answered_within_seconds(change, dialect):
+    took_s, harness = reaction_s(change, dialect)
+    assert took_s < 3.5
+    if change is fence_across:
+        assert flown(harness).distance(Point(harness.places[0])) > 150.0
+
+
+@pytest.mark.parametrize("change", [fence_across, pop_up])
+def test_without_the_watch_it_is_answered_much_later(change, monkeypatch):
+    monkeypatch.setattr(SurpriseWatch, "look", lambda _watch, _now_s: "")
+    took_s, _ = reaction_s(change, Dialect.PX4)
+    assert took_s > 4.5
