@@ -87,6 +87,8 @@ class Timestamps:
         self._jump: tuple[int, int] | None = None  # of the leader's time: when, by the clock, and to when
         self._written = self._clock()
         self._was_believed = self._is_believed(self._written)
+        self._first: dict[Stream, int] = {}  # time of each stream that was believed first
+        self._used: dict[Stream, tuple[int, int]] = {}  # first and last time of what is forgotten
 
     @property
     def reference(self) -> int:
@@ -112,6 +114,9 @@ class Timestamps:
         reference, last = self.reference, self.streams.get(stream)
         if time > (_LATEST if self._may_lead(stream, time) else reference + _MINUTE):
             return "too_new"
+        low, high = self._used.get(stream, (_LATEST, 0))
+        if low <= time <= high:
+            return "replayed"
         if last is not None:
             return "replayed" if time <= last else ""
         if time + _MINUTE < reference:
@@ -121,6 +126,7 @@ class Timestamps:
     def note(self, stream: Stream, time: int) -> None:
         """Take note of a frame that was believed."""
         clock = self._clock()
+        self._first.setdefault(stream, time)
         self.streams[stream] = time
         self._newest = max(self._newest, time)
         if not self._is_believed(clock) and self._leader in (None, stream):
@@ -150,12 +156,22 @@ class Timestamps:
         return clock - held[0] >= _JUMPED
 
     def _follow_clock(self) -> None:
-        """Once the clock is right, times beyond it are forgotten: they were heard when it was not."""
+        """Once the clock is right, times beyond it are forgotten: they were heard when it was not.
+
+        Only what was believed then is not believed a second time, once the clock comes to it.
+        """
         clock, was_believed = self._clock(), self._was_believed
         self._was_believed = self._is_believed(clock)
-        if self._was_believed and not was_believed:
-            limit = clock + _MINUTE
-            self.streams = {stream: time for stream, time in self.streams.items() if time <= limit}
+        if not self._was_believed or was_believed:
+            return
+        beyond = [stream for stream, time in self.streams.items() if time > clock + _MINUTE]
+        for stream in beyond:
+            last = self.streams.pop(stream)
+            first = self._first.pop(stream, last)
+            low, high = self._used.get(stream, (first, last))
+            self._used[stream] = min(low, first), max(high, last)
+        while len(self._used) > STREAMS_MAX:
+            del self._used[next(iter(self._used))]
 
     def _clock(self) -> int:
         """The computer's clock, which may tell any time."""
@@ -173,6 +189,7 @@ class Timestamps:
         if self.streams[oldest] + _MINUTE >= reference:
             return False
         del self.streams[oldest]
+        self._first.pop(oldest, None)
         return True
 
     def _sane(self, own: int, streams: dict[Stream, int]) -> tuple[int, dict[Stream, int]]:

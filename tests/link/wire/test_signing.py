@@ -337,6 +337,18 @@ def test_a_clock_that_is_put_right_under_way_counts_from_then_on():
     assert not signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW)))
 
 
+def test_what_was_believed_by_a_wrong_clock_is_not_believed_again_by_a_right_one():
+    """Fuzzed: heard by a clock of 2010, forgotten by one of 2025, and believed anew by one of today."""
+    clock = [NOW_S - 16 * 365 * 86_400]
+    signer = made(timestamps=Timestamps(None, lambda: clock[0]))
+    frames = [raw_frame(theirs(HEARTBEAT, time=NOW + step)) for step in range(4)]
+    assert all(signer.accepts(frame) for frame in frames[:3])
+    clock[0] = NOW_S - 365 * 86_400
+    assert not any(signer.accepts(frame) for frame in frames)
+    clock[0] = NOW_S
+    assert [signer.accepts(frame) for frame in frames] == [False, False, False, True]
+
+
 # --- many streams
 
 
