@@ -41,7 +41,8 @@ class SurpriseWatch:
         self._level = math.inf
         self._was_failing = True
         self._surprise = ""
-        self._seen: tuple[float, int, Rules] | None = None
+        self._seen: tuple[float, int] | None = None
+        self._rules: Rules | None = None
         self._looked_s = -math.inf
 
     def judged(self, start: Start) -> None:
@@ -68,12 +69,13 @@ class SurpriseWatch:
         """
         state, situation = self._flight.state, self._situation
         ownship = situation.ownship.state(now_s)
-        world = situation.newest_track_s, situation.num_known_threats, state.rules
+        world = situation.newest_track_s, situation.num_known_threats
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
-        if world == self._seen or now_s - self._looked_s < LOOK_S:
+        is_same = world == self._seen and state.rules is self._rules
+        if is_same or now_s - self._looked_s < LOOK_S:
             return self._surprise
-        self._seen, self._looked_s = world, now_s
+        self._seen, self._rules, self._looked_s = world, state.rules, now_s
         start = begin(state, ownship, self._reader.current, is_urgent=True)
         rest = as_of_now(state, start, situation.snapshot(now_s)).rest
         if rest is None:

@@ -74,6 +74,23 @@ def test_a_surprise_is_answered_within_seconds(change, dialect):
         assert flown(harness).distance(Point(harness.places[0])) > 150.0
 
 
+@BOTH
+def test_a_fence_that_moves_again_and_again_is_followed(dialect):
+    """As many points as before, elsewhere: real autopilots are drawn on while they fly."""
+    moved = []
+
+    def move(harness, _places):
+        if harness.now_s >= CHANGED_S + 3.0 * len(moved):
+            east, north = ahead(harness)
+            moved.append(harness.now_s)
+            fence(harness, (CIRCLE_OUT, 80.0, east, north + 40.0 * len(moved)))
+
+    _, harness = reaction_s(move, dialect)
+    assert len(moved) >= 6
+    assert len(harness.texts("fence")) == len(moved)
+    assert harness.app.num_swaps >= 3
+
+
 @pytest.mark.parametrize("change", [fence_across, pop_up])
 def test_without_the_watch_it_is_answered_much_later(change, monkeypatch):
     monkeypatch.setattr(SurpriseWatch, "look", lambda _watch, _now_s: "")
