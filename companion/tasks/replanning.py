@@ -249,7 +249,7 @@ class Replanning:
             shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
         )
         if outcome is SwapOutcome.FLOWN:
-            self._surprises.entered(float(shaped.path.threat_levels.max()))
+            self._surprises.entered(shaped.path)
             self._num_failed_swaps = 0
             if shaped.verdict is not Verdict.EMERGENCY:
                 self.emergency = None

@@ -10,6 +10,7 @@ from companion.flight.flight_state import StateOwner
 from companion.flight.progress import Start, as_of_now
 from companion.flight.situation import Situation
 from companion.swapping.list_reader import ListReader
+from companion.types.path import Path
 
 RISE = 0.15  # of the threat level: an estimate wanders by less
 LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
@@ -55,9 +56,11 @@ class SurpriseWatch:
             self.is_failing = bool(self._flight.state.violations_of(rest))
         self._was_failing, self._surprise = self.is_failing, ""
 
-    def entered(self, level: float) -> None:
-        """Another path is flown, which passed, with this threat level."""
-        self._level, self.is_failing, self._was_failing, self._surprise = level, False, False, ""
+    def entered(self, path: Path) -> None:
+        """Another path is flown; one of the emergency strategy may be above the threat limit."""
+        self._level = float(path.threat_levels.max())
+        self.is_failing = self._was_failing = bool(self._flight.state.violations_of(path))
+        self._surprise = ""
 
     def look(self, now_s: float) -> str:
         """How what is flown has become worse since, in words; '' if it has not.
