@@ -52,3 +52,15 @@ def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(number, tm
     """Flights of a soak from seed 1, both paper-2d under faults."""
     how, _ = flight(number, 1, tmp_path)
     assert how != "collision"
+
+
+# Flights of earlier versions that met an obstacle: paper-2d, ArduPlane.
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [243, 471, 999])
+def test_flights_that_once_ended_in_a_wall_do_not(seed, tmp_path):
+    """243: into a mission whose first waypoint lay on the other side of the bank. 471: a late repetition
+    turned back to a waypoint behind. 999: at the end of three quarters of a circle a leg led past the corner
+    of a wall at nine metres, and was flown twelve metres wide.
+    """
+    how, _ = flight(seed - 1, 1, tmp_path)
+    assert how == "goal"
