@@ -138,9 +138,7 @@ class _Case:
         flown, rest = self.state.flown, self.start.rest
         if flown is None or rest is None:
             return 0.0
-        if flown.carried_until_s >= flown.path.times_s[-1]:
-            return math.inf
-        return flown.carried_until_s - float(flown.path.times_s[len(flown.path) - len(rest)])
+        return flown.carried_s(len(flown.path) - len(rest))
 
 
 _Facts = dict[str, object]

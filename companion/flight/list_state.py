@@ -59,6 +59,12 @@ class FlownPath:
     carried_until_s: float
     row: int = 0
 
+    def carried_s(self, row: int) -> float:
+        """How long the mission carries on from a row of the path [s]; endless where it does to its end."""
+        if self.carried_until_s >= self.path.times_s[-1]:
+            return math.inf
+        return self.carried_until_s - float(self.path.times_s[row])
+
 
 @dataclass(frozen=True, slots=True)
 class PendingSwap:

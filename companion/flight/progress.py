@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,14 +42,6 @@ def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
     if is_urgent:
         margin = min(margin, URGENT_MARGIN_S)
     return budget_s(state.rules, is_urgent=is_urgent) + margin + state.mission_list.exchange_s
-
-
-def carried_s(state: FlightState) -> float:
-    """How long the mission in the autopilot still carries [s]; endless where it carries to the path's end."""
-    flown = state.flown
-    if flown is None or flown.carried_until_s >= flown.path.times_s[-1]:
-        return math.inf
-    return flown.carried_until_s - float(flown.path.times_s[flown.row])
 
 
 def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:

@@ -339,9 +339,9 @@ class App:
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
 
     async def _keep_up_fences(self) -> None:
-        """Read the fences again and again, beside planning, from the first plan on."""
+        """Read the fences again and again, beside planning, from the first plan to the landing."""
         while True:
-            is_wanted = self.replanning.num_plans and not self.mode.is_before_takeover
+            is_wanted = self.replanning.num_plans and self.state.phase.is_armed
             if is_wanted and self.hears_autopilot and not self.replanning.freshness.is_blind:
                 await self.replanning.geofences.keep_up()
             await self._clock.sleep_until(self._clock.now_s() + FENCES_S)

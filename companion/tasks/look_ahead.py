@@ -51,7 +51,7 @@ class LookAhead:
         maker.schedule.begin(parts.clock.now_s())
         if self._keeps_ready():
             return
-        await parts.geofences.read_once()
+        await parts.geofences.catch_up()
         await maker.until_begun()
         now, state = parts.clock.now_s(), parts.flight.state
         start = self._start(now)

@@ -19,7 +19,7 @@ from companion.flight.cycle import (
 )
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.modes import ModeEvent
-from companion.flight.progress import as_of_now, carried_s, lead_s
+from companion.flight.progress import as_of_now, lead_s
 from companion.flight.shaping import ShapedPath, conclude
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
@@ -99,7 +99,7 @@ class Replanning:
     def is_due(self) -> bool:
         """Whether a plan is due."""
         state, now = self._flight.state, self._clock.now_s()
-        surprise = self._surprises.look(now)
+        surprise, flown = self._surprises.look(now), state.flown if state.may_act else None
         return self._schedule.is_due(
             now,
             state.rules.time_horizon_s,
@@ -107,7 +107,7 @@ class Replanning:
             state.mission_list.suspected,
             flies_to_goal=state.flies_to_goal and state.may_act and not self._surprises.is_failing,
             surprise=surprise,
-            ends_soon=state.may_act and carried_s(state) < lead_s(state) + ENDS_S,
+            ends_soon=flown is not None and flown.carried_s(flown.row) < lead_s(state) + ENDS_S,
         )
 
     async def plan_once(self) -> ModeEvent | None:
@@ -130,7 +130,7 @@ class Replanning:
             return event
         if await self._flew_prepared():
             return None
-        await self.geofences.read_once()
+        await self.geofences.catch_up()
         await self._rally_points.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
@@ -144,8 +144,9 @@ class Replanning:
             is_urgent = self._schedule.is_urgent
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
-            self._surprises.judged(start)
-            await self._plan(plan_request(state, start, snapshot, is_urgent=is_urgent), track_s)
+            request = plan_request(state, start, snapshot, is_urgent=is_urgent)
+            self._surprises.judged(start.rest, is_failing=start.rest is not None and not request.improves)
+            await self._plan(request, track_s)
         return None
 
     async def _flew_prepared(self) -> bool:
@@ -163,10 +164,7 @@ class Replanning:
         """Make a plan, and carry out what comes of it."""
         state = self._flight.state
         run, found = await self._maker.make(request, lambda plan: conclude(state, plan, request.start))
-        if not self._flight.state.may_act:
-            return
-        if self._flight.state.rules is not state.rules:
-            self._schedule.plan_at_once("the rules changed meanwhile")
+        if self._is_outdated(request):
             return
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s)
@@ -180,6 +178,15 @@ class Replanning:
             await self._respond(run, request, track_s)
         else:
             self.emergency = None
+
+    def _is_outdated(self, request: PlanRequest) -> bool:
+        """Whether what was asked for is of no use any more; where other rules hold, plan by them."""
+        state = self._flight.state
+        if not state.may_act:
+            return True
+        if state.rules is not request.rules:
+            self._schedule.plan_at_once("the rules changed meanwhile")
+        return state.rules is not request.rules
 
     async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
         """No plan passes: take the first step of the emergency strategy that can be taken, and say so."""
@@ -199,7 +206,7 @@ class Replanning:
         )
         if found.step in LAST_RESORTS and state.rally_points:
             run, found = await self._by_rally_point(run, found, request.snapshot)
-        if not self._flight.state.may_act:
+        if self._is_outdated(request):
             return
         if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
             found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
@@ -249,7 +256,8 @@ class Replanning:
             shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
         )
         if outcome is SwapOutcome.FLOWN:
-            self._surprises.entered(shaped.path)
+            is_failing = bool(self._flight.state.violations_of(shaped.path))
+            self._surprises.judged(shaped.path, is_failing=is_failing)
             self._num_failed_swaps = 0
             if shaped.verdict is not Verdict.EMERGENCY:
                 self.emergency = None

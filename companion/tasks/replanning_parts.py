@@ -88,5 +88,4 @@ def parts_for(
 
 def known_threats(situation: Situation, now_s: float) -> KnownThreats:
     """Which threats are known now."""
-    tracks = situation.tracker.tracks(now_s)
-    return KnownThreats(situation.num_known_threats, tuple(track.identity for track in tracks))
+    return KnownThreats(situation.num_known_threats, tuple(situation.tracker.heard_s(now_s)))

@@ -7,7 +7,7 @@ import math
 from companion.config.rules import Rules
 from companion.departure.foresight import begin
 from companion.flight.flight_state import StateOwner
-from companion.flight.progress import Start, as_of_now
+from companion.flight.progress import as_of_now
 from companion.flight.situation import Situation
 from companion.swapping.list_reader import ListReader
 from companion.types.path import Path
@@ -46,20 +46,18 @@ class SurpriseWatch:
         self._rules: Rules | None = None
         self._looked_s = -math.inf
 
-    def judged(self, start: Start) -> None:
-        """A plan is made from here: what is flown now is what a surprise is measured by."""
-        rest = start.rest
-        if rest is None:
-            self._level, self.is_failing = math.inf, False
-        else:
-            self._level = float(rest.threat_levels.max())
-            self.is_failing = bool(self._flight.state.violations_of(rest))
-        self._was_failing, self._surprise = self.is_failing, ""
+    def judged(self, path: Path | None, *, is_failing: bool) -> None:
+        """What is flown was judged just now, and is what a surprise is measured by.
 
-    def entered(self, path: Path) -> None:
-        """Another path is flown; one of the emergency strategy may be above the threat limit."""
-        self._level = float(path.threat_levels.max())
-        self.is_failing = self._was_failing = bool(self._flight.state.violations_of(path))
+        Parameters
+        ----------
+        path : Path or None
+            What is left of it; None where nothing is flown that could surprise.
+        is_failing : bool
+            Whether it fails the check; a path of the emergency strategy may be above the threat limit.
+        """
+        self._level = math.inf if path is None else float(path.threat_levels.max())
+        self.is_failing = self._was_failing = is_failing
         self._surprise = ""
 
     def look(self, now_s: float) -> str:

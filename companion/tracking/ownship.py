@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import astuple, dataclass, replace
+from typing import TypeVar
 
 from companion.frames import LocalFrame, wrapped_angle
 from companion.tracking.position_integrity import PositionIntegrity
@@ -30,6 +31,8 @@ TURN_AIRSPEED_MIN_M_S = 1.0  # slower air flows past no wing: g·tan(bank)/v say
 
 WIND_TIME_S = 20.0  # of the filter behind the wind that is worked out here
 TURN_COMPARED_S = 1.0  # apart at most are two positions from which a turn is taken
+
+Heard = TypeVar("Heard", GlobalPosition, AirData, Attitude, WindEstimate)
 
 _HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
 
@@ -143,11 +146,10 @@ class OwnshipEstimator:
 
     def _note_own_wind(self, event: GlobalPosition) -> None:
         """Velocity over the ground less that through the air, smoothed: it flies where it points."""
-        air, attitude, now_s = self._air, self._attitude, event.stamp_s
-        is_known = self._is_fresh(air, now_s, self._settings.airspeed_max_age_s)
-        if air is None or attitude is None or not is_known or air.airspeed_m_s < TURN_AIRSPEED_MIN_M_S:
-            return
-        if not self._is_fresh(attitude, now_s, self._settings.attitude_max_age_s):
+        now_s, settings = event.stamp_s, self._settings
+        air = _fresh(self._air, now_s, settings.airspeed_max_age_s)
+        attitude = _fresh(self._attitude, now_s, settings.attitude_max_age_s)
+        if air is None or attitude is None or air.airspeed_m_s < TURN_AIRSPEED_MIN_M_S:
             return
         speed = air.airspeed_m_s * math.cos(attitude.pitch_rad)
         east = event.velocity_enu_m_s[0] - speed * math.sin(attitude.yaw_rad)
@@ -187,10 +189,8 @@ class OwnshipEstimator:
         airspeed as the length of ground velocity less wind, bank from the turn over ground, wind from
         airspeed, yaw and ground velocity.
         """
-        heard = self._position
-        if heard is None or not self._is_fresh(heard, now_s, self._settings.position_max_age_s):
-            return None
-        if self.doubt(now_s):
+        heard = _fresh(self._position, now_s, self._settings.position_max_age_s)
+        if heard is None or self.doubt(now_s):
             return None
         ahead = max(now_s - heard.stamp_s, 0.0)
         east, north, up = heard.velocity_enu_m_s
@@ -219,28 +219,21 @@ class OwnshipEstimator:
             return self._attitude.yaw_rad % (2.0 * math.pi)
         return math.atan2(east_m_s, north_m_s) % (2.0 * math.pi)
 
-    @staticmethod
-    def _is_fresh(heard: GlobalPosition | Attitude | AirData | WindEstimate | None, now_s: float,
-                  max_age_s: float) -> bool:  # fmt: skip
-        return heard is not None and now_s - heard.stamp_s <= max_age_s
-
     def _wind_now(self, now_s: float) -> tuple[float, float]:
         """The autopilot's while it is fresh, then that worked out here, then the last there was."""
-        told, own = self._wind, self._own_wind
-        max_age_s = self._settings.wind_max_age_s
-        is_own_better = self._is_fresh(own, now_s, max_age_s) and not self._is_fresh(told, now_s, max_age_s)
-        wind = own if told is None or is_own_better else told
+        told, own, max_age_s = self._wind, self._own_wind, self._settings.wind_max_age_s
+        wind = _fresh(told, now_s, max_age_s) or _fresh(own, now_s, max_age_s) or told or own
         return (0.0, 0.0) if wind is None else (wind.wind_east_m_s, wind.wind_north_m_s)
 
     def _airspeed(self, now_s: float, east_m_s: float, north_m_s: float, up_m_s: float) -> float:
-        air = self._air
-        if air is not None and self._is_fresh(air, now_s, self._settings.airspeed_max_age_s):
+        air = _fresh(self._air, now_s, self._settings.airspeed_max_age_s)
+        if air is not None:
             return air.airspeed_m_s
         return math.hypot(east_m_s, north_m_s, up_m_s)
 
     def _bank(self, now_s: float) -> float:
-        attitude = self._attitude
-        if attitude is not None and self._is_fresh(attitude, now_s, self._settings.attitude_max_age_s):
+        attitude = _fresh(self._attitude, now_s, self._settings.attitude_max_age_s)
+        if attitude is not None:
             return attitude.bank_rad
         if self._position is None:
             return 0.0
@@ -305,6 +298,11 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
         flight_path_angle_rad=math.atan2(climb_rate, ground_speed) if ground_speed else 0.0,
         ground_speed_m_s=ground_speed,
     )
+
+
+def _fresh(heard: Heard | None, now_s: float, max_age_s: float) -> Heard | None:
+    """What was heard, if it is no older than that [s]."""
+    return heard if heard is not None and now_s - heard.stamp_s <= max_age_s else None
 
 
 def _is_finite(event: Event) -> bool:

@@ -141,6 +141,11 @@ class Tracker:
         self._end_old(now_s)
         return tuple(self._tracks[identity].state(now_s) for identity in sorted(self._tracks))
 
+    def heard_s(self, now_s: float) -> dict[str, float]:
+        """When each vehicle was seen last [s], by identity in their order; without estimating anything."""
+        self._end_old(now_s)
+        return {identity: self._tracks[identity].observed_s for identity in sorted(self._tracks)}
+
     def _believed(self, report: TrackReport, now_s: float) -> Detection | str:
         """Bring a report to the local frame, or say why it cannot be true."""
         settings = self._settings

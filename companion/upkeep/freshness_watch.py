@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from companion.comms.announcer import Announcer
@@ -13,7 +14,6 @@ from companion.flight.situation import Situation
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import MissionCurrent
-from companion.types.threat import TrackState
 
 POSITION, MISSION_ITEM = "position", "mission item"
 VITAL = frozenset({POSITION, MISSION_ITEM})
@@ -62,7 +62,7 @@ def inputs(
     use_by: UseBy,
     ownship: OwnshipEstimator,
     current: MissionCurrent | None,
-    tracks: tuple[TrackState, ...],
+    tracks: Mapping[str, float],
     now_s: float,
 ) -> tuple[Input, ...]:
     """All that decisions are made by, what is vital first.
@@ -75,8 +75,8 @@ def inputs(
         Where the aircraft is.
     current : MissionCurrent or None
         What the autopilot told last of the mission it flies.
-    tracks : tuple of TrackState
-        Moving threats.
+    tracks : mapping of str to float
+        When each moving threat was seen last, by its identity [s].
     now_s : float
         The clock's reading [s].
     """
@@ -92,7 +92,7 @@ def inputs(
     item = Input(
         MISSION_ITEM, -math.inf if current is None else current.stamp_s, float(use_by.mission_item_s)
     )
-    moving = (Input(f"track {track.identity}", track.observed_s, float(use_by.track_s)) for track in tracks)
+    moving = (Input(f"track {name}", seen_s, float(use_by.track_s)) for name, seen_s in tracks.items())
     return (own[0], item, *own[1:], *moving)
 
 
@@ -142,7 +142,7 @@ class FreshnessWatch:
             return False
         self._since_s = min(self._since_s, now_s)
         was_blind = self.is_blind
-        tracks = self._situation.tracker.tracks(now_s)
+        tracks = self._situation.tracker.heard_s(now_s)
         found = inputs(
             self._flight.state.mission.use_by, self._situation.ownship, self._link.current, tracks, now_s
         )
@@ -158,7 +158,7 @@ class FreshnessWatch:
         heard_s, last_s = self._stale.get(name, (max(entry.heard_s, self._since_s), now_s))
         if fault:
             if name not in self._stale:
-                self._announcer.decide(DecisionKind.STALE, fault + STANDS * is_vital)
+                self._announcer.decide(DecisionKind.STALE, fault + (STANDS if is_vital else ""))
             self._stale[name] = heard_s, now_s
         elif name in self._stale and (is_vital or now_s - last_s >= SETTLED_S):
             del self._stale[name]

@@ -19,6 +19,7 @@ from companion.types.mission import MissionItem
 
 AGAIN_S = 1.0  # between two readings of a list that has no name
 NAMED_AGAIN_S = 30.0  # of one whose name the autopilot tells, and that is the same
+OUTDATED_S = 60.0  # from then on a plan waits for a reading: nobody has kept them up, between two flights say
 READING_SHARE = 10.0  # times as long as a reading took is waited for the next: others need the link, too
 
 _log = logging.getLogger(__name__)
@@ -58,9 +59,9 @@ class Geofences:
         self._clock = clock
         self._read_s, self._took_s, self._name, self._has_failed = -math.inf, 0.0, 0, False
 
-    async def read_once(self) -> None:
-        """Read the fences, unless they were read before: the first plan is to know them."""
-        if self._read_s == -math.inf:
+    async def catch_up(self) -> None:
+        """Read the fences if that is long ago, as at a first plan: :meth:`keep_up` was not asked to."""
+        if self._clock.now_s() - self._read_s > max(OUTDATED_S, 2.0 * READING_SHARE * self._took_s):
             await self._read()
 
     async def keep_up(self) -> None:

@@ -85,6 +85,14 @@ def test_a_name_whose_list_could_not_be_read_is_tried_again(parts):
 
 
 def test_the_first_plan_knows_them(parts):
-    asyncio.run(parts.fences.read_once())
-    asyncio.run(parts.fences.read_once())
+    asyncio.run(parts.fences.catch_up())
+    asyncio.run(parts.fences.catch_up())
     assert parts.link.read_s == [0.0]
+
+
+def test_the_next_flights_first_plan_knows_what_was_drawn_between(parts):
+    asyncio.run(parts.fences.catch_up())
+    looked_at(parts, 20.0)
+    parts.clock.advance_to(600.0)  # on the ground nobody keeps them up
+    asyncio.run(parts.fences.catch_up())
+    assert parts.link.read_s[-1] == 600.0

@@ -80,7 +80,6 @@ class AutopilotLink:
         self._round_trip = RoundTrip()
         self._moving: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._moved = asyncio.Event()
-        self._yielding: MissionDownload | None = None
 
     @property
     def dialect(self) -> Dialect | None:
@@ -207,14 +206,18 @@ class AutopilotLink:
             When it could not be read completely.
         """
         async with self._exchange():
-            reading = MissionDownload(self._round_trip, self._clock.now_s(), _WINDOW)
+            return await self._read_list("download", _WINDOW, MissionType.MISSION)
 
-            def frame_of(number: int) -> bytes:
-                return self._codec.mission_question(None if number == OPENING else number)
+    async def _read_list(self, operation: str, window: int, kind: MissionType) -> tuple[MissionItem, ...]:
+        """Read one of the autopilot's lists, so many items at once."""
+        reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind)
 
-            await self._moved_whole(reading, frame_of, "download")
-            self._send(self._codec.mission_accepted())
-            return reading.items
+        def frame_of(number: int) -> bytes:
+            return self._codec.mission_question(None if number == OPENING else number, kind)
+
+        await self._moved_whole(reading, frame_of, operation, kind)
+        self._send(self._codec.mission_accepted(kind))
+        return reading.items
 
     async def _moved_whole(
         self,
@@ -287,21 +290,9 @@ class AutopilotLink:
         TransferError
             When it could not be read completely.
         """
-        kind = MissionType.FENCE
         async with self._turn:
             window = 1 if self._require_autopilot().swaps_whole_lists else _WINDOW
-            reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind)
-
-            def frame_of(number: int) -> bytes:
-                return self._codec.mission_question(None if number == OPENING else number, kind)
-
-            self._yielding = reading
-            try:
-                await self._moved_whole(reading, frame_of, "fence", kind)
-            finally:
-                self._yielding = None
-            self._send(self._codec.mission_accepted(kind))
-            return reading.items
+            return await self._read_list("fence", window, MissionType.FENCE)
 
     async def download_rally_points(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's rally points.
@@ -434,8 +425,9 @@ class AutopilotLink:
     @contextlib.asynccontextmanager
     async def _exchange(self) -> AsyncIterator[None]:
         """An exchange by itself; a reading that gives way ends for it."""
-        if self._yielding is not None:
-            self._yielding.abandon()
+        transfer = None if self._moving is None else self._moving[0]
+        if isinstance(transfer, MissionDownload) and transfer.mission_type == MissionType.FENCE:
+            transfer.abandon()
             self._moved.set()
         async with self._turn:
             self._require_autopilot()

@@ -180,13 +180,15 @@ class MissionDownload:
     ----------
     failure : str or None
         Why it ended; '' once all is read, None while it is under way.
+    mission_type : int
+        The same.
     """
 
     def __init__(
         self, round_trip: RoundTrip, now_s: float, window: int, mission_type: int = MissionType.MISSION
     ) -> None:
         self.failure: str | None = None
-        self._mission_type = mission_type
+        self.mission_type = mission_type
         self._round_trip = round_trip
         self._window = window
         self._heard_s = now_s
@@ -237,7 +239,7 @@ class MissionDownload:
 
     def note_count(self, count: MissionCount, now_s: float) -> None:
         """The autopilot tells how long its list is."""
-        if self.failure is not None or count.mission_type != self._mission_type or self._count is not None:
+        if self.failure is not None or count.mission_type != self.mission_type or self._count is not None:
             return
         self._count, self._heard_s = count.count, now_s
         if count.count == 0:
@@ -246,7 +248,7 @@ class MissionDownload:
     def note_item(self, told: MissionTold, now_s: float) -> None:
         """The autopilot tells an item."""
         number = told.item.sequence
-        if self.failure is not None or told.mission_type != self._mission_type or number not in self._asked_s:
+        if self.failure is not None or told.mission_type != self.mission_type or number not in self._asked_s:
             return
         if number not in self._items and number not in self._repeated:
             self._round_trip.note(now_s - self._asked_s[number])
@@ -258,7 +260,7 @@ class MissionDownload:
         """The autopilot refuses."""
         if (
             self.failure is None
-            and ack.mission_type == self._mission_type
+            and ack.mission_type == self.mission_type
             and ack.result != MissionResult.ACCEPTED
         ):
             self.failure, self._heard_s = name_of(MissionResult, ack.result), now_s
