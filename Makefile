@@ -73,9 +73,10 @@ explore: $(STAMP) ## run the property tests with examples that were never tried 
 test-long: $(STAMP) ## run the tests that take long
 	$(BIN)/pytest -q -m slow
 
-torture: $(STAMP) ## break uploads off everywhere, fly N random fault schedules, and 500 with senses gone; prints counts
+torture: $(STAMP) ## break uploads off everywhere, fly N random fault schedules, 500 with senses gone, 300 in the wind; prints counts
 	$(BIN)/python -m tests.torture -n $(N) --jobs $(patsubst logical,1,$(JOBS))
 	$(BIN)/python -m tests.torture senses -n 500 --jobs $(patsubst logical,1,$(JOBS))
+	$(BIN)/python -m tests.torture wind --jobs $(patsubst logical,1,$(JOBS))
 
 campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pilot who takes over; prints counts
 	$(BIN)/python -m tests.torture losses -n 100

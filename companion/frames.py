@@ -70,6 +70,24 @@ def direction_from_course(course_rad: float) -> float:
     return wrapped_angle(0.5 * math.pi - course_rad)
 
 
+def speed_made_good(course_rad: float, airspeed_m_s: float, wind_enu_m_s: tuple[float, float]) -> float:
+    """Speed over the ground on a course in a wind, by the triangle of velocities; at least 1 m/s.
+
+    Parameters
+    ----------
+    course_rad : float
+        Clockwise from north.
+    airspeed_m_s : float
+        Level part of the airspeed.
+    wind_enu_m_s : tuple of float
+        Velocity of the air, east and north [m/s].
+    """
+    east, north = math.sin(course_rad), math.cos(course_rad)
+    along = wind_enu_m_s[0] * east + wind_enu_m_s[1] * north
+    across = wind_enu_m_s[0] * north - wind_enu_m_s[1] * east
+    return max(along + math.sqrt(max(airspeed_m_s**2 - across**2, 0.0)), 1.0)
+
+
 def wrapped_angle(angle_rad: float) -> float:
     """The angle in (-π, π] [rad]."""
     wrapped = math.remainder(angle_rad, 2.0 * math.pi)

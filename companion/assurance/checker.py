@@ -29,16 +29,20 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
+from companion.assurance.edges import Edges, bulges, edges_of
+from companion.assurance.exposure import Exposure
+from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.violation import Violation, listed, outside
 from companion.frames import FloatArray
 from companion.types.path import Path
-from companion.types.threat import Obstacle
+from companion.types.threat import Obstacle, ThreatPicture
 
 __all__ = ["CheckLimits", "Checker", "Violation"]
 
 BoolArray = NDArray[np.bool_]
 
+GRAVITY_M_S2 = 9.80665
 POINT_TOLERANCE_M = 0.01  # of bounds and goals
 BULGE_TOLERANCE_M = 2.0  # by which an arc between two rows inside the bounds may pass them
 SPEED_TOLERANCE_M_S = 0.01
@@ -66,6 +70,8 @@ class CheckLimits:
         Standard deviations of position added to the margin.
     turn_radius_min_m, straight_length_min_m : float
         Smallest radius of a turn, and shortest straight flight between two turns [m].
+    bank_max_rad : float
+        With the wind behind a turn is wider: its radius is flown at no more bank than this.
     climb_angle_max_rad, descent_angle_max_rad : float
         Both positive [rad].
     airspeed_min_m_s, airspeed_max_m_s : float
@@ -87,51 +93,10 @@ class CheckLimits:
     descent_angle_max_rad: float
     airspeed_min_m_s: float
     airspeed_max_m_s: float
+    bank_max_rad: float = math.radians(40.0)
     threat_level_max: float = 1.0
     quality_min: float = 0.0
     altitude_tolerance_m: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class _Edges:
-    """What follows from the N rows alone: one number an edge, edge k from row k to row k + 1.
-
-    Time ``steps_s`` (N - 1,), lengths ``chords_m``, ``flat_chords_m``, ``lengths_m``, ``rises_m`` (N - 1,)
-    and angles ``turns_rad``, ``offsets_rad`` (N - 1,); ``rows``, ``usable`` (N - 1,) tell which they are.
-    """
-
-    rows: NDArray[np.int64]  # row at the end of each
-    usable: BoolArray  # both ends have numbers
-    steps_s: FloatArray
-    chords_m: FloatArray
-    flat_chords_m: FloatArray
-    turns_rad: FloatArray  # course change, positive to the right
-    offsets_rad: FloatArray  # chord's course against the mean course
-    lengths_m: FloatArray  # along the arc, level
-    rises_m: FloatArray
-
-
-def _edges(path: Path, usable_rows: BoolArray) -> _Edges:
-    """Differences between rows; the numbers of rows not in ``usable_rows`` (N,) are taken as 0."""
-    positions = np.where(usable_rows[:, None], path.positions_enu_m, 0.0)
-    courses = np.where(usable_rows, path.courses_rad, 0.0)
-    times = np.where(usable_rows, path.times_s, 0.0)
-    away = np.diff(positions, axis=0)
-    flat = np.hypot(away[:, 0], away[:, 1])
-    turns = curves.wrapped(np.diff(courses))
-    half = 0.5 * np.abs(turns)
-    offsets = curves.wrapped(np.arctan2(away[:, 0], away[:, 1]) - (courses[:-1] + 0.5 * turns))
-    return _Edges(
-        rows=np.arange(1, len(courses)),
-        usable=usable_rows[:-1] & usable_rows[1:],
-        steps_s=np.diff(times),
-        chords_m=np.linalg.norm(away, axis=1),
-        flat_chords_m=flat,
-        turns_rad=turns,
-        offsets_rad=offsets,
-        lengths_m=flat / np.sinc(half / math.pi),
-        rises_m=away[:, 2],
-    )
 
 
 class Checker:
@@ -143,6 +108,8 @@ class Checker:
         Upright prisms. A polygon that crosses itself is taken as its convex hull.
     limits : CheckLimits
         What paths and missions have to keep.
+    exposure : Exposure, optional
+        Works threat levels out; left out, only what a path states of itself is judged.
 
     Raises
     ------
@@ -150,8 +117,11 @@ class Checker:
         If an obstacle has a number that is not finite, or fewer than three corners.
     """
 
-    def __init__(self, obstacles: Sequence[Obstacle], limits: CheckLimits) -> None:
+    def __init__(
+        self, obstacles: Sequence[Obstacle], limits: CheckLimits, exposure: Exposure | None = None
+    ) -> None:
         self.limits = limits
+        self._exposure = exposure
         self._prisms = Prisms(obstacles)
         self._climbs = (-limits.descent_angle_max_rad, limits.climb_angle_max_rad)
 
@@ -162,6 +132,9 @@ class Checker:
         goal_enu_m: Sequence[float] | None = None,
         acceptance_radius_m: float | None = None,
         from_row: int = 0,
+        wind_enu_m_s: tuple[float, float] = (0.0, 0.0),
+        wind_std_m_s: float = 0.0,
+        picture: ThreatPicture | None = None,
     ) -> tuple[Violation, ...]:
         """Every rule a path breaks from a row on; nothing if it may be flown.
 
@@ -175,6 +148,12 @@ class Checker:
             How near; 0 if left out [m].
         from_row : int
             Rows before it have been flown and are not judged; they still count as what came before.
+        wind_enu_m_s : tuple of float
+            Velocity of the air over the ground, east and north [m/s].
+        wind_std_m_s : float
+            How well that is known: time stamps may be off by so much [m/s].
+        picture : ThreatPicture, optional
+            Threats that were sighted: how much the path is exposed to them is worked out here.
         """
         num = len(path.times_s)
         table = (path.courses_rad, path.climb_angles_rad, path.speeds_m_s, path.collision_free)
@@ -187,12 +166,13 @@ class Checker:
             return (Violation("rows", 0, float(num), 2.0, "a path needs two rows and columns of one length"),)
         first = min(max(from_row, 0), num - 1)
         with np.errstate(all="ignore"):
-            found = list(self._path_violations(path, first))
+            found = list(self._path_violations(path, first, Wind(*wind_enu_m_s, wind_std_m_s)))
+            found += self._exposure_violations(path, first, picture)
             if goal_enu_m is not None:
                 found += _goal_violations(path, goal_enu_m, acceptance_radius_m or 0.0)
         return tuple(violation for violation in found if violation.row >= first)
 
-    def _path_violations(self, path: Path, first: int) -> Iterator[Violation]:
+    def _path_violations(self, path: Path, first: int, wind: Wind) -> Iterator[Violation]:
         """Violations of all rows; edges that end at or before ``first`` are left out."""
         deviations, well_formed = curves.position_deviations(path.position_covariances_m2)
         numbers = np.column_stack(
@@ -203,10 +183,10 @@ class Checker:
             yield Violation("finite", int(row), math.nan, NUMBER_MAX, "numbers that are not finite")
         for row in np.flatnonzero(~well_formed):
             yield Violation("covariance", int(row), math.nan, 0.0, "covariance is not positive semidefinite")
-        edges = _edges(path, usable)
+        edges = edges_of(path, usable)
         yield from self._row_violations(path, usable, first)
         ahead = edges.usable & (edges.rows > first)
-        yield from self._edge_violations(path, edges, ahead)
+        yield from self._edge_violations(path, edges, ahead, ground_speeds(path, edges, wind))
         yield from _straight_violations(edges, self.limits, first)
         yield from self._bulge_violations(path, edges, ahead)
         which = np.flatnonzero(ahead & well_formed[:-1] & well_formed[1:])
@@ -215,9 +195,23 @@ class Checker:
             path.positions_enu_m[which],
             path.positions_enu_m[which + 1],
             self.limits.margin_m + spread[which],
-            _bulges(edges, self.limits.turn_radius_min_m)[which],
+            bulges(edges, self.limits.turn_radius_min_m)[which],
             edges.rows[which],
         )
+
+    def _exposure_violations(
+        self, path: Path, first: int, picture: ThreatPicture | None
+    ) -> Iterator[Violation]:
+        """Rows from ``first`` on above the limit of the threat level, whatever the path states of itself."""
+        limit = self.limits.threat_level_max
+        if self._exposure is None or picture is None or limit >= 1.0 or not np.isfinite(path.times_s).all():
+            return
+        if not (np.abs(path.positions_enu_m) <= NUMBER_MAX).all():
+            return
+        levels = self._exposure.levels(path, picture)
+        rows = np.arange(len(levels))
+        above = (rows >= first) & ~(levels <= limit + 1e-9)
+        yield from listed("threat", rows, above, levels, limit, "threat level, by the check's own count")
 
     def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
         """Bounds, speeds, stated climb angles of ``usable`` (N,) rows; threat levels and quality of all."""
@@ -249,20 +243,24 @@ class Checker:
         if not quality >= limits.quality_min:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
 
-    def _edge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
+    def _edge_violations(
+        self, path: Path, edges: Edges, ahead: BoolArray, speeds: GroundSpeeds
+    ) -> Iterator[Violation]:
         """Times, agreement of speeds, courses, positions; radii, climb of edges ``ahead`` (N - 1,)."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
         yield from listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
         timed = ahead & (edges.steps_s > 0.0)
         flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
-        too_far = timed & (edges.chords_m > flown * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
+        farthest = flown * speeds.most
+        too_far = timed & (edges.chords_m > farthest * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
         yield from listed(
-            "pace", rows, too_far, edges.chords_m, flown, "farther than speed and time allow [m]"
+            "pace", rows, too_far, edges.chords_m, farthest, "farther than speed and time allow [m]"
         )
         # No curve of the smallest radius has a shorter chord than its arc (Schur's theorem).
-        arc = np.minimum(0.5 * flown / limits.turn_radius_min_m, 0.5 * math.pi)
-        least = flown * np.sinc(arc / math.pi)
+        nearest = flown * speeds.least
+        arc = np.minimum(0.5 * nearest / limits.turn_radius_min_m, 0.5 * math.pi)
+        least = nearest * np.sinc(arc / math.pi)
         too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
         yield from listed(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
@@ -273,15 +271,21 @@ class Checker:
         yield from listed("course", rows, astray, np.abs(edges.offsets_rad), room,
                            "courses do not agree with positions [rad]")  # fmt: skip
         radii = edges.lengths_m / np.maximum(turns, 1e-12)
-        smallest = limits.turn_radius_min_m
+        banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
+        smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
         yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
-        yield from outside(
-            "climb", rows, ahead, angles, self._climbs, tolerance=CLIMB_TOLERANCE_RAD, detail=BETWEEN_ROWS
-        )
+        low, high = self._climbs
+        airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
+        for angle, is_upper in ((high, True), (-low, False)):
+            level = airspeeds * math.cos(angle) + np.maximum(speeds.fastest_m_s - speeds.level_m_s, 0.0)
+            limit = np.arctan2(airspeeds * math.sin(angle), level)
+            steep = ahead & ~((angles if is_upper else -angles) <= limit + CLIMB_TOLERANCE_RAD)
+            sign, name = (1.0, "upper") if is_upper else (-1.0, "lower")
+            yield from listed("climb", rows, steep, angles, sign * limit, f"{BETWEEN_ROWS}, {name}")
 
-    def _bulge_violations(self, path: Path, edges: _Edges, ahead: BoolArray) -> Iterator[Violation]:
+    def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Bounds of the arcs' middles, off their chords by the sagitta; of edges ``ahead`` (N - 1,)."""
         turns = edges.turns_rad
         sagitta = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
@@ -459,15 +463,7 @@ class Checker:
         yield from outside[:1]
 
 
-def _bulges(edges: _Edges, radius_m: float) -> FloatArray:
-    """How far the curves may leave their chords (see the module's docstring), (N - 1,) [m]."""
-    turns = np.abs(edges.turns_rad)
-    spread: FloatArray = 0.25 * edges.lengths_m * turns - 0.125 * radius_m * turns**2
-    sagitta: FloatArray = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
-    return np.maximum(spread, sagitta)
-
-
-def _straight_violations(edges: _Edges, limits: CheckLimits, first: int) -> Iterator[Violation]:
+def _straight_violations(edges: Edges, limits: CheckLimits, first: int) -> Iterator[Violation]:
     """Find turns begun before enough straight flight since the last (see the module's docstring)."""
     lengths = np.where(edges.usable, np.hypot(edges.lengths_m, edges.rises_m), 0.0)
     turns = np.where(edges.usable, edges.turns_rad, 0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from companion.assurance.checker import CheckLimits
+from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
 from companion.planning.comparators import settings_for
 from companion.planning.problem import GoalRegion
@@ -24,6 +25,7 @@ def vehicle_of(mission: MissionConfig) -> VehicleModel:
         airspeed_cruise_m_s=float(vehicle.airspeed_cruise_m_s),
         acceleration_max_m_s2=float(vehicle.acceleration_max_m_s2),
         turn_radius_min_m=float(vehicle.turn_radius_min_m),
+        bank_max_rad=math.radians(vehicle.bank_max_deg),
         straight_length_min_m=float(vehicle.straight_length_min_m),
         climb_angle_max_rad=math.radians(vehicle.climb_angle_max_deg),
         descent_angle_max_rad=math.radians(vehicle.descent_angle_max_deg),
@@ -78,6 +80,19 @@ def goals_of(mission: MissionConfig) -> tuple[GoalRegion, ...]:
     )
 
 
+def exposure_of(mission: MissionConfig) -> Exposure:
+    """How the independent check works threat levels out."""
+    vehicle = mission.vehicle
+    model = ExposureModel(
+        airspeed_min_m_s=float(vehicle.airspeed_min_m_s),
+        airspeed_max_m_s=float(vehicle.airspeed_max_m_s),
+        penetration_speed_m_s=float(vehicle.penetration_speed_m_s),
+        is_literal=mission.planning.certainty == "literal",
+        is_plane=mission.dimension == 2,
+    )
+    return Exposure(mission.obstacle_list, bounds_of(mission), model)
+
+
 def check_limits_of(mission: MissionConfig) -> CheckLimits:
     """What the independent check holds plans to."""
     vehicle = vehicle_of(mission)
@@ -86,6 +101,7 @@ def check_limits_of(mission: MissionConfig) -> CheckLimits:
         margin_m=0.5 * float(mission.planning.clearance_min_m),
         deviations=1.0,
         turn_radius_min_m=vehicle.turn_radius_min_m,
+        bank_max_rad=vehicle.bank_max_rad,
         straight_length_min_m=vehicle.straight_length_min_m,
         climb_angle_max_rad=vehicle.climb_angle_max_rad,
         descent_angle_max_rad=vehicle.descent_angle_max_rad,

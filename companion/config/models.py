@@ -98,6 +98,8 @@ class Vehicle(Section):
     """Along the path."""
     turn_radius_min_m: Length
     """Of the tightest turn at cruise that the autopilot flies without losing height."""
+    bank_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 40.0
+    """At most that of its turns: with the wind behind they are flown wider than turn_radius_min_m."""
     straight_length_min_m: Annotated[float, Field(ge=0.0, le=100_000.0)]
     """Between two turns (sl_min)."""
     penetration_speed_m_s: Speed

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from companion.assurance.checker import Checker
-from companion.config.compose import check_limits_of, goals_of, planner_settings_of, vehicle_of
+from companion.config.compose import check_limits_of, exposure_of, goals_of, planner_settings_of, vehicle_of
 from companion.config.models import MissionConfig
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
@@ -64,7 +65,9 @@ class Rules:
         return float(self.mission.planning.time_horizon_s)
 
 
-def rules_of(mission: MissionConfig, fences: tuple[Obstacle, ...] = ()) -> Rules:
+def rules_of(
+    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), bank_max_deg: float | None = None
+) -> Rules:
     """Compose the rules of a flight.
 
     Parameters
@@ -73,7 +76,13 @@ def rules_of(mission: MissionConfig, fences: tuple[Obstacle, ...] = ()) -> Rules
         The mission file in force.
     fences : tuple of Obstacle
         The autopilot's fences as obstacles.
+    bank_max_deg : float or None
+        As the autopilot tells it; turns are banked no more, whatever the mission file says.
     """
+    vehicle = vehicle_of(mission)
+    if bank_max_deg:
+        vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(bank_max_deg)))
+    limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
     settings = planner_settings_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
     return Rules(
@@ -81,9 +90,9 @@ def rules_of(mission: MissionConfig, fences: tuple[Obstacle, ...] = ()) -> Rules
         fences=fences,
         goals=goals_of(mission),
         obstacles=obstacles,
-        vehicle=vehicle_of(mission),
+        vehicle=vehicle,
         settings=settings,
         replan_settings=replace(settings, max_iterations=int(REPLAN_SHARE * settings.max_iterations)),
         least_threat_settings=replace(settings, threat_level_max=1.0, weights_cost=LEAST_THREAT_WEIGHTS),
-        checker=Checker(obstacles, check_limits_of(mission)),
+        checker=Checker(obstacles, limits, exposure_of(mission)),
     )

@@ -30,6 +30,7 @@ _log = logging.getLogger(__name__)
 Places = Sequence[tuple[float, float, float]]
 
 GOALS, FLOWN = ".goals.json", ".flown.npz"
+WIND = "wind_enu_m_s"  # of a path; versions before 0.3 knew none
 _HEADER = re.compile(  # of an array of numbers, as numpy writes it
     rb"\x93NUMPY\x01\x00..\{'descr': '<([fi]8)', 'fortran_order': (True|False), "
     rb"'shape': \(([0-9, ]{0,40})\), \} *\n",
@@ -162,6 +163,7 @@ def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
     try:
         arrays = _arrays_in(data or b"")
         key, until_s = int(arrays.pop("key").item()), float(arrays.pop("until_s").item())
+        east, north = arrays.pop(WIND, np.zeros(2)).tolist()
     except (OSError, EOFError, ValueError, LookupError, OverflowError, RuntimeError, zlib.error):
         return None  # what zipfile does not know to unpack is a RuntimeError
     except (zipfile.BadZipFile, MemoryError):
@@ -171,7 +173,9 @@ def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
     if len(rows) != 1 or any(array.shape != shapes.get(name, rows) for name, array in arrays.items()):
         return None
     numbers = (*arrays["times_s"], *arrays["positions_enu_m"].flat, until_s)
-    return (key, Path(**arrays), until_s) if np.isfinite(numbers).all() else None
+    if not np.isfinite((*numbers, east, north)).all():
+        return None
+    return key, Path(**arrays, wind_enu_m_s=(east, north)), until_s
 
 
 def _arrays_in(data: bytes) -> dict[str, FloatArray]:
@@ -183,7 +187,10 @@ def _arrays_in(data: bytes) -> dict[str, FloatArray]:
         if sum(entry.file_size for entry in archive.infolist()) > UNPACKED_MAX:
             raise ValueError("too large")
         names = ("key", "until_s", *(field.name for field in fields(Path)))
-        return {name: _array_in(archive, f"{name}.npy") for name in names}
+        held = archive.namelist()
+        return {
+            name: _array_in(archive, f"{name}.npy") for name in names if name != WIND or f"{name}.npy" in held
+        }
 
 
 def _array_in(archive: zipfile.ZipFile, name: str) -> FloatArray:

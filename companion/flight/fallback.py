@@ -21,7 +21,7 @@ from companion.assurance.emergency import (
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.flight.shaping import carried, waypoints_of
-from companion.frames import course_from_direction
+from companion.frames import course_from_direction, speed_made_good
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion, StartState
 from companion.types.path import Path
@@ -125,9 +125,7 @@ def respond_by_rally_point(
     route = None
     if plan.path is not None and plan.reaches_goal:
         waypoints, carried_s, wrong = waypoints_of(state, plan.path, max_waypoints, is_whole=True)
-        on_path = state.rules.checker.check_path(
-            plan.path, goal_enu_m=place.position_enu_m, acceptance_radius_m=place.acceptance_radius_m + 1.0
-        )
+        on_path = state.violations_to(place, plan.path)
         route = EscapeRoute(plan.path, waypoints, carried_s)
         options = replace(options, rally=(*on_path, *wrong))
     decision = emergency_decision(options)
@@ -165,35 +163,35 @@ def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> l
     """Threat level, path and row of every place to try, the safest first."""
     begin = np.asarray(start.state.position_enu_m)
     places: list[tuple[float, Path, int]] = []
-    for path in (*paths, straight_ahead(start.state)):
+    for path in (*paths, straight_ahead(start.state, state.wind_enu_m_s)):
         if (
             path is None
             or len(path) <= ROWS_TO_LOITER
             or np.linalg.norm(path.positions_enu_m[0] - begin) > 1.0
         ):
             continue
-        hard = [
-            entry.row for entry in state.rules.checker.check_path(path) if not keeps_hard_constraints([entry])
-        ]
+        found = state.violations_to(None, path)
+        hard = [entry.row for entry in found if not keeps_hard_constraints([entry])]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
         rows = range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN)
         places += [(float(path.threat_levels[row]), path, row) for row in rows]
     return sorted(places, key=lambda place: (place[0], place[2]))
 
 
-def straight_ahead(state: StartState) -> Path:
-    """Level flight on from a start at its speed; nothing is known of threats along it."""
+def straight_ahead(state: StartState, wind_enu_m_s: tuple[float, float]) -> Path:
+    """Level flight on from a start at its airspeed; nothing is known of threats along it."""
     rows = np.arange(AHEAD_ROWS + 1.0)
     along = np.array([np.cos(state.direction_rad), np.sin(state.direction_rad), 0.0])
-    count = len(rows)
+    count, course = len(rows), course_from_direction(state.direction_rad)
+    made_good = speed_made_good(course, state.airspeed_m_s, wind_enu_m_s)
     return Path(
         times_s=np.asarray(state.stamp_s + ROW_S * rows, dtype=np.float64),
-        positions_enu_m=np.asarray(state.position_enu_m)
-        + ROW_S * state.airspeed_m_s * rows[:, None] * along[None, :],
-        courses_rad=np.full(count, course_from_direction(state.direction_rad)),
+        positions_enu_m=np.asarray(state.position_enu_m) + ROW_S * made_good * rows[:, None] * along[None, :],
+        courses_rad=np.full(count, course),
         climb_angles_rad=np.zeros(count),
         speeds_m_s=np.full(count, state.airspeed_m_s),
         position_covariances_m2=np.repeat(state.error_covariance[None, :3, :3], count, axis=0),
         collision_free=np.ones(count),
         threat_levels=np.full(count, 1.0),  # not known: every place that is known comes first
+        wind_enu_m_s=wind_enu_m_s,
     )

@@ -26,6 +26,7 @@ own position          :func:`after_position`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Concatenate, ParamSpec
@@ -58,10 +59,11 @@ from companion.types.events import HomePosition, MissionCurrent
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
-from companion.types.threat import Obstacle
+from companion.types.threat import Obstacle, ThreatPicture
 
+WIND_SHARE_MAX = 0.6  # of cruise, up to which plans are made
 WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
-NARROWED = 0.6
+NARROWED, NARROWED_LAST = 0.6, 0.75
 GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
 
 Arguments = ParamSpec("Arguments")
@@ -93,6 +95,10 @@ class FlightState:
         Where the operator goes on after the last goal [m]; None where that is not known.
     wind_enu_m_s : tuple of float
         Velocity of the air as it was told last, east and north [m/s].
+    wind_std_m_s : float
+        How well it is known [m/s].
+    picture : ThreatPicture
+        Threats that were sighted by the last look at the world.
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     settings : AutopilotSettings
@@ -117,6 +123,8 @@ class FlightState:
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
+    wind_std_m_s: float = 0.0
+    picture: ThreatPicture = field(default_factory=ThreatPicture)
     flies_by: bool = True
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
     home_enu_m: tuple[float, float, float] | None = None
@@ -149,16 +157,16 @@ class FlightState:
     def goals_left(self) -> tuple[GoalRegion, ...]:
         """Goals not reached yet.
 
-        Those to fly on from are planned for more narrowly than they count as reached: a path that just
-        touches one is flown a few metres beside it, and the aircraft would turn back.
+        All are planned for more narrowly than they count as reached, those to fly on from most: a path that
+        just touches one is flown a few metres beside it, and the aircraft would turn back.
         """
         left = self.goals[self.next_goal :]
         num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
-        narrowed = [
-            replace(goal, acceptance_radius_m=NARROWED * goal.acceptance_radius_m)
-            for goal in left[: max(num_passed, 0)]
-        ]
-        return (*narrowed, *left[len(narrowed) :])
+        shares = [NARROWED if number < num_passed else NARROWED_LAST for number in range(len(left))]
+        return tuple(
+            replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
+            for goal, share in zip(left, shares, strict=True)
+        )
 
     @property
     def flies_to_goal(self) -> bool:
@@ -174,11 +182,32 @@ class FlightState:
             place_enu_m = (*place_enu_m[:2], self.rules.level_m)
         return GoalRegion(place_enu_m, GOAL_RADIUS_M)
 
+    @property
+    def turn_radius_m(self) -> float:
+        """Of the tightest turn that can be flown on any course in the wind there is [m]."""
+        return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
+
+    @property
+    def wind_fault(self) -> str:
+        """Why nothing is planned: the wind is too strong for it to be flown as it is meant; '' if not."""
+        wind = math.hypot(*self.wind_enu_m_s)
+        if wind <= WIND_SHARE_MAX * self.rules.vehicle.airspeed_cruise_m_s:
+            return ""
+        return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"
+
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path that should reach the last goal."""
-        goal = self.goals[-1]
+        return self.violations_to(self.goals[-1], path)
+
+    def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
+        """What is wrong with a path in the wind there is, that should reach a goal if one is given."""
         return self.rules.checker.check_path(
-            path, goal_enu_m=goal.position_enu_m, acceptance_radius_m=goal.acceptance_radius_m + 1.0
+            path,
+            goal_enu_m=None if goal is None else goal.position_enu_m,
+            acceptance_radius_m=None if goal is None else goal.acceptance_radius_m + 1.0,
+            wind_enu_m_s=self.wind_enu_m_s,
+            wind_std_m_s=self.wind_std_m_s,
+            picture=self.picture,
         )
 
 
@@ -212,6 +241,11 @@ class StateOwner:
     ) -> FlightState:
         """Replace the state by what a transition makes of it; returns the new one."""
         self._state = transition(self._state, *arguments, **named)
+        return self._state
+
+    def see(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
+        """Judge by this wind and these threats from now on, as plans do; returns the new state."""
+        self._state = replace(_in_wind(self._state, ownship), picture=picture)
         return self._state
 
     def apply_to_list(
@@ -287,8 +321,10 @@ def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
 
 
 def after_settings_told(state: FlightState, settings: AutopilotSettings) -> FlightState:
-    """The state after the autopilot told parameters of how it flies."""
-    return replace(state, settings=settings)
+    """The state after the autopilot told parameters of how it flies; it may bank less than was thought."""
+    rules = rules_of(state.mission, state.rules.fences, settings.bank_max_deg)
+    is_same = rules.vehicle == state.rules.vehicle
+    return replace(state, settings=settings, rules=state.rules if is_same else rules)
 
 
 def after_home_told(state: FlightState, home: HomePosition) -> FlightState:
@@ -309,7 +345,7 @@ def after_rally_told(state: FlightState, *, holds_any: bool) -> FlightState:
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
-    rules = rules_of(mission, state.rules.fences)
+    rules = rules_of(mission, state.rules.fences, state.settings.bank_max_deg)
     goals, next_goal = state.goals, state.next_goal
     if not mission.goals_from_autopilot and rules.goals != goals:
         goals, next_goal = rules.goals, 0
@@ -325,7 +361,7 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
     """The state with the autopilot's fences, to which plans and missions are held from now on."""
-    return replace(state, rules=rules_of(state.mission, fences))
+    return replace(state, rules=rules_of(state.mission, fences, state.settings.bank_max_deg))
 
 
 def after_list(state: FlightState, listed: ListState) -> FlightState:
@@ -401,4 +437,9 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
         flown = replace(
             flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
         )
-    return replace(state, next_goal=next_goal, flown=flown, wind_enu_m_s=ownship.wind_enu_m_s)
+    return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
+
+
+def _in_wind(state: FlightState, ownship: Ownship) -> FlightState:
+    """The state with the wind that is known now."""
+    return replace(state, wind_enu_m_s=ownship.wind_enu_m_s, wind_std_m_s=ownship.wind_std_m_s)

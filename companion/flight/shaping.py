@@ -12,7 +12,7 @@ from companion.assurance.violation import Violation
 from companion.flight.decision import SwapDecision, Verdict, judge
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
-from companion.frames import FloatArray
+from companion.frames import FloatArray, speed_made_good
 from companion.mission.loiter import loiter_beside
 from companion.mission.waypoints import (
     CHORD_STYLES,
@@ -29,11 +29,12 @@ from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
-from companion.vehicle.guidance import Guidance, default_guidance, track_of_legs
+from companion.vehicle.guidance import Guidance, default_guidance, track_of_circle, track_of_legs
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 BANK_MAX_DEG = 80.0  # whatever the parameter says
+SLOWEST_M_S = 3.0  # over the ground, of a circle in strong wind
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
@@ -224,7 +225,7 @@ def _room_flown(
     waypoints, violations = shaped
     if violations:
         return -1.0
-    begin = at_start(path, state.wind_enu_m_s)
+    begin = at_row(path, state.wind_enu_m_s)
     loiter = waypoints.loiter_centre_enu_m
     circle = None if loiter is None else (loiter, waypoints.loiter_radius_m)
     ends_s = float(waypoints.distances_m[-1]) / begin.ground_speed_m_s + CIRCLED_S
@@ -235,8 +236,8 @@ def _room_flown(
     return min((entry.value for entry in wrong if entry.rule == "clearance"), default=clearance_m)
 
 
-def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
-    """The aircraft where a path begins, not banked.
+def at_row(path: Path, wind_enu_m_s: tuple[float, float], row: int = 0) -> Ownship:
+    """The aircraft at a row of a path, by default where it begins, not banked.
 
     Parameters
     ----------
@@ -244,19 +245,18 @@ def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
         What is to be flown.
     wind_enu_m_s : tuple of float
         Velocity of the air, east and north [m/s].
+    row : int
+        Which row.
     """
-    course, (wind_east, wind_north) = float(path.courses_rad[0]), wind_enu_m_s
-    along = wind_east * math.sin(course) + wind_north * math.cos(course)
-    aside = wind_east * math.cos(course) - wind_north * math.sin(course)
-    airspeed = max(float(path.speeds_m_s[0]), 1.0)
-    east, north, up = (float(value) for value in path.positions_enu_m[0])
+    course, airspeed = float(path.courses_rad[row]), max(float(path.speeds_m_s[row]), 1.0)
+    east, north, up = (float(value) for value in path.positions_enu_m[row])
     return Ownship(
-        stamp_s=float(path.times_s[0]),
+        stamp_s=float(path.times_s[row]),
         position_enu_m=(east, north, up),
         course_rad=course,
-        flight_path_angle_rad=float(path.climb_angles_rad[0]),
+        flight_path_angle_rad=float(path.climb_angles_rad[row]),
         airspeed_m_s=airspeed,
-        ground_speed_m_s=max(along + math.sqrt(max(airspeed**2 - aside**2, 0.0)), 1.0),
+        ground_speed_m_s=speed_made_good(course, airspeed, wind_enu_m_s),
         wind_enu_m_s=wind_enu_m_s,
     )
 
@@ -264,8 +264,38 @@ def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
 def _carried_in_style(
     state: FlightState, path: Path, end: int, style: TurnStyle
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """As :func:`carried`, with turns in one style."""
-    rules, part = state.rules, path.until(end)
+    """As :func:`carried`, with turns in one style.
+
+    In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
+    wide as in still air if its track in the wind has.
+    """
+    part = path.until(end)
+    usual = _with_circle(state, path, part, style, state.turn_radius_m)
+    narrow = float(state.rules.vehicle.turn_radius_min_m)
+    if not usual[1] or state.turn_radius_m <= narrow:
+        return usual
+    waypoints, violations = _with_circle(state, path, part, style, narrow)
+    return waypoints, violations or _blown_off(state, part, waypoints)
+
+
+def _blown_off(state: FlightState, part: Path, waypoints: Waypoints) -> tuple[Violation, ...]:
+    """What the circle at the end comes to in the wind, as the autopilot will fly it."""
+    if waypoints.loiter_centre_enu_m is None:
+        return ()
+    begin = at_row(part, state.wind_enu_m_s, len(part) - 1)
+    slowest = max(begin.airspeed_m_s - math.hypot(*state.wind_enu_m_s), SLOWEST_M_S)
+    around_s = 2.0 * math.pi * abs(waypoints.loiter_radius_m) / slowest
+    track = track_of_circle(
+        guidance_of(state), begin, waypoints.loiter_centre_enu_m, waypoints.loiter_radius_m, around_s, 0.5
+    )
+    return state.rules.checker.check_track(track.positions_enu_m, state.rules.checker.limits.margin_m)
+
+
+def _with_circle(
+    state: FlightState, path: Path, part: Path, style: TurnStyle, radius: float
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """Waypoints of a part of a path, a circle of a radius at their end, and what is wrong with them."""
+    rules = state.rules
     actions = _actions_along(state, part)
     flown = waypoints_from_path(
         part,
@@ -274,7 +304,6 @@ def _carried_in_style(
         marked_m=[length for length, _ in actions],
         style=style,
     )
-    radius = rules.vehicle.turn_radius_min_m
     commanded = round(radius / _circle_stretch(state))
     if state.flies_by:  # wider in hot air, in which the circle is to keep clear, too
         radius *= HOT_STRETCH
@@ -294,7 +323,9 @@ def _carried_in_style(
         flown,
         loiter_centre_enu_m=centre,
         loiter_radius_m=direction * commanded,
-        continues_with_operator_items=(end == len(path) - 1 and _may_go_on(state, flown.positions_enu_m[-1])),
+        continues_with_operator_items=(
+            len(part) == len(path) and _may_go_on(state, flown.positions_enu_m[-1])
+        ),
         actions=_actions_at(actions, flown),
     )
     return waypoints, violations
@@ -308,9 +339,7 @@ def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
     if np.linalg.norm(last_enu_m - np.asarray(goal.position_enu_m)) > goal.acceptance_radius_m + NEAR_M:
         return False  # a refuge: from there it is planned on
     legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
-    wrong = state.rules.checker.check_legs(
-        legs, ends_in_loiter=True, loiter_radius_m=state.rules.vehicle.turn_radius_min_m
-    )
+    wrong = state.rules.checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=state.turn_radius_m)
     return not any(entry.rule == "clearance" for entry in wrong)
 
 

@@ -102,6 +102,7 @@ class Situation:
             east, north, _ = state.position_enu_m
             self.tracker.note_ownship(east, north, state.velocity_m_s)
             snapshot = snapshot.with_known(snapshot.sensed(east, north, self._horizon_m))
+            snapshot = replace(snapshot, wind_enu_m_s=state.wind_enu_m_s)
         self._snapshot = snapshot.with_tracks(now_s, self.tracker.tracks(now_s))
         return self._snapshot
 

@@ -64,7 +64,8 @@ class ThreatModel(NamedTuple):
 class Limits(NamedTuple):
     """Constraints of motion (paper 2.2), and the box the aircraft stays in.
 
-    ``bounds`` (6,) x_min x_max y_min y_max z_min z_max [m].
+    ``bounds`` (6,) x_min x_max y_min y_max z_min z_max [m]. ``wind_x``, ``wind_y``: velocity of the air over
+    the ground [m/s]; ``r_min`` and the climb angles are those over the ground in it.
     """
 
     v_min: float
@@ -80,6 +81,8 @@ class Limits(NamedTuple):
     tau: float
     dimension: int
     bounds: FloatArray
+    wind_x: float
+    wind_y: float
 
 
 class Uncertainty(NamedTuple):

@@ -80,4 +80,5 @@ def rest_of_path(path: Path, path_time_s: float, now_s: float) -> Path | None:
         position_covariances_m2=path.position_covariances_m2[first:],
         collision_free=path.collision_free[first:],
         threat_levels=path.threat_levels[first:],
+        wind_enu_m_s=path.wind_enu_m_s,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -20,7 +21,7 @@ from companion.kernels.workspace import workspace
 from companion.planning.guides import NO_GUIDE, distances_to_go, guide_home, guide_to
 from companion.planning.problem import Problem
 from companion.planning.sub_goal import choose_sub_goal
-from companion.vehicle.lqg import tables_once
+from companion.vehicle.lqg import tables_once, with_gusts
 from companion.world.pursuer_trees import threat_trees
 
 ShouldStop = Callable[[], bool]
@@ -65,9 +66,15 @@ class Exploration:
         snapshot = problem.snapshot
         self.plane_up_m = problem.start.position_enu_m[2] if snapshot.dimension == 2 else None
         self.limits = problem.vehicle.limits(
-            snapshot.dimension, snapshot.bounds, settings.clearance_min_m, settings.tau_s
+            snapshot.dimension,
+            snapshot.bounds,
+            settings.clearance_min_m,
+            settings.tau_s,
+            snapshot.wind_enu_m_s,
         )
-        self.tables = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
+        still = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
+        wind = math.hypot(*snapshot.wind_enu_m_s)
+        self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
             snapshot.tracks,

@@ -49,6 +49,6 @@ def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> 
             status, n = join(rows, i + 1, pose, limits)
             if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
                 continue
-            if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits.margin):
+            if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits):
                 return Route.of(rows, n)
     return route

@@ -11,7 +11,7 @@ from companion.frames import FloatArray
 from companion.kernels.arrays import Branches, Scene, empty_branches
 from companion.kernels.search.branches import enter_below
 from companion.kernels.search.growth import grow
-from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
+from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable, splice
 from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
@@ -82,7 +82,7 @@ def _with_last_edge(exploration: Exploration, scene: Scene, route: Route, end: i
     for k in range(same, len(route)):
         if tree.count[0] >= len(tree.parent):
             return -1
-        dt = float(route.times[k] - route.times[k - 1])
+        dt = float(air_time(route.rows, k, exploration.limits))
         control, draws = np.array([0.0, *route.rates[k]]), exploration.rng.random(STAR_DRAWS)
         node = grow(tree, scene, node, route.states[k], control, dt, draws, work.growth, work.stats)
         if node < 0:
@@ -162,6 +162,6 @@ def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[
         return None
     if not is_flyable(rows, m, i + 1, limits):
         return None
-    if not is_clear(rows, i + 1, at + 1, obstacles, limits.margin):
+    if not is_clear(rows, i + 1, at + 1, obstacles, limits):
         return None
     return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
-from companion.kernels.search.path_edit import path_cost
+from companion.kernels.search.path_edit import air_time, path_cost, retime
 from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem
@@ -67,14 +67,23 @@ def route_from_tree(exploration: Exploration, node: int) -> Route:
     return Route(tree.state[index].copy(), tree.time[index].copy(), tree.rate[index].copy())
 
 
-def route_from_path(path: Path) -> Route:
-    """A path of an earlier plan as rows; the rates of its first edge are not known and taken as 0."""
+def route_from_path(exploration: Exploration, path: Path) -> Route:
+    """A path of an earlier plan as rows, its time stamps those of the wind that there is now.
+
+    The rates of its first edge are not known and taken as 0.
+    """
     directions = np.array([direction_from_course(float(course)) for course in path.courses_rad])
     states = np.column_stack([path.positions_enu_m, directions, path.climb_angles_rad, path.speeds_m_s])
-    steps = np.diff(path.times_s, prepend=path.times_s[0] - 1.0)
-    turns = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
-    climbs = np.diff(path.climb_angles_rad, prepend=path.climb_angles_rad[0]) / steps
-    return Route(np.ascontiguousarray(states), path.times_s.copy(), np.column_stack([turns, climbs]))
+    route = Route(np.ascontiguousarray(states), path.times_s.copy(), np.zeros((len(path), 2)))
+    then = exploration.limits._replace(wind_x=path.wind_enu_m_s[0], wind_y=path.wind_enu_m_s[1])
+    steps = np.ones(len(path))
+    for k in range(1, len(path)):
+        steps[k] = air_time(route.rows, k, then)
+    route.rates[:, 0] = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
+    route.rates[:, 1] = np.diff(path.climb_angles_rad, prepend=path.climb_angles_rad[0]) / steps
+    if path.wind_enu_m_s != exploration.problem.snapshot.wind_enu_m_s:
+        retime(route.rows, steps, exploration.limits)
+    return route
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +176,7 @@ def cost_between(exploration: Exploration, route: Route, first: int = 1, end: in
     return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
-def path_from_route(route: Route, assessment: Assessment) -> Path:
+def path_from_route(exploration: Exploration, route: Route, assessment: Assessment) -> Path:
     """The route as other layers take it."""
     return Path(
         times_s=route.times,
@@ -178,6 +187,7 @@ def path_from_route(route: Route, assessment: Assessment) -> Path:
         position_covariances_m2=assessment.covariances,
         collision_free=assessment.clear,
         threat_levels=assessment.levels,
+        wind_enu_m_s=exploration.problem.snapshot.wind_enu_m_s,
     )
 
 
@@ -194,9 +204,12 @@ def reassessed(problem: Problem, path: Path) -> Path:
         What is left of a path; its levels are of the world that it was planned in.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
-    found = assess_route(exploration, route_from_path(path))
+    route = route_from_path(exploration, path)
+    found = assess_route(exploration, route)
     return replace(
         path,
+        times_s=route.times,
+        wind_enu_m_s=problem.snapshot.wind_enu_m_s,
         position_covariances_m2=found.covariances,
         collision_free=found.clear,
         threat_levels=found.levels,

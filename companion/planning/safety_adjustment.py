@@ -120,8 +120,8 @@ def _moved(
     status, n, at = splice(route.rows, len(route), first, via, True, last, exploration.limits, rows)
     if status != JOINED or not is_flyable(rows, n, first + 1, exploration.limits):
         return None
-    obstacles, margin = exploration.problem.snapshot.obstacles, exploration.limits.margin
-    if not is_clear(rows, first + 1, at + 1, obstacles, margin):
+    obstacles = exploration.problem.snapshot.obstacles
+    if not is_clear(rows, first + 1, at + 1, obstacles, exploration.limits):
         return None
     if not visits_goals(rows.states[:n], exploration.problem.goals):
         return None

@@ -81,7 +81,7 @@ def solve(
         route, assessment = _finished(exploration, route, end, should_stop, notes)
     flown_cost, flown_threat = None, None
     if flown is not None and len(flown) >= MIN_ROWS:
-        flown_route = route_from_path(flown)
+        flown_route = route_from_path(exploration, flown)
         flown_cost = cost_between(exploration, flown_route)
         flown_threat = float(assess_route(exploration, flown_route).levels.max())
         improved, kept = smoothed_route(exploration, flown_route, should_stop)
@@ -97,7 +97,7 @@ def solve(
         assessment = assess_route(exploration, route)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
-        path=path_from_route(route, assessment),
+        path=path_from_route(exploration, route, assessment),
         measures=measures_of(exploration, route, assessment, searched, num_nodes),
         seed=problem.seed,
         method=method,

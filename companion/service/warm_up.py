@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,6 +45,7 @@ def warm_up(mission: MissionConfig) -> None:
     for now_s in map(float, range(NUM_PLANS)):
         begin, snapshot = start_after(state, own, LEAD_S), situation.snapshot(now_s)
         world = snapshot.with_known(np.ones_like(snapshot.threats.known))
+        world = replace(world, wind_enu_m_s=(now_s, 0.0))  # a flown path is restamped
         plan = planner.plan(plan_request(state, begin, world), lambda: False)
         judge(state, plan, begin)
         if plan.path is not None and plan.reaches_goal:

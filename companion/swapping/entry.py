@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.flight.flight_state import FlightState
-from companion.flight.shaping import at_start, guidance_of
+from companion.flight.shaping import at_row, guidance_of
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints
@@ -128,7 +128,7 @@ def _moved_on(ownship: Ownship, path: Path, in_s: float) -> Ownship:
 
 def _at_start(ownship: Ownship, path: Path, before_s: float) -> Ownship:
     """The aircraft where a path begins, or so long before it [s]; wind and bank as they are now."""
-    begin = at_start(path, ownship.wind_enu_m_s)
+    begin = at_row(path, ownship.wind_enu_m_s)
     (east, north, up), back = begin.position_enu_m, before_s * begin.ground_speed_m_s
     return replace(
         begin,

@@ -54,10 +54,13 @@ class LookAhead:
         await parts.geofences.catch_up()
         await maker.until_begun()
         now, state = parts.clock.now_s(), parts.flight.state
-        start = self._start(now)
-        if start is None or not state.goals_left:
+        start, ownship = self._start(now), parts.situation.ownship.state(now)
+        if start is None or ownship is None or not state.goals_left:
             return
         snapshot, track_s = parts.situation.snapshot(now), parts.situation.newest_track_s
+        state = parts.flight.see(ownship, snapshot.picture)
+        if state.wind_fault:
+            return
         maker.schedule.knows(known_threats(parts.situation, now))
         run, found = await maker.make(
             plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start)

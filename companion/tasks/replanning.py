@@ -122,6 +122,8 @@ class Replanning:
         self._schedule.begin(now)
         if self.freshness.is_blind:
             return None  # until it is told that all is there again
+        if self._is_too_windy(now):
+            return None
         if not self.handover.is_settled():
             self._schedule.retry(now + SUSPICION_S, "it was not known what is flown")
             return None
@@ -138,6 +140,7 @@ class Replanning:
         if ownship is None or not state.may_act or not state.goals_left:
             return None
         snapshot = self._situation.snapshot(now)
+        state = self._flight.see(ownship, snapshot.picture)
         self._schedule.knows(known_threats(self._situation, now))
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
@@ -148,6 +151,15 @@ class Replanning:
             self._surprises.judged(start.rest, is_failing=start.rest is not None and not request.improves)
             await self._plan(request, track_s)
         return None
+
+    def _is_too_windy(self, now_s: float) -> bool:
+        """Whether nothing is planned in the wind there is; then that is said, and looked at again."""
+        fault = self._flight.state.wind_fault
+        if not fault:
+            return False
+        self._announce(EmergencyStep.KEEP_FLOWN, fault, DecisionKind.EMERGENCY)
+        self._schedule.retry(now_s + RETRY_S, "the wind was too strong")
+        return True
 
     async def _flew_prepared(self) -> bool:
         """Hand the plan over that was made ahead, if it begins where the aircraft is.

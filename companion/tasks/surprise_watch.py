@@ -78,7 +78,9 @@ class SurpriseWatch:
             return self._surprise
         self._seen, self._rules, self._looked_s = world, state.rules, now_s
         start = begin(state, ownship, self._reader.current, is_urgent=True)
-        rest = as_of_now(state, start, situation.snapshot(now_s)).rest
+        snapshot = situation.snapshot(now_s)
+        state = self._flight.see(ownship, snapshot.picture)
+        rest = as_of_now(state, start, snapshot).rest
         if rest is None:
             return ""
         level, violations = float(rest.threat_levels.max()), state.violations_of(rest)

@@ -29,6 +29,8 @@ BANK_MAX_RAD = math.radians(75.0)
 TURN_RATE_MIN_RAD_S = 1e-6
 TURN_AIRSPEED_MIN_M_S = 1.0  # slower air flows past no wing: g·tan(bank)/v says nothing there
 
+OWN_WIND_STD_M_S = 1.5  # with the airspeed sensor's and the compass's errors in it
+UNKNOWN_WIND_STD_M_S = 3.0  # nothing is known of it
 WIND_TIME_S = 20.0  # of the filter behind the wind that is worked out here
 TURN_COMPARED_S = 1.0  # apart at most are two positions from which a turn is taken
 
@@ -156,7 +158,7 @@ class OwnshipEstimator:
         north = event.velocity_enu_m_s[1] - speed * math.cos(attitude.yaw_rad)
         held = self._own_wind
         if held is None:
-            self._own_wind = WindEstimate(now_s, east, north)
+            self._own_wind = WindEstimate(now_s, east, north, OWN_WIND_STD_M_S)
             return
         step_s = max(now_s - held.stamp_s, 0.0)
         share = step_s / (WIND_TIME_S + step_s)
@@ -164,6 +166,7 @@ class OwnshipEstimator:
             now_s,
             held.wind_east_m_s + share * (east - held.wind_east_m_s),
             held.wind_north_m_s + share * (north - held.wind_north_m_s),
+            OWN_WIND_STD_M_S,
         )
 
     def go_by(self, settings: OwnshipSettings) -> None:
@@ -194,7 +197,7 @@ class OwnshipEstimator:
             return None
         ahead = max(now_s - heard.stamp_s, 0.0)
         east, north, up = heard.velocity_enu_m_s
-        wind = self._wind_now(now_s)
+        wind, wind_std_m_s = self._wind_now(now_s)
         ground_speed = math.hypot(east, north)
         place = self._place_enu_m
         return Ownship(
@@ -205,6 +208,7 @@ class OwnshipEstimator:
             airspeed_m_s=self._airspeed(now_s, east - wind[0], north - wind[1], up),
             ground_speed_m_s=ground_speed,
             wind_enu_m_s=wind,
+            wind_std_m_s=wind_std_m_s,
             position_std_m=self._position_std(),
             bank_rad=self._bank(now_s),
         )
@@ -219,11 +223,13 @@ class OwnshipEstimator:
             return self._attitude.yaw_rad % (2.0 * math.pi)
         return math.atan2(east_m_s, north_m_s) % (2.0 * math.pi)
 
-    def _wind_now(self, now_s: float) -> tuple[float, float]:
-        """The autopilot's while it is fresh, then that worked out here, then the last there was."""
+    def _wind_now(self, now_s: float) -> tuple[tuple[float, float], float]:
+        """The autopilot's while it is fresh, then that worked out here, then the last there was; how sure."""
         told, own, max_age_s = self._wind, self._own_wind, self._settings.wind_max_age_s
         wind = _fresh(told, now_s, max_age_s) or _fresh(own, now_s, max_age_s) or told or own
-        return (0.0, 0.0) if wind is None else (wind.wind_east_m_s, wind.wind_north_m_s)
+        if wind is None:
+            return (0.0, 0.0), UNKNOWN_WIND_STD_M_S
+        return (wind.wind_east_m_s, wind.wind_north_m_s), wind.std_m_s
 
     def _airspeed(self, now_s: float, east_m_s: float, north_m_s: float, up_m_s: float) -> float:
         air = _fresh(self._air, now_s, self._settings.airspeed_max_age_s)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+WIND_STD_M_S = 1.0  # of an autopilot's estimate that comes without
+
 
 class Dialect(Enum):
     """Whose mission semantics the autopilot has, and what follows from it."""
@@ -166,11 +168,12 @@ class Attitude:
 
 @dataclass(frozen=True, slots=True)
 class WindEstimate:
-    """WIND or WIND_COV: velocity of the air over the ground, east and north."""
+    """WIND or WIND_COV: velocity of the air over the ground, east and north, and its standard deviation."""
 
     stamp_s: float
     wind_east_m_s: float
     wind_north_m_s: float
+    std_m_s: float = WIND_STD_M_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ class MessageId(IntEnum):
 
     HEARTBEAT = 0
     GPS_RAW_INT = 24
+    SCALED_PRESSURE = 29
     ATTITUDE = 30
     GLOBAL_POSITION_INT = 33
     MISSION_WRITE_PARTIAL_LIST = 38
@@ -240,6 +241,13 @@ class VehicleType(IntEnum):
     VTOL_RESERVED4 = 24
     VTOL_RESERVED5 = 25
     PARAFOIL = 28
+
+
+class AdsbAltitudeType(IntEnum):
+    """ADSB_ALTITUDE_TYPE."""
+
+    PRESSURE_QNH = 0
+    GEOMETRIC = 1
 
 
 class EmitterType(IntEnum):

@@ -31,6 +31,8 @@ class Path:
         p_c of each, a lower bound.
     threat_levels : ndarray, shape (N,)
         TI of each, in [0, 1].
+    wind_enu_m_s : tuple of float
+        Velocity of the air, east and north, that the time stamps are of [m/s].
     """
 
     times_s: FloatArray
@@ -41,6 +43,7 @@ class Path:
     position_covariances_m2: FloatArray
     collision_free: FloatArray
     threat_levels: FloatArray
+    wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.times_s)
@@ -67,6 +70,7 @@ class Path:
             self.position_covariances_m2[:end],
             self.collision_free[:end],
             self.threat_levels[:end],
+            self.wind_enu_m_s,
         )
 
     def rows(self) -> list[list[float]]:

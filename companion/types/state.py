@@ -28,6 +28,8 @@ class Ownship:
         One-sigma horizontal and vertical position accuracy [m].
     bank_rad : float
         Positive right wing down [rad].
+    wind_std_m_s : float
+        How well the wind is known [m/s].
     """
 
     stamp_s: float
@@ -39,6 +41,7 @@ class Ownship:
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     position_std_m: tuple[float, float] = (2.0, 3.0)
     bank_rad: float = 0.0
+    wind_std_m_s: float = 0.0
 
     @property
     def velocity_m_s(self) -> tuple[float, float]:

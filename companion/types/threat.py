@@ -110,6 +110,22 @@ class TrackState:
 
 
 @dataclass(frozen=True, slots=True)
+class ThreatPicture:
+    """What was sighted by now.
+
+    Parameters
+    ----------
+    radars : tuple of Radar
+        Static threats that were sensed.
+    tracks : tuple of TrackState
+        Moving ones.
+    """
+
+    radars: tuple[Radar, ...] = ()
+    tracks: tuple[TrackState, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class ThreatTree:
     """The tree of ways that a plan's RS estimator grew for a moving threat, for the next plan to carry on.
 

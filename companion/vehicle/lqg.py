@@ -18,6 +18,7 @@ from companion.kernels.aircraft.lqg_mp import linearise
 from companion.kernels.arrays import Uncertainty
 from companion.vehicle.vehicle_model import VehicleModel
 
+GUST_SHARE, GUST_LENGTH_M = 0.14, 260.0
 NUM_PARTICLES = 60  # m of paper 3.3.1
 STATE_TOLERANCE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 2.0])  # deviation worth one unit of cost: m, rad, m/s
 
@@ -92,6 +93,30 @@ def uncertainty_tables(
         axes=np.array([[axis[0], axis[1] - axis[0]] for axis in (speeds, rates, climbs)]),
         normals=np.ascontiguousarray(normals),
     )
+
+
+def with_gusts(tables: Uncertainty, vehicle: VehicleModel, wind_m_s: float, tau_s: float) -> Uncertainty:
+    """The tables with the process noise that the gusts of a wind add; the gains are the same.
+
+    Gusts by MIL-F-8785C (3.7.2) at some 100 m: their deviation a share of the wind, their length so many
+    metres. As a Gauss-Markov process of time constant T = length over airspeed they change the velocity
+    by σ·√(2·τ/T) in a step, along the flight, across and upwards.
+
+    Parameters
+    ----------
+    tables : Uncertainty
+        Those of still air.
+    vehicle : VehicleModel
+        The aircraft.
+    wind_m_s : float
+        Speed of the wind.
+    tau_s : float
+        How long one step takes [s].
+    """
+    speed = vehicle.airspeed_cruise_m_s
+    variance = (GUST_SHARE * wind_m_s) ** 2 * 2.0 * speed / (GUST_LENGTH_M * tau_s)
+    upwards = variance / speed**2 if tables.process[2] > 0.0 else 0.0
+    return tables._replace(process=tables.process + np.array([variance, variance / speed**2, upwards]))
 
 
 @functools.cache

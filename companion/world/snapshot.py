@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.kernels.arrays import IntArray, Obstacles, Threats
-from companion.types.threat import Obstacle, Radar, ThreatTree, TrackState
+from companion.types.threat import Obstacle, Radar, ThreatPicture, ThreatTree, TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.threats import known_within, packed_threats
 
@@ -36,6 +36,8 @@ class Snapshot:
         Moving threats as tracked.
     threat_trees : tuple of ThreatTree
         Their trees as the plan before left them.
+    wind_enu_m_s : tuple of float
+        Velocity of the air over the ground, east and north [m/s].
     """
 
     number: int
@@ -50,6 +52,13 @@ class Snapshot:
     threats: Threats
     tracks: tuple[TrackState, ...] = ()
     threat_trees: tuple[ThreatTree, ...] = ()
+    wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def picture(self) -> ThreatPicture:
+        """What of it was sighted."""
+        sensed = zip(self.radar_list, self.threats.known, strict=True)
+        return ThreatPicture(tuple(radar for radar, is_known in sensed if is_known), self.tracks)
 
     def with_tracks(self, stamp_s: float, tracks: Sequence[TrackState]) -> Snapshot:
         """The next snapshot, with new tracks."""

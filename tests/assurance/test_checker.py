@@ -428,3 +428,51 @@ def test_who_begins_out_of_bounds_may_come_back():
 def test_no_track_is_no_proof():
     assert rules(free_checker().check_track(eastwards()[:1], 5.0)) == {"finite"}
     assert rules(free_checker().check_track(eastwards(north=math.nan), 5.0)) == {"finite"}
+
+
+def blown(path, wind):
+    """The same rows with the time stamps of a wind, worked out in small steps."""
+    steps = [0.0]
+    for k in range(1, len(path)):
+        courses = np.linspace(path.courses_rad[k - 1], path.courses_rad[k], 101)
+        along = wind[0] * np.sin(courses) + wind[1] * np.cos(courses)
+        across = wind[0] * np.cos(courses) - wind[1] * np.sin(courses)
+        slowness = 25.0 / (along + np.sqrt(625.0 - across**2))
+        steps.append((path.times_s[k] - path.times_s[k - 1]) * slowness.mean())
+    return replace(path, times_s=path.times_s[0] + np.cumsum(steps))
+
+
+@pytest.mark.parametrize("wind", [(10.0, 0.0), (-7.0, 7.0), (0.0, -14.0), (3.0, -1.0)])
+def test_time_stamps_have_to_be_those_of_the_wind(wind):
+    path, _ = flown([(200.0, 0.0, 0), (300.0, 200.0, 1), (200.0, 0.0, 0)], course=0.4)
+    checker = free_checker()
+    windy = blown(path, wind)
+    assert checker.check_path(windy, wind_enu_m_s=wind) == ()
+    assert rules(checker.check_path(path, wind_enu_m_s=wind)) == {"pace"}
+    assert rules(checker.check_path(windy)) == {"pace"}
+    assert "pace" in rules(checker.check_path(windy, wind_enu_m_s=(-wind[0], -wind[1])))
+    sure, unsure = 0.2, 2.5
+    other = (wind[0] + 1.0, wind[1] - 1.0)
+    assert "pace" in rules(checker.check_path(windy, wind_enu_m_s=other, wind_std_m_s=sure))
+    assert checker.check_path(windy, wind_enu_m_s=other, wind_std_m_s=unsure) == ()
+
+
+def test_turns_downwind_are_wider():
+    # A turn of 140 m through north, 14 m/s of wind from the south: 39²/(9.80665·tan 40°) = 184.8 m is needed.
+    wind = (0.0, 14.0)
+    for radius, tight in ((140.0, True), (190.0, False)):
+        path, _ = flown([(200.0, radius, 1)], course=-0.7)
+        found = rules(free_checker().check_path(blown(path, wind), wind_enu_m_s=wind))
+        assert found == ({"turn_radius"} if tight else set())
+    path, _ = flown([(200.0, 140.0, 1)], course=math.pi - 0.7)  # against the wind it may be tight
+    assert free_checker().check_path(blown(path, wind), wind_enu_m_s=wind) == ()
+
+
+def test_a_climb_downwind_is_flatter_over_the_ground():
+    # 25·sin 10° over 25·cos 10° + 10 m/s: 7.15 degrees.
+    wind = (0.0, 10.0)
+    for angle, steep in ((7.0, False), (7.5, True)):
+        path, _ = flown([(250.0, 0.0, 0)], climb=math.radians(angle))
+        assert (rules(free_checker().check_path(blown(path, wind), wind_enu_m_s=wind)) == {"climb"}) is steep
+    path, _ = flown([(250.0, 0.0, 0)], climb=math.radians(-7.5))
+    assert rules(free_checker().check_path(blown(path, wind), wind_enu_m_s=wind)) == {"climb"}

@@ -15,7 +15,7 @@ from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
-from companion.flight.shaping import at_start, carried, guidance_of, waypoints_of
+from companion.flight.shaping import at_row, carried, guidance_of, waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.tasks.plan_maker import Planner, plan_request
@@ -402,7 +402,7 @@ def round_a_corner(wind=(0.0, 0.0), *, flies_by=False, wall=OUTSIDE):
 
 def room_of(made, path, found):
     """How near the foreseen track comes to the wall [m]."""
-    own = at_start(path, made.wind_enu_m_s)
+    own = at_row(path, made.wind_enu_m_s)
     track = track_of_legs(guidance_of(made), own, found.positions_enu_m, ends_s=50.0)
     return shapely.LineString(track.positions_enu_m[:, :2]).distance(shapely.box(692, -400, 740, 50))
 

@@ -42,12 +42,17 @@ def answered(made, start, least=NO_PLAN, failed=(), may_return=False, way_home=(
 
 def test_straight_ahead_by_hand():
     made = begun()
-    path = straight_ahead(starting(made).state)
+    path = straight_ahead(starting(made).state, (0.0, 0.0))
     assert path.times_s[[0, 1, -1]].tolist() == [54.0, 55.0, 78.0]
     assert path.positions_enu_m[[0, -1]] == pytest.approx(
         np.array([[100.0, 0.0, 100.0], [700.0, 0.0, 100.0]])
     )
     assert path.courses_rad == pytest.approx(np.full(25, 0.5 * math.pi))
+    blown = straight_ahead(starting(made).state, (-10.0, 0.0))  # 15 m/s are left, 360 m in 24 s
+    assert blown.positions_enu_m[-1] == pytest.approx([460.0, 0.0, 100.0])
+    windy = replace(made, wind_enu_m_s=(-10.0, 0.0))
+    assert {entry.rule for entry in windy.violations_to(None, blown)} == {"threat"}
+    assert {entry.rule for entry in windy.violations_to(None, path)} == {"threat", "pace"}
 
 
 def test_the_least_threat_plan_is_flown_though_its_threat_is_past_the_limit():

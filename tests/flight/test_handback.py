@@ -1,5 +1,8 @@
 """The pilot takes over and hands back: what is said of the way back, and what is flown on it."""
 
+import numpy as np
+from shapely.geometry import LineString, Polygon
+
 from companion.config import mission_from_text
 from companion.flight.modes import Mode
 from tests.flight.test_app import at, both, switch
@@ -80,4 +83,6 @@ def test_a_way_back_through_a_wall_is_told_and_its_mission_replaced():
     assert any(text.startswith("NOT safe: distance to block") for text in told)
     kept = blocked["{keep_ready: true}"]
     assert not kept.simulator.truth.collision
-    assert kept.simulator.truth.min_obstacle_clearance_m > 7.5
+    rows = np.array(kept.simulator.truth.path)
+    after = LineString(rows[rows[:, 0] >= 70.0][:, 1:3])  # before, the pilot flew as the pilot liked
+    assert after.distance(Polygon(kept.simulator.truth.obstacles[0].polygon_enu_m)) > 7.5

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from companion.types.events import Dialect
 from sim.faults import Schedule
-from tests.torture import campaigns, senses
+from tests.torture import campaigns, senses, wind
 from tests.torture.harness import WORLDS, broken_after, fly, num_messages, random_flight
 
 # In which the first mission is flown, and replaced; on ArduPlane a second time, then by a part only.
@@ -105,7 +105,7 @@ def main():
         "what",
         nargs="?",
         default="swaps",
-        choices=("swaps", "random", "losses", "kills", "pilots", "senses"),
+        choices=("swaps", "random", "losses", "kills", "pilots", "senses", "wind"),
     )
     parser.add_argument(
         "-n", type=int, default=1000, help="flights of a random kind, half of them an autopilot"
@@ -127,6 +127,11 @@ def main():
             chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)
         ) as pool:
             total = senses.run_senses(chosen.n, chosen.first_seed, say, pool)
+    elif chosen.what == "wind":
+        with ProcessPoolExecutor(
+            chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)
+        ) as pool:
+            total = wind.run_wind(wind.cases(), say, pool)
     elif chosen.what == "losses":
         total = campaigns.run_losses(chosen.n, chosen.first_seed, say)
     elif chosen.what == "pilots":

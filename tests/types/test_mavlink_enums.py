@@ -23,6 +23,7 @@ DIALECT = {
     "ComponentId": ("MAV_COMPONENT", "MAV_COMP_ID_"),
     "ModeFlag": ("MAV_MODE_FLAG", "MAV_MODE_FLAG_"),
     "VehicleType": ("MAV_TYPE", "MAV_TYPE_"),
+    "AdsbAltitudeType": ("ADSB_ALTITUDE_TYPE", "ADSB_ALTITUDE_TYPE_"),
     "EmitterType": ("ADSB_EMITTER_TYPE", "ADSB_EMITTER_TYPE_"),
     "SystemState": ("MAV_STATE", "MAV_STATE_"),
     "EstimatorStatusFlag": ("ESTIMATOR_STATUS_FLAGS", "ESTIMATOR_"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.vehicle.lqg import NUM_PARTICLES, regulator_gain, uncertainty_tables
+from companion.vehicle.lqg import NUM_PARTICLES, regulator_gain, uncertainty_tables, with_gusts
 from tests.support.worlds import VEHICLE, tables
 
 
@@ -40,3 +40,21 @@ def test_particles_are_the_same_for_every_planner_and_centred():
     assert first.normals.shape == (NUM_PARTICLES, 3)
     assert first.normals.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert first.normals.std(axis=0) == pytest.approx(np.ones(3), abs=0.3)
+
+
+def test_wind_makes_turns_wider_and_slopes_flatter_by_hand():
+    # 25 + 1.1·10 = 36 m/s banked by 40 degrees: 36² / (9.80665·tan 40°) = 157.5 m.
+    assert VEHICLE.turn_radius_in(10.0) == pytest.approx(157.5, abs=0.05)
+    assert VEHICLE.turn_radius_in(5.0) == 125.0  # 113 m would do
+    assert VEHICLE.turn_radius_in(0.0) == 125.0
+    # 25·sin 10° = 4.341 m/s of climb over 24.620 + 11 m/s: 6.95 degrees.
+    assert VEHICLE.slope_in(np.radians(10.0), 10.0) == pytest.approx(np.radians(6.949), abs=1e-5)
+    assert VEHICLE.slope_in(0.17, 0.0) == 0.17
+
+
+def test_gusts_add_to_the_process_noise_by_hand():
+    # 0.14·10 m/s with a time constant of 260 m / 25 m/s: (1.4 m/s)²·2/10.4 s = 0.3769 m²/s⁴ a step of 1 s.
+    gusty = with_gusts(tables(3), VEHICLE, 10.0, 1.0)
+    assert gusty.process - tables(3).process == pytest.approx([0.37692, 0.000603, 0.000603], abs=1e-5)
+    assert with_gusts(tables(2), VEHICLE, 10.0, 1.0).process[2] == 0.0
+    assert with_gusts(tables(3), VEHICLE, 0.0, 1.0).process == pytest.approx(tables(3).process)

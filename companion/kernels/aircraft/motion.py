@@ -11,6 +11,7 @@ from companion.kernels.arrays import FloatArray, Limits
 from companion.kernels.jit import kernel
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
+SLOWEST = 0.1  # of the airspeed, over the ground
 STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
 
 
@@ -62,6 +63,35 @@ def advance(state: FloatArray, a: float, w: float, wp: float, tau: float, out: F
     out[3] = wrapped(state[3] + w * tau)
     out[4] = state[4] + wp * tau
     out[5] = state[5] + a * tau
+
+
+@kernel
+def ground_speed(theta: float, v: float, limits: Limits) -> float:
+    """Speed over the ground of an aircraft of level airspeed ``v`` on the course ``theta`` in the wind.
+
+    The triangle of velocities; at least :data:`SLOWEST` of the airspeed, where the wind allows less.
+    """
+    east, north = math.cos(theta), math.sin(theta)
+    along = limits.wind_x * east + limits.wind_y * north
+    across = limits.wind_y * east - limits.wind_x * north
+    return max(along + math.sqrt(max(v * v - across * across, 0.0)), SLOWEST * v)
+
+
+@kernel
+def slowness(p: FloatArray, q: FloatArray, limits: Limits) -> float:
+    """How many times as long as in still air the edge from state ``p`` (6,) to ``q`` (6,) takes.
+
+    Its course turns evenly; Simpson's rule over its beginning, middle and end.
+    """
+    if limits.wind_x == 0.0 and limits.wind_y == 0.0:
+        return 1.0
+    v = 0.5 * (p[5] + q[5]) * math.cos(0.5 * (p[4] + q[4]))
+    middle = p[3] + 0.5 * wrapped(q[3] - p[3])
+    return v * (
+        1.0 / ground_speed(p[3], v, limits)
+        + 4.0 / ground_speed(middle, v, limits)
+        + 1.0 / ground_speed(q[3], v, limits)
+    ) / 6.0  # fmt: skip
 
 
 @kernel

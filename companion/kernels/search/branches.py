@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.aircraft.motion import distance_to, straight_after
+from companion.kernels.aircraft.motion import distance_to, slowness, straight_after
 from companion.kernels.arrays import Branches, FloatArray, IntArray, Limits, Scene, Tree
 from companion.kernels.jit import kernel
 from companion.kernels.search.growth import renew_covariance
@@ -121,6 +121,14 @@ def remove_below(tree: Tree, branches: Branches, top_node: int, stack: IntArray)
 
 
 @kernel
+def still_time(tree: Tree, i: int, limits: Limits) -> float:
+    """How long the edge to node ``i`` takes in still air [s]."""
+    parent = tree.parent[i]
+    taken = tree.time[i] - tree.time[parent]
+    return taken / slowness(tree.state[parent], tree.state[i], limits)
+
+
+@kernel
 def keeps_turn_rule_below(
     tree: Tree, branches: Branches, b: int, turn: int, straight: float, limits: Limits, walk: Walk
 ) -> bool:
@@ -139,7 +147,7 @@ def keeps_turn_rule_below(
             w = tree.rate[c, 0]
             if breaks_turn_rule(turn, straight, w, limits):
                 return False
-            length = (tree.time[c] - tree.time[i]) * 0.5 * (tree.state[c, 5] + tree.state[i, 5])
+            length = still_time(tree, c, limits) * 0.5 * (tree.state[c, 5] + tree.state[i, 5])
             after, flown = straight_after(turn, straight, w, length)
             enough = limits.straight_min
             if after != tree.turn[c] or min(flown, enough) != min(tree.straight[c], enough):
@@ -176,7 +184,7 @@ def shift_below(
         while c >= 0:
             tree.cost[c] += cost
             tree.time[c] += time
-            dt = tree.time[c] - tree.time[i]
+            dt = still_time(tree, c, scene.limits)
             length = dt * 0.5 * (tree.state[c, 5] + tree.state[i, 5])
             tree.turn[c], tree.straight[c] = straight_after(
                 tree.turn[i], tree.straight[i], tree.rate[c, 0], length

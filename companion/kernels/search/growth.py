@@ -8,7 +8,15 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
-from companion.kernels.aircraft.motion import OK, advance, distance_to, state_status, steer, straight_after
+from companion.kernels.aircraft.motion import (
+    OK,
+    advance,
+    distance_to,
+    slowness,
+    state_status,
+    steer,
+    straight_after,
+)
 from companion.kernels.arrays import (
     FloatArray,
     IntArray,
@@ -169,7 +177,8 @@ def add_node(
 ) -> int:  # fmt: skip
     """Append a node with its time, turn rule, covariance and clearance; returns its row.
 
-    ``state`` (6,) of the node, reached by ``control`` (3,) a, w, wp, which acts for ``dt`` seconds.
+    ``state`` (6,) of the node, reached by ``control`` (3,) a, w, wp, which acts for ``dt``
+    seconds in still air.
     """
     dimension = scene.limits.dimension
     i = tree.count[0]
@@ -178,7 +187,7 @@ def add_node(
     tree.parent[i] = parent
     tree.children[parent] += 1
     tree.children[i] = 0
-    tree.time[i] = tree.time[parent] + dt
+    tree.time[i] = tree.time[parent] + dt * slowness(tree.state[parent], state, scene.limits)
     tree.rate[i, 0], tree.rate[i, 1] = control[1], control[2]
     length = dt * 0.5 * (state[5] + tree.state[parent, 5])
     tree.turn[i], tree.straight[i] = straight_after(

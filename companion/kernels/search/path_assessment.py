@@ -15,6 +15,7 @@ from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.jit import kernel
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import FAR
+from companion.kernels.search.path_edit import air_time
 from companion.kernels.threat.fuzzy_threat import membership, node_threat
 from companion.kernels.threat.reachability import dt_positions
 from companion.kernels.workspace import PathRows, Workspace
@@ -49,7 +50,7 @@ def assess_rows(
     states, times, rates, errors, estimates = rows.states, rows.times, rows.rates, out.errors, out.estimates
     for k in range(first, n):
         if k > 0:
-            dt = times[k] - times[k - 1]
+            dt = air_time(rows, k, scene.limits)
             control = ((states[k, 5] - states[k - 1, 5]) / dt, rates[k, 0], rates[k, 1])
             propagate(
                 states[k - 1], control, dt, scene.tables, errors[k - 1], estimates[k - 1], errors[k],

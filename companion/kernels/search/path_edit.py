@@ -9,7 +9,14 @@ import math
 import numpy as np
 
 from companion.kernels.aircraft import dubins
-from companion.kernels.aircraft.motion import OK, STRAIGHT_RATE, state_status, straight_after, wrapped
+from companion.kernels.aircraft.motion import (
+    OK,
+    STRAIGHT_RATE,
+    slowness,
+    state_status,
+    straight_after,
+    wrapped,
+)
 from companion.kernels.arrays import FloatArray, Limits, Obstacles, Scene
 from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.prism_distance import segment_clear
@@ -89,6 +96,20 @@ def climb_profile(
 
 
 @kernel
+def air_time(rows: PathRows, k: int, limits: Limits) -> float:
+    """How long the edge to row ``k`` takes in still air [s]: turns, climbs and lengths go by it."""
+    return (rows.times[k] - rows.times[k - 1]) / slowness(rows.states[k - 1], rows.states[k], limits)
+
+
+@kernel
+def retime(rows: PathRows, steps: FloatArray, limits: Limits) -> None:
+    """Time stamps from the first row's on, of edges that take ``steps`` (N,) in still air [s], in place."""
+    for k in range(1, len(steps)):
+        taken = steps[k] * slowness(rows.states[k - 1], rows.states[k], limits)
+        rows.times[k] = rows.times[k - 1] + taken
+
+
+@kernel
 def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int, int]:
     """Append a Dubins edge from row ``n - 1`` to the pose ``goal`` (6,), sampled about every le.
 
@@ -125,7 +146,7 @@ def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int,
         z += ds * math.tan(mean)
         row[0], row[1], row[2] = pose[0], pose[1], z if k < steps else goal[2]
         row[3], row[4], row[5] = wrapped(pose[2]), angles[k], v
-        times[n] = times[n - 1] + dt
+        times[n] = times[n - 1] + dt * slowness(before, row, limits)
         rates[n, 0] = wrapped(row[3] - before[3]) / dt
         rates[n, 1] = (row[4] - before[4]) / dt
         n += 1
@@ -144,11 +165,10 @@ def is_flyable(rows: PathRows, n: int, first: int, limits: Limits) -> bool:
 @kernel
 def is_flyable_after(turn: int, straight: float, rows: PathRows, n: int, first: int, limits: Limits) -> bool:
     """:func:`is_flyable` with the turn and straight length flown before row 0."""
-    states, times, rates = rows.states, rows.times, rows.rates
+    states, rates = rows.states, rows.rates
     for k in range(1, n):
-        dt = times[k] - times[k - 1]
         w = rates[k, 0]
-        length = dt * 0.5 * (states[k, 5] + states[k - 1, 5])
+        length = air_time(rows, k, limits) * 0.5 * (states[k, 5] + states[k - 1, 5])
         if k >= first:
             if not keeps_limits(rows, k, limits):
                 return False
@@ -162,7 +182,7 @@ def is_flyable_after(turn: int, straight: float, rows: PathRows, n: int, first: 
 def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
     """Whether row ``k`` and the edge to it keep bounds, turn radius, climb angles and pitch rate."""
     states, rates = rows.states, rows.rates
-    dt, w = rows.times[k] - rows.times[k - 1], rates[k, 0]
+    dt, w = air_time(rows, k, limits), rates[k, 0]
     if state_status(states[k], limits) != OK:
         return False
     slow = min(states[k, 5], states[k - 1, 5])
@@ -183,13 +203,13 @@ def breaks_turn_rule(turn: int, straight: float, w: float, limits: Limits) -> bo
 
 
 @kernel
-def is_clear(rows: PathRows, first: int, n: int, obstacles: Obstacles, margin: float) -> bool:
+def is_clear(rows: PathRows, first: int, n: int, obstacles: Obstacles, limits: Limits) -> bool:
     """Whether the edges that end in rows ``first`` to ``n - 1`` keep the margin from obstacles."""
     for k in range(first, n):
         p, q = rows.states[k - 1], rows.states[k]
         chord = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
-        sagitta = 0.125 * chord * abs(rows.rates[k, 0]) * (rows.times[k] - rows.times[k - 1])
-        if not segment_clear(p[0], p[1], p[2], q[0], q[1], q[2], obstacles, margin + sagitta):
+        sagitta = 0.125 * chord * abs(rows.rates[k, 0]) * air_time(rows, k, limits)
+        if not segment_clear(p[0], p[1], p[2], q[0], q[1], q[2], obstacles, limits.margin + sagitta):
             return False
     return True
 

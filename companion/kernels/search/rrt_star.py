@@ -14,7 +14,7 @@ import math
 
 from companion.kernels.aircraft import dubins
 from companion.kernels.aircraft.motion import distance_to, straight_after
-from companion.kernels.arrays import Branches, FloatArray, IntArray, Scene, Search, Tree
+from companion.kernels.arrays import Branches, FloatArray, IntArray, Limits, Scene, Search, Tree
 from companion.kernels.borrowed import borrowed
 from companion.kernels.jit import kernel
 from companion.kernels.search.branches import (
@@ -31,7 +31,7 @@ from companion.kernels.search.branches import (
 from companion.kernels.search.costs import cost_distance, step_cost, threats_at
 from companion.kernels.search.growth import BLOCKED, EXTENDED, extend_or_descend, grow
 from companion.kernels.search.near_nodes import OUTSIDE, choose_node, near_nodes, num_near
-from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable_after, join
+from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
 STAR_DRAWS = 16  # uniform numbers an iteration uses
@@ -52,7 +52,7 @@ def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: In
     if not is_flyable_after(tree.turn[a], tree.straight[a], rows, n, 1, limits):
         return 0
     stats[0] += n - 1
-    if not is_clear(rows, 1, n, scene.obstacles, limits.margin):
+    if not is_clear(rows, 1, n, scene.obstacles, limits):
         return 0
     return n
 
@@ -120,11 +120,11 @@ def weigh_edge(
 
 
 @kernel
-def turn_at_end(tree: Tree, a: int, n: int, rows: PathRows) -> tuple[int, float]:
+def turn_at_end(tree: Tree, a: int, n: int, rows: PathRows, limits: Limits) -> tuple[int, float]:
     """Turn sign and straight length after an edge of ``n`` rows from ``a``."""
     turn, straight = tree.turn[a], tree.straight[a]
     for k in range(1, n):
-        length = (rows.times[k] - rows.times[k - 1]) * 0.5 * (rows.states[k, 5] + rows.states[k - 1, 5])
+        length = air_time(rows, k, limits) * 0.5 * (rows.states[k, 5] + rows.states[k - 1, 5])
         turn, straight = straight_after(turn, straight, rows.rates[k, 0], length)
     return turn, straight
 
@@ -141,7 +141,7 @@ def grow_edge(
     control[0] = 0.0
     for k in range(1, n - 1):
         control[1], control[2] = rows.rates[k, 0], rows.rates[k, 1]
-        dt = rows.times[k] - rows.times[k - 1]
+        dt = air_time(rows, k, scene.limits)
         i = grow(tree, scene, last, rows.states[k], control, dt, draws, work.growth, work.stats)
         if i < 0:
             return -1
@@ -163,7 +163,7 @@ def try_edge(
     n, _ = weigh_edge(tree, branches, scene, a, b, tree.cost[b], goal, work.edge, work.stats)
     if n == 0:
         return False
-    turn, straight = turn_at_end(tree, a, n, work.edge.rows)
+    turn, straight = turn_at_end(tree, a, n, work.edge.rows, scene.limits)
     if not keeps_turn_rule_below(tree, branches, b, turn, straight, scene.limits, work.walk):
         return False
     last = grow_edge(tree, branches, scene, a, n, draws, work)
@@ -174,15 +174,16 @@ def try_edge(
     cost = tree.cost[last] + cost_distance(tree, last, q[0], q[1], q[2], scene.search, threats)
     if cost >= tree.cost[b] - GAIN:
         return False
-    dt = times[n - 1] - times[n - 2]
-    gain, later = cost - tree.cost[b], tree.time[last] + dt - tree.time[b]
+    stamp = tree.time[last] + (times[n - 1] - times[n - 2])
+    gain, later = cost - tree.cost[b], stamp - tree.time[b]
     detach_child(tree, branches, b)
     tree.parent[b] = last
     tree.children[last] += 1
     attach_child(tree, branches, b)
-    tree.cost[b], tree.time[b] = cost, tree.time[last] + dt
+    tree.cost[b], tree.time[b] = cost, stamp
     tree.rate[b, 0], tree.rate[b, 1] = rates[n - 1, 0], rates[n - 1, 1]
     tree.turn[b], tree.straight[b] = turn, straight
+    dt = air_time(work.edge.rows, n - 1, scene.limits)
     change_of_delta(tree, last, b, dt, scene, work.growth.lqg)
     shift_below(tree, branches, b, gain, later, scene, work.walk, work.growth.lqg)
     return True

@@ -115,6 +115,7 @@ class Streams:
             wind: (slow, False),
             MessageId.EXTENDED_SYS_STATE: (slow, False),
             MessageId.GPS_RAW_INT: (slow, False),
+            MessageId.SCALED_PRESSURE: (0.2, False),
             MessageId.HOME_POSITION: (0.5, False),
             MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }

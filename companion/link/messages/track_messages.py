@@ -2,7 +2,8 @@
 
 One vehicle may be seen by several messages and through several links; the identity says which
 sightings belong together. Sources differ in what their altitude counts from (pressure, ellipsoid
-or mean sea level): it is passed on as if it were above mean sea level.
+or mean sea level): that is kept apart by type, and each is brought to mean sea level
+(:mod:`companion.link.messages.heights`).
 
 References
 ----------
@@ -15,6 +16,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection
 
+from companion.link.messages.heights import Datum, Height
 from companion.link.messages.vehicle_telemetry import (
     SPEED_MAX_M_S,
     Message,
@@ -27,7 +29,7 @@ from companion.link.messages.vehicle_telemetry import (
 )
 from companion.link.wire.framing import RawFrame
 from companion.types.events import Emitter, TrackReport
-from companion.types.mavlink_enums import ComponentId, EmitterType, VehicleType
+from companion.types.mavlink_enums import AdsbAltitudeType, ComponentId, EmitterType, VehicleType
 
 _ECHO_MEMORY_S = 10.0
 ECHO_IDENTITIES_MAX = 10_000  # more are forgotten, the longest unheard first
@@ -49,6 +51,7 @@ _RID_UNKNOWN_COURSE_CDEG = 36_100
 _RID_UNKNOWN_CLIMB_CM_S = 6_300
 # MAV_ODID_HOR_ACC bounds 95 % of the errors; of a circular normal distribution 95 % lie in 2.45 σ.
 _RID_BOUNDS_M = (None, 18_520, 7_408, 3_704, 1_852, 926, 555.6, 185.2, 92.6, 30, 10, 3, 1)
+_RID_UNKNOWN_ALTITUDE_M = -1_000.0
 _SIGMAS_95 = 2.4477
 
 ReportParts = tuple[
@@ -56,10 +59,24 @@ ReportParts = tuple[
     Emitter,
     float,  # age [s]
     tuple[float, float],  # latitude, longitude [deg]
-    float,  # altitude above mean sea level [m]
+    Height,
     tuple[float, float, float] | None,  # velocity east, north, up [m/s]
     float | None,  # one-sigma position accuracy [m]
 ]
+
+
+def _above_sea(value_m: float) -> Height:
+    return Height(altitude(value_m, "track_altitude"), Datum.SEA_LEVEL)
+
+
+def _remote_id_height(message: Message) -> Height:
+    """The ellipsoidal altitude, else the pressure's; -1000 m stands for unknown."""
+    for value_m, datum in (
+        (message.altitude_geodetic, Datum.ELLIPSOID), (message.altitude_barometric, Datum.PRESSURE),
+    ):  # fmt: skip
+        if not value_m <= _RID_UNKNOWN_ALTITUDE_M:
+            return Height(altitude(value_m, "track_altitude"), datum)
+    raise RefusedError("track_altitude")
 
 
 def _along_course(course_cdeg: float, speed_m_s: float, climb_m_s: float) -> tuple[float, float, float]:
@@ -116,7 +133,7 @@ class Tracks:
             return None  # what a vehicle says of itself; of others it would name them
         if self._sources is not None and frame.system_id not in self._sources:
             raise RefusedError("track_unlisted")
-        identity, emitter, age_s, (latitude, longitude), above_sea, moving, std = decoder(message, frame)
+        identity, emitter, age_s, (latitude, longitude), height, moving, std = decoder(message, frame)
         self._check_echo(identity, frame, stamp_s)
         if age_s > _AGE_MAX_S:
             raise RefusedError("track_old")
@@ -127,7 +144,7 @@ class Tracks:
             emitter=emitter,
             latitude_deg=latitude,
             longitude_deg=longitude,
-            altitude_amsl_m=above_sea,
+            altitude_amsl_m=altitude(self._telemetry.heights.above_sea_m(height), "track_altitude"),
             velocity_enu_m_s=moving,
             position_std_m=std,
         )
@@ -171,7 +188,7 @@ class Tracks:
             emitter,
             float(message.tslc),
             place(message.lat, message.lon, "track_position"),
-            self._adsb_altitude(message.altitude * 1e-3 if has_altitude else None, emitter),
+            self._adsb_height(message, emitter, is_told=has_altitude),
             moving,
             None,
         )
@@ -184,12 +201,15 @@ class Tracks:
             raise RefusedError("track_identity")
         return f"callsign:{callsign}"
 
-    def _adsb_altitude(self, altitude_m: float | None, emitter: Emitter) -> float:
-        if altitude_m is not None:
-            return altitude(altitude_m, "track_altitude")
+    def _adsb_height(self, message: Message, emitter: Emitter, *, is_told: bool) -> Height:
+        """Transponders tell the pressure's, whatever the QNH; what is geometric is the receiver's."""
+        if is_told:
+            is_geometric = message.altitude_type == AdsbAltitudeType.GEOMETRIC
+            datum = Datum.ELLIPSOID if is_geometric else Datum.PRESSURE
+            return Height(altitude(message.altitude * 1e-3, "track_altitude"), datum)
         if emitter is Emitter.AIR or self._telemetry.home_altitude_amsl_m is None:
             raise RefusedError("track_altitude")
-        return self._telemetry.home_altitude_amsl_m  # the ground's height near here
+        return _above_sea(self._telemetry.home_altitude_amsl_m)  # the ground's height near here
 
     def _ais(self, message: Message, _frame: RawFrame) -> ReportParts:
         if not message.MMSI:
@@ -199,7 +219,15 @@ class Tracks:
             moving = _along_course(message.COG, message.velocity * 1e-2, 0.0)
         where = place(message.lat, message.lon, "track_position")
         std = 10.0 / _SIGMAS_95 if message.flags & 0x01 else None
-        return f"mmsi:{message.MMSI:09d}", Emitter.GROUND, float(message.tslc), where, 0.0, moving, std
+        return (
+            f"mmsi:{message.MMSI:09d}",
+            Emitter.GROUND,
+            float(message.tslc),
+            where,
+            _above_sea(0.0),
+            moving,
+            std,
+        )
 
     def _remote_id(self, message: Message, _frame: RawFrame) -> ReportParts:
         identity = bytes(message.id_or_mac).rstrip(b"\0").hex()
@@ -211,8 +239,6 @@ class Tracks:
             climb = message.speed_vertical
             climb_m_s = 0.0 if climb >= _RID_UNKNOWN_CLIMB_CM_S else climb * 1e-2
             moving = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
-        if message.altitude_geodetic <= -1_000.0:
-            raise RefusedError("track_altitude")
         accuracy = message.horizontal_accuracy
         bound = _RID_BOUNDS_M[accuracy] if accuracy < len(_RID_BOUNDS_M) else None
         return (
@@ -220,7 +246,7 @@ class Tracks:
             Emitter.AIR,
             0.0,
             place(message.latitude, message.longitude, "track_position"),
-            altitude(message.altitude_geodetic, "track_altitude"),
+            _remote_id_height(message),
             moving,
             None if bound is None else bound / _SIGMAS_95,
         )
@@ -231,7 +257,7 @@ class Tracks:
             self._emitter(frame.system_id),
             0.0,
             place(message.lat, message.lon, "track_position"),
-            altitude(message.alt * 1e-3, "track_altitude"),
+            _above_sea(message.alt * 1e-3),
             velocity(message.vy * 1e-2, message.vx * 1e-2, -message.vz * 1e-2, "track_velocity"),
             None,
         )
@@ -251,7 +277,7 @@ class Tracks:
             Emitter.AIR,
             0.0,
             place(message.lat, message.lon, "track_position"),
-            altitude(message.alt * 1e-3, "track_altitude"),
+            Height(altitude(message.alt * 1e-3, "track_altitude"), Datum.ELLIPSOID),
             moving,
             message.h_acc * 1e-3 or None,
         )
@@ -267,7 +293,7 @@ class Tracks:
             self._emitter(frame.system_id),
             0.0,
             place(message.lat, message.lon, "track_position"),
-            altitude(message.alt, "track_altitude"),
+            _above_sea(message.alt),
             moving,
             std if std > 0.0 else None,
         )

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from companion.link.messages.flight_modes import DIALECTS, flight_mode
+from companion.link.messages.heights import Heights
 from companion.link.messages.vehicle_identity import VehicleIdentity
 from companion.link.wire.framing import RawFrame
 from companion.types.events import (
+    WIND_STD_M_S,
     AirData,
     Attitude,
     EstimatorAccuracy,
@@ -87,6 +89,7 @@ class Telemetry:
     def __init__(self, identity: VehicleIdentity) -> None:
         self._identity = identity
         self.home_altitude_amsl_m: float | None = None
+        self.heights = Heights()
         self._boot_ms: int | None = None
         self._suspect_boot_ms: int | None = None
         self._position_boot_ms = -1
@@ -125,6 +128,8 @@ class Telemetry:
         elif kind == "ESTIMATOR_STATUS":
             yield self._health(message, frame, stamp_s)
             yield self._accuracy(message, stamp_s)
+        elif kind == "SCALED_PRESSURE":
+            self.heights.note_pressure(message.press_abs)
         elif kind in self._decoders:
             yield self._decoders[kind](message, frame, stamp_s)
 
@@ -180,6 +185,7 @@ class Telemetry:
         moving = velocity(message.vy * 1e-2, message.vx * 1e-2, -message.vz * 1e-2, "velocity")
         self._position_boot_ms = message.time_boot_ms
         self.home_altitude_amsl_m = above_sea - above_home
+        self.heights.note_own(above_sea)
         return GlobalPosition(
             stamp_s=stamp_s,
             boot_s=message.time_boot_ms * 1e-3,
@@ -205,10 +211,10 @@ class Telemetry:
         return WindEstimate(stamp_s, -speed * math.sin(direction), -speed * math.cos(direction))
 
     def _wind_cov(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
-        """WIND_COV of PX4: north and east velocity of the air."""
-        return WindEstimate(
-            stamp_s, finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
-        )
+        """WIND_COV of PX4: north and east velocity of the air; an accuracy of 0 or NaN is none."""
+        east, north = finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
+        told = message.horiz_accuracy
+        return WindEstimate(stamp_s, east, north, told if 0.0 < told < SPEED_MAX_M_S else WIND_STD_M_S)
 
     def _accuracy(self, message: Message, stamp_s: float) -> EstimatorAccuracy:
         horizontal = finite(message.pos_horiz_accuracy, _STD_MAX_M, "accuracy")
@@ -232,6 +238,8 @@ class Telemetry:
 
     def _fix(self, message: Message, _frame: RawFrame, stamp_s: float) -> EstimatorHealth:
         fault = "" if message.fix_type >= GpsFix.TYPE_3D_FIX else "no GPS fix"
+        if not fault:
+            self.heights.note_fix(message.alt * 1e-3, message.alt_ellipsoid * 1e-3)
         return EstimatorHealth(stamp_s, "GPS_RAW_INT", fault)
 
     def _mission_current(self, message: Message, frame: RawFrame, stamp_s: float) -> MissionCurrent:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from companion.kernels.aircraft import motion as m
 from companion.vehicle.vehicle_model import VehicleModel
@@ -133,3 +134,38 @@ def test_states_within_bounds_and_speeds(changes, status):
 def test_angles_are_wrapped(angle):
     assert -math.pi - 1e-12 <= m.wrapped(angle) <= math.pi + 1e-12
     assert math.remainder(m.wrapped(angle) - angle, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+WINDY = VEHICLE.limits(3, BOUNDS, 15.0, 1.0, (0.0, 15.0))  # to the north
+
+
+def edge(theta, turned, v=25.0):
+    return np.array([0.0, 0, 100, theta, 0, v]), np.array([0.0, 0, 100, theta + turned, 0, v])
+
+
+def test_ground_speeds_by_hand():
+    # Across the wind 20 of 25 m/s are left, against it 10, before it 40: triangles 3, 4, 5.
+    assert m.ground_speed(0.0, 25.0, WINDY) == pytest.approx(20.0)
+    assert m.ground_speed(-math.pi / 2, 25.0, WINDY) == pytest.approx(10.0)
+    assert m.ground_speed(math.pi / 2, 25.0, WINDY) == pytest.approx(40.0)
+    assert m.ground_speed(-math.pi / 2, 15.5, WINDY) == pytest.approx(0.1 * 15.5)  # less is not reckoned with
+    assert m.slowness(*edge(0.0, 0.0), WINDY) == pytest.approx(1.25)
+    assert m.slowness(*edge(1.0, 0.2), LIMITS) == 1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-math.pi, math.pi), st.floats(-0.3, 0.3), st.floats(-14.0, 14.0), st.floats(-14.0, 14.0))
+def test_how_long_an_edge_takes_agrees_with_quadrature(theta, turned, east, north):
+    if math.hypot(east, north) > 15.0:
+        return
+    limits = VEHICLE.limits(3, BOUNDS, 15.0, 1.0, (east, north))
+
+    def share(s):
+        course = theta + s * turned
+        air = np.array([math.cos(course), math.sin(course)])
+        # The air velocity that, with the wind, makes good the course: its length is 25 m/s.
+        speeds = np.roots([1.0, -2.0 * (air @ (east, north)), east**2 + north**2 - 625.0])
+        return 25.0 / speeds.max()
+
+    exact, _ = quad(share, 0.0, 1.0)
+    assert m.slowness(*edge(theta, turned), limits) == pytest.approx(exact, rel=2e-3)

@@ -151,10 +151,10 @@ def test_clear_by_hand():
     states, times, rates = rows(5)
     states[1] = states[0] + (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     times[1] = 11.0
-    assert s.is_clear(PathRows(states, times, rates), 1, 2, world, 15.0)
-    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, 16.1)
+    assert s.is_clear(PathRows(states, times, rates), 1, 2, world, LIMITS)
+    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, LIMITS._replace(margin=16.1))
     rates[1, 0] = 0.33  # sagitta 25·0.33/8 = 1.03 m
-    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, 15.0)
+    assert not s.is_clear(PathRows(states, times, rates), 1, 2, world, LIMITS)
 
 
 def straight_rows(n):
@@ -266,3 +266,20 @@ def test_climb_profiles_gain_the_height_within_angle_and_pitch_rate(rise, start,
     low = np.maximum(-math.radians(10.0), np.maximum(start - most * k, end - most * (steps - k)))
     reach = [sum(ds * np.tan(0.5 * (a[1:] + a[:-1]))) for a in (low, high)]
     assert rise < reach[0] + 2e-3 or rise > reach[1] - 2e-3
+
+
+def test_time_stamps_go_by_the_wind():
+    # East at 25 m/s with 15 m/s of wind from the south: 20 m/s are made good, so that a step takes 1.25 s.
+    windy = VehicleModel().limits(3, BOUNDS, 15.0, 1.0, (0.0, 15.0))
+    states, times, rates = straight_rows(4)
+    path = PathRows(states, times, rates)
+    s.retime(path, np.ones(4), windy)
+    assert times - times[0] == pytest.approx([0.0, 1.25, 2.5, 3.75])
+    assert s.air_time(path, 2, windy) == pytest.approx(1.0)
+    goal = states[3] + (200.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    room = empty_rows(40)
+    room.states[0], room.times[0] = states[3], 0.0
+    status, n = s.join(room, 1, goal, windy)
+    assert status == s.JOINED
+    assert room.times[n - 1] == pytest.approx(200.0 / 20.0)
+    assert s.is_flyable(room, n, 1, windy)

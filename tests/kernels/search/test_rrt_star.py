@@ -85,7 +85,7 @@ def test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer(seed, dimensi
     assert total > 0
     assert costs[-1] < costs[0]
     route = route_from_tree(exploration, goal)
-    path = path_from_route(route, assess_route(exploration, route))
+    path = path_from_route(exploration, route, assess_route(exploration, route))
     found = checker_for(exploration.problem).check_path(path)
     assert [str(violation) for violation in found] == []
 

@@ -240,7 +240,14 @@ def test_vessels():
 
 
 def remote_id(*, identity=b"\x01\x02\x03", **changes):
-    fields = {"direction": 9_000, "speed": 1_000, "climb": 100, "geodetic": 650.0, "accuracy": 10} | changes
+    fields = {
+        "direction": 9_000,
+        "speed": 1_000,
+        "climb": 100,
+        "geodetic": 650.0,
+        "accuracy": 10,
+        "baro": -1_000.0,
+    } | changes
     return packed(
         mavlink.MAVLink_open_drone_id_location_message(
             0,
@@ -252,7 +259,7 @@ def remote_id(*, identity=b"\x01\x02\x03", **changes):
             fields["climb"],
             LAT,
             LON,
-            0.0,
+            fields["baro"],
             fields["geodetic"],
             0,
             0.0,
