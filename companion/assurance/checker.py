@@ -28,8 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.assurance import curves
+from companion.assurance.coming_back import OUT_MIN_M, OVERSHOOT_RADII, WayBack
 from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
-from companion.assurance.edges import Edges, bulges, edges_of
+from companion.assurance.edges import (
+    STRAIGHT_COURSE_RAD,
+    Edges,
+    bulges,
+    edges_of,
+    goal_violations,
+    straight_violations,
+)
 from companion.assurance.exposure import Exposure
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
@@ -50,7 +58,6 @@ CLIMB_TOLERANCE_RAD = math.radians(0.1)
 COURSE_TOLERANCE_RAD = 0.02  # between an edge's chord and its courses
 RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
 CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
-STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
 CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
 LOITER_SIDES = 72
 BETWEEN_ROWS = "climb angle between rows [rad]"
@@ -135,6 +142,7 @@ class Checker:
         wind_enu_m_s: tuple[float, float] = (0.0, 0.0),
         wind_std_m_s: float = 0.0,
         picture: ThreatPicture | None = None,
+        may_come_back: bool = False,
     ) -> tuple[Violation, ...]:
         """Every rule a path breaks from a row on; nothing if it may be flown.
 
@@ -154,6 +162,8 @@ class Checker:
             How well that is known: time stamps may be off by so much [m/s].
         picture : ThreatPicture, optional
             Threats that were sighted: how much the path is exposed to them is worked out here.
+        may_come_back : bool
+            Whether it may begin where no path may be; see :mod:`companion.assurance.coming_back`.
         """
         num = len(path.times_s)
         table = (path.courses_rad, path.climb_angles_rad, path.speeds_m_s, path.collision_free)
@@ -167,9 +177,13 @@ class Checker:
         first = min(max(from_row, 0), num - 1)
         with np.errstate(all="ignore"):
             found = list(self._path_violations(path, first, Wind(*wind_enu_m_s, wind_std_m_s)))
+            if may_come_back:
+                deviation = float(curves.position_deviations(path.position_covariances_m2[:1])[0][0])
+                places, spread = path.positions_enu_m, self.limits.deviations * deviation
+                found = self._way_back(places[0], spread).left_of(found, places)
             found += self._exposure_violations(path, first, picture)
             if goal_enu_m is not None:
-                found += _goal_violations(path, goal_enu_m, acceptance_radius_m or 0.0)
+                found += goal_violations(path, goal_enu_m, acceptance_radius_m or 0.0)
         return tuple(violation for violation in found if violation.row >= first)
 
     def _path_violations(self, path: Path, first: int, wind: Wind) -> Iterator[Violation]:
@@ -187,7 +201,8 @@ class Checker:
         yield from self._row_violations(path, usable, first)
         ahead = edges.usable & (edges.rows > first)
         yield from self._edge_violations(path, edges, ahead, ground_speeds(path, edges, wind))
-        yield from _straight_violations(edges, self.limits, first)
+        limits = self.limits
+        yield from straight_violations(edges, limits.turn_radius_min_m, limits.straight_length_min_m, first)
         yield from self._bulge_violations(path, edges, ahead)
         which = np.flatnonzero(ahead & well_formed[:-1] & well_formed[1:])
         spread = self.limits.deviations * np.maximum(deviations[:-1], deviations[1:])
@@ -204,9 +219,8 @@ class Checker:
     ) -> Iterator[Violation]:
         """Rows from ``first`` on above the limit of the threat level, whatever the path states of itself."""
         limit = self.limits.threat_level_max
-        if self._exposure is None or picture is None or limit >= 1.0 or not np.isfinite(path.times_s).all():
-            return
-        if not (np.abs(path.positions_enu_m) <= NUMBER_MAX).all():
+        is_finite = np.isfinite(path.times_s).all() and (np.abs(path.positions_enu_m) <= NUMBER_MAX).all()
+        if self._exposure is None or picture is None or limit >= 1.0 or not is_finite:
             return
         levels = self._exposure.levels(path, picture)
         rows = np.arange(len(levels))
@@ -335,7 +349,7 @@ class Checker:
 
     def check_legs(
         self, positions_enu_m: FloatArray, *, ends_in_loiter: bool, loiter_radius_m: float | None,
-        loiter_centre_enu_m: FloatArray | None = None,
+        loiter_centre_enu_m: FloatArray | None = None, may_come_back: bool = False,
     ) -> tuple[Violation, ...]:  # fmt: skip
         """Every rule that mission waypoints break as they are flown: straight legs and fly-by corners.
 
@@ -349,6 +363,8 @@ class Checker:
             Radius of that loiter; the sign (direction) does not matter [m].
         loiter_centre_enu_m : ndarray, shape (3,), optional
             Centre of the loiter, where that is not the last waypoint but a point beside it [m].
+        may_come_back : bool
+            As in :meth:`check_path`.
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
@@ -361,11 +377,15 @@ class Checker:
             )
         with np.errstate(all="ignore"):
             found = list(self._leg_violations(points))
+            if may_come_back:
+                found = self._way_back(points[0], 0.0).left_of(found, points)
             centre = points[-1] if loiter_centre_enu_m is None else np.asarray(loiter_centre_enu_m)
             found += self._ending_violations(points, centre, ends_in_loiter, loiter_radius_m)
         return tuple(found)
 
-    def check_track(self, positions_enu_m: FloatArray, margin_m: float) -> tuple[Violation, ...]:
+    def check_track(
+        self, positions_enu_m: FloatArray, margin_m: float, *, may_come_back: bool = False
+    ) -> tuple[Violation, ...]:
         """Clearance and bounds of a track as it is flown from where the aircraft is.
 
         Where the aircraft begins nearer to something it has to come away, and out of bounds to go no
@@ -377,6 +397,8 @@ class Checker:
             Places close together, the first the aircraft's own [m].
         margin_m : float
             Distance to keep from obstacles [m].
+        may_come_back : bool
+            Whether it may turn back where it is out of bounds, and leave a fence about it.
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if len(points) < 2 or not (np.abs(points) <= NUMBER_MAX).all():
@@ -388,10 +410,27 @@ class Checker:
         margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         out = max(0.0, float((low - points[0]).max()), float((points[0] - high).max()))
+        if may_come_back and out > OUT_MIN_M:
+            out += OVERSHOOT_RADII * self.limits.turn_radius_min_m
         found = list(self._bounds_violations(points, np.full(len(points), True), BULGE_TOLERANCE_M + out))
         rows, none = np.arange(1, len(points)), np.zeros(len(points) - 1)
         found += self._clearance_violations(points[:-1], points[1:], margins, none, rows)
-        return tuple(found)
+        return tuple(self._way_back(points[0], 0.0).left_of(found, points) if may_come_back else found)
+
+    def _way_back(self, place: FloatArray, spread_m: float) -> WayBack:
+        """What is forgiven a flight that begins at ``place`` (3,) [m]."""
+        low, high = np.array(self.limits.bounds).reshape(3, 2).T
+        widened = np.array([0.0, 0.0, self.limits.altitude_tolerance_m])
+        out = float(np.maximum(low - widened - place, place - high - widened).max())
+        if not np.isfinite(out):
+            return WayBack(0.0, {}, 0.0)
+        margin = np.array([self.limits.margin_m + spread_m])
+        near = self._clearance_violations(
+            *curves.spot(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
+        )
+        return WayBack(
+            max(out, 0.0), {entry.detail: entry.value for entry in near}, self.limits.turn_radius_min_m
+        )
 
     def _leg_violations(self, points: FloatArray) -> Iterator[Violation]:
         """Bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
@@ -450,43 +489,11 @@ class Checker:
             return
         angles = np.linspace(0.0, 2.0 * math.pi, LOITER_SIDES + 1)
         ring = centre + radius * np.column_stack([np.sin(angles), np.cos(angles), np.zeros(len(angles))])
-        none = np.zeros(LOITER_SIDES)
-        margins, bulges = (
-            none + self.limits.margin_m,
-            none + radius * (1.0 - math.cos(math.pi / LOITER_SIDES)),
-        )
+        none, bulge = np.zeros(LOITER_SIDES), radius * (1.0 - math.cos(math.pi / LOITER_SIDES))
+        margins, bulges = none + self.limits.margin_m, none + bulge
         rows = np.full(LOITER_SIDES, last)
         found = list(self._clearance_violations(ring[:-1], ring[1:], margins, bulges, rows))
         if found:  # one for the circle, not one for each of its sides
             yield min(found, key=lambda violation: violation.value)
         outside = list(self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=last))
         yield from outside[:1]
-
-
-def _straight_violations(edges: Edges, limits: CheckLimits, first: int) -> Iterator[Violation]:
-    """Find turns begun before enough straight flight since the last (see the module's docstring)."""
-    lengths = np.where(edges.usable, np.hypot(edges.lengths_m, edges.rises_m), 0.0)
-    turns = np.where(edges.usable, edges.turns_rad, 0.0)
-    signs = np.where(np.abs(turns) > STRAIGHT_COURSE_RAD, np.sign(turns), 0.0).astype(int)
-    spare = np.maximum(0.0, lengths - limits.turn_radius_min_m * np.abs(turns))
-    last_sign, straight, last_edge = 0, 0.0, 0
-    for k in np.flatnonzero(signs):
-        straight = float(lengths[last_edge + 1 : k].sum())
-        goes_on = signs[k] == last_sign and k == last_edge + 1
-        if last_sign != 0 and not goes_on:
-            straight += min(float(max(lengths[k], lengths[last_edge])), float(spare[k] + spare[last_edge]))
-            if straight < limits.straight_length_min_m - LENGTH_TOLERANCE_M and edges.rows[k] > first:
-                yield Violation(
-                    "straight", int(edges.rows[k]), straight, limits.straight_length_min_m,
-                    "straight flight since the last turn [m]",
-                )  # fmt: skip
-        last_sign, last_edge = signs[k], int(k)
-
-
-def _goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
-    """Whether the last row is at the goal."""
-    away = float(np.linalg.norm(path.positions_enu_m[-1] - np.asarray(goal_enu_m, dtype=np.float64)))
-    if not away <= radius_m + POINT_TOLERANCE_M:
-        yield Violation(
-            "goal", len(path.times_s) - 1, away, radius_m, "distance of the end from the goal [m]"
-        )

@@ -6,16 +6,22 @@ Plain NumPy, as all of the checker; shares nothing with the planner.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.assurance import curves
+from companion.assurance.prisms import LENGTH_TOLERANCE_M
+from companion.assurance.violation import Violation
 from companion.frames import FloatArray
 from companion.types.path import Path
 
 BoolArray = NDArray[np.bool_]
+
+GOAL_TOLERANCE_M = 0.01
+STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +93,54 @@ def bulges(edges: Edges, radius_m: float) -> FloatArray:
     spread: FloatArray = 0.25 * edges.lengths_m * turns - 0.125 * radius_m * turns**2
     sagitta: FloatArray = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
     return np.maximum(spread, sagitta)
+
+
+def straight_violations(
+    edges: Edges, turn_radius_m: float, straight_min_m: float, first: int
+) -> Iterator[Violation]:
+    """Find turns begun before enough straight flight since the last; see :mod:`companion.assurance.checker`.
+
+    Parameters
+    ----------
+    edges : Edges
+        What a path's rows say of its edges.
+    turn_radius_m, straight_min_m : float
+        Radius of the tightest turn, and the least straight flight between two [m].
+    first : int
+        Turns at rows up to this one are not judged.
+    """
+    lengths = np.where(edges.usable, np.hypot(edges.lengths_m, edges.rises_m), 0.0)
+    turns = np.where(edges.usable, edges.turns_rad, 0.0)
+    signs = np.where(np.abs(turns) > STRAIGHT_COURSE_RAD, np.sign(turns), 0.0).astype(int)
+    spare = np.maximum(0.0, lengths - turn_radius_m * np.abs(turns))
+    last_sign, straight, last_edge = 0, 0.0, 0
+    for k in np.flatnonzero(signs):
+        straight = float(lengths[last_edge + 1 : k].sum())
+        goes_on = signs[k] == last_sign and k == last_edge + 1
+        if last_sign != 0 and not goes_on:
+            straight += min(float(max(lengths[k], lengths[last_edge])), float(spare[k] + spare[last_edge]))
+            if straight < straight_min_m - LENGTH_TOLERANCE_M and edges.rows[k] > first:
+                yield Violation(
+                    "straight", int(edges.rows[k]), straight, straight_min_m,
+                    "straight flight since the last turn [m]",
+                )  # fmt: skip
+        last_sign, last_edge = signs[k], int(k)
+
+
+def goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
+    """Whether the last row is at the goal.
+
+    Parameters
+    ----------
+    path : Path
+        As planned.
+    goal_enu_m : sequence of float
+        East, north, up [m].
+    radius_m : float
+        How near counts as there [m].
+    """
+    away = float(np.linalg.norm(path.positions_enu_m[-1] - np.asarray(goal_enu_m, dtype=np.float64)))
+    if not away <= radius_m + GOAL_TOLERANCE_M:
+        yield Violation(
+            "goal", len(path.times_s) - 1, away, radius_m, "distance of the end from the goal [m]"
+        )

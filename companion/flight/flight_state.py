@@ -208,6 +208,7 @@ class FlightState:
             wind_enu_m_s=self.wind_enu_m_s,
             wind_std_m_s=self.wind_std_m_s,
             picture=self.picture,
+            may_come_back=True,
         )
 
 

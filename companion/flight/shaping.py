@@ -315,7 +315,11 @@ def _with_circle(
     def wrong_with(waypoints: Waypoints) -> tuple[Violation, ...]:
         legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
         return rules.checker.check_legs(
-            legs, ends_in_loiter=True, loiter_radius_m=radius, loiter_centre_enu_m=centre
+            legs,
+            ends_in_loiter=True,
+            loiter_radius_m=radius,
+            loiter_centre_enu_m=centre,
+            may_come_back=True,
         )
 
     flown, violations = merge_close_waypoints(flown, wrong_with)

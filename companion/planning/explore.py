@@ -130,6 +130,13 @@ class Exploration:
         return state_status(state, self.limits) == OK and free > 0.0
 
     @property
+    def start_is_clear(self) -> bool:
+        """Whether the root keeps the state constraints, and the margin from everything: steps do, too."""
+        x, y, z = self.problem.start.position_enu_m
+        free = clearance(x, y, z, self.problem.snapshot.obstacles, self.limits.margin + 1.0)
+        return state_status(self.tree.state[0], self.limits) == OK and free >= self.limits.margin
+
+    @property
     def iterations(self) -> int:
         """Iterations used up so far."""
         return int(self.stats[3])

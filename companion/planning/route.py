@@ -67,6 +67,25 @@ def route_from_tree(exploration: Exploration, node: int) -> Route:
     return Route(tree.state[index].copy(), tree.time[index].copy(), tree.rate[index].copy())
 
 
+def route_along(exploration: Exploration, states: FloatArray) -> Route:
+    """States a step in still air apart as a route, from the exploration's start on.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that it belongs to.
+    states : ndarray, shape (N, 6)
+        As those of :class:`Route`.
+    """
+    tau, num = exploration.limits.tau, len(states)
+    turned = np.diff(np.unwrap(states[:, 3]), prepend=states[0, 3])
+    climbed = np.diff(states[:, 4], prepend=states[0, 4])
+    times = np.full(num, exploration.problem.start.stamp_s)
+    route = Route(np.ascontiguousarray(states), times, np.column_stack([turned, climbed]) / tau)
+    retime(route.rows, np.full(num, tau), exploration.limits)
+    return route
+
+
 def route_from_path(exploration: Exploration, path: Path) -> Route:
     """A path of an earlier plan as rows, its time stamps those of the wind that there is now.
 

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import rrt_star_route, smoothed_route
-from companion.planning.problem import GoalRegion, Problem
+from companion.planning.problem import GoalRegion, Problem, StartState
 from companion.planning.route import (
     Assessment,
     Route,
     assess_route,
     cost_between,
     path_from_route,
+    route_along,
     route_from_path,
     route_from_tree,
 )
@@ -26,6 +29,7 @@ from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
+from companion.vehicle.way_out import way_out
 from companion.world.pursuer_trees import grown_trees
 
 HIGH_THREAT = 0.5
@@ -61,16 +65,14 @@ def solve(
     -------
     Plan
         ``EXACT`` with a path to the last goal; ``APPROXIMATE`` with the branch that came nearest;
-        ``INVALID_START`` without one.
+        ``INVALID_START`` without one, where there is no way out either.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
     method = problem.settings.method
-    if not exploration.start_is_valid:
-        return Plan(
-            PlanStatus.INVALID_START, None, Measures(), problem.seed, method, problem.snapshot.number,
-            notes=("the start breaks a constraint or stands in an obstacle",),
-            threat_trees=problem.snapshot.threat_trees,
-        )  # fmt: skip
+    if not exploration.start_is_clear:
+        plan = _by_way_out(exploration, should_stop, timer)
+        if plan is not None:
+            return plan
     began = timer()
     reached, route, end = _through_goals(exploration, should_stop)
     searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
@@ -108,6 +110,43 @@ def solve(
         flown_threat=flown_threat,
         threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
     )
+
+
+def _invalid_start(problem: Problem) -> Plan:
+    """The answer where neither a plan nor a way out begins."""
+    return Plan(
+        PlanStatus.INVALID_START, None, Measures(), problem.seed, problem.settings.method,
+        problem.snapshot.number, notes=("the start breaks a constraint or stands in an obstacle",),
+        threat_trees=problem.snapshot.threat_trees,
+    )  # fmt: skip
+
+
+def _by_way_out(
+    exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float]
+) -> Plan | None:
+    """The shortest way to where a plan may begin, and the plan from there.
+
+    Where there is none it is told that the start is invalid, or None where it is only near to something.
+    """
+    problem, limits = exploration.problem, exploration.limits
+    is_walled_in = clearance(*problem.start.position_enu_m, problem.snapshot.walls, 1.0) <= 0.0
+    state, obstacles = exploration.tree.state[0].copy(), problem.snapshot.obstacle_list
+    states = None if is_walled_in else way_out(state, obstacles, limits)
+    if states is None:
+        return None if exploration.start_is_valid else _invalid_start(problem)
+    route = route_along(exploration, states)
+    known = assess_route(exploration, route)
+    east, north, up, direction, climb, airspeed = (float(value) for value in states[-1])
+    begin = StartState(
+        float(route.times[-1]), (east, north, up), direction, climb, airspeed,
+        known.rows.errors[-1], known.rows.estimates[-1],
+    )  # fmt: skip
+    plan = solve(replace(problem, start=begin), should_stop, timer)
+    if plan.path is None:
+        return plan
+    path = path_from_route(exploration, route, known).followed_by(plan.path)
+    note = f"the way out, {len(states) - 1} s, first"
+    return replace(plan, path=path, snapshot_number=problem.snapshot.number, notes=(note, *plan.notes))
 
 
 def _finished(

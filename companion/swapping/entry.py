@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -150,7 +151,7 @@ def _is_harmless(
     way = _way_in(guidance, ownship, waypoints, number, LONGEST_S)
     passed = np.flatnonzero(way.reached > 0)
     ends_s = LONGEST_S if len(passed) == 0 else float(way.times_s[passed[0]]) + guidance.l1_period_s
-    check = state.rules.checker.check_track
+    check = partial(state.rules.checker.check_track, may_come_back=True)
     if check(way.positions_enu_m[way.times_s <= ends_s], MARGIN_SHARE * clearance):
         return False
     fan = _fan(guidance, ownship) if with_fan else iter(())

@@ -73,9 +73,28 @@ class Path:
             self.wind_enu_m_s,
         )
 
+    def followed_by(self, path: Path) -> Path:
+        """The path with another behind it, which begins with the row that this one ends with."""
+        return Path(
+            _joined(self.times_s, path.times_s),
+            _joined(self.positions_enu_m, path.positions_enu_m),
+            _joined(self.courses_rad, path.courses_rad),
+            _joined(self.climb_angles_rad, path.climb_angles_rad),
+            _joined(self.speeds_m_s, path.speeds_m_s),
+            _joined(self.position_covariances_m2, path.position_covariances_m2),
+            _joined(self.collision_free, path.collision_free),
+            _joined(self.threat_levels, path.threat_levels),
+            path.wind_enu_m_s,
+        )
+
     def rows(self) -> list[list[float]]:
         """Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
         table = np.column_stack(
             [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
         )
         return [[round(float(value), 6) for value in row] for row in table]
+
+
+def _joined(before: FloatArray, behind: FloatArray) -> FloatArray:
+    """(L, …) rows ``before`` (N, …), and all but the first of those ``behind`` (M, …)."""
+    return np.concatenate([before, behind[1:]])

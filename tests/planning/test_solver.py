@@ -112,11 +112,14 @@ def test_every_composition_keeps_the_constraints(strategies):
     assert checker_for(asked).check_path(plan.path) == ()
 
 
-def test_a_start_in_an_obstacle_or_out_of_bounds_is_said_so():
+def test_a_start_in_an_obstacle_is_said_so_and_out_of_bounds_it_is_come_back_from():
     inside = solve(problem((box("b", 50.0, 50.0, 150.0, 150.0),)))
     assert (inside.status, inside.path) == (PlanStatus.INVALID_START, None)
     outside = solve(problem(start=(-10.0, 100.0, 150.0)))
-    assert (outside.status, outside.path) == (PlanStatus.INVALID_START, None)
+    assert outside.status is PlanStatus.EXACT
+    assert outside.notes[0].startswith("the way out")
+    far = solve(problem(start=(-9_000.0, 100.0, 150.0)))
+    assert (far.status, far.path) == (PlanStatus.INVALID_START, None)
 
 
 def test_a_solver_told_to_stop_stops_and_says_that_the_goal_is_not_reached():
