@@ -18,6 +18,7 @@ from companion.frames import FloatArray
 HELD = 0.5  # of the distance at first is kept
 OVERSHOOT_RADII = 2.0
 WAY_MAX_M = 3_000.0
+NEAR_MAX_M = 550.0  # where it is only too near to something
 OUT_MIN_M = 0.02  # out of bounds by less is within
 
 
@@ -63,6 +64,7 @@ class WayBack:
         while end in rows:
             end += 1
         steps = np.linalg.norm(np.diff(places[: end + 1], axis=0), axis=1)
-        if float(steps.sum()) > WAY_MAX_M:
+        is_shut_out = self.out_m > OUT_MIN_M or min(self.near_m.values(), default=1.0) <= 0.0
+        if float(steps.sum()) > (WAY_MAX_M if is_shut_out else NEAR_MAX_M):
             return every
         return [entry for entry in every if entry.row >= end or not self.is_forgiven(entry)]

@@ -23,6 +23,7 @@ from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState
 
+WELL_CLEAR_UP_M = 76.0  # 250 ft, of aircraft that fly on (ASTM F3442)
 EYE_M = 2.0  # above the ground, of what drives
 DEVIATIONS = 2.0  # of a threat's place it is taken to be nearer
 SPACING_M = 30.0  # rows farther apart are looked at between
@@ -89,7 +90,10 @@ class Exposure:
         """
         at = _Flight.along(path)
         exposures = [self._to_radar(at, radar) for radar in picture.radars]
-        exposures += [self._to_track(at, track) for track in picture.tracks]
+        exposures += [
+            self._to_passing(at, track) if track.flies_on else self._to_track(at, track)
+            for track in picture.tracks
+        ]
         if not exposures:
             return np.zeros(len(path))
         mu = np.array([exposure[0] for exposure in exposures])
@@ -135,6 +139,23 @@ class Exposure:
         worst_mu, worst_nu = np.zeros(len(at.rows)), np.zeros(len(at.rows))
         worst_mu[row[order]], worst_nu[row[order]] = mu[order], nu[order]
         return worst_mu, worst_nu
+
+    def _to_passing(self, at: _Flight, track: TrackState) -> tuple[FloatArray, FloatArray]:
+        """Membership and non-membership (K,) of an aircraft that flies on as it does."""
+        ahead = at.times - track.stamp_s
+        there = np.asarray(track.position_enu_m) + ahead[:, None] * np.asarray(track.velocity_enu_m_s)
+        away = there - at.places
+        is_level, away[:, 2] = np.abs(away[:, 2]) <= WELL_CLEAR_UP_M, 0.0
+        covariance = np.asarray(track.covariance)
+        place, velocity = (
+            math.sqrt(max(float(np.linalg.eigvalsh(covariance[np.ix_(rows, rows)])[-1]), 0.0))
+            for rows in ((0, 2), (1, 3))
+        )
+        ranges = np.linalg.norm(away, axis=1)
+        nearer = np.maximum(ranges - DEVIATIONS * np.hypot(place, velocity * ahead), 0.0)
+        seen = is_level & (nearer <= track.max_threat_radius_m)
+        mu, _ = _pair(at, away, nearer, track.max_threat_radius_m, seen, self._model)
+        return mu, np.zeros(len(mu))  # it is kept clear of whichever way one flies
 
     def _gone(
         self, track: TrackState, posts: FloatArray, places: FloatArray, far: FloatArray, nearer: float

@@ -109,8 +109,9 @@ class Tree(NamedTuple):
     in-edge's turn and climb rate; ``cov_error``, ``cov_estimate`` (N, 6, 6) P and Λ; ``delta`` (N,) δ_q;
     ``clear`` (N,) p_c; ``level`` (N,) TI; ``domain`` (N,) TUDD; ``cost`` (N,) sum of (9) from the
     root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
-    DT when the node is reached and 1 where that is known; ``children`` (N,) live children;
-    ``blocked`` (N,) 1 after a failed extension; ``to_go`` (N,) distance round obstacles to the sub goal [m].
+    DT when the node is reached and 1 where that is known, 2 where it only passes; ``children`` (N,)
+    live children; ``blocked`` (N,) 1 after a failed extension; ``to_go`` (N,) distance round obstacles to
+    the sub goal [m].
     """
 
     state: FloatArray
@@ -185,6 +186,8 @@ class Pursuers(NamedTuple):
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
     ``count`` (D,) nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
+    One whose airborne flag is 2 hunts nobody: its rows 0 and 1 say where it is now and in a second, and in
+    place of turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
     (:func:`~companion.kernels.threat.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which

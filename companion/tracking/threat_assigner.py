@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from companion.types.threat import DynamicThreat
 
+WELL_CLEAR_M = 610.0
+COOPERATIVE = frozenset({"icao", "callsign", "rid", "utm"})  # what aircraft tell of themselves by
 REMEMBERED_MAX = 1_000  # identities; more are forgotten, the oldest first
 
 
@@ -29,12 +31,15 @@ class VehicleClass:
         Distance within which it may harm the aircraft [m].
     turn_radius_m : float
         Tightest turn it can make [m].
+    flies_on : bool
+        Whether it is an aircraft that tells where it is and goes, and so hunts nobody.
     """
 
     number: int | None
     speed_m_s: float
     max_threat_radius_m: float
     turn_radius_m: float
+    flies_on: bool = False
 
     def at_least(self, other: VehicleClass) -> VehicleClass:
         """A vehicle of no name that can do what either can."""
@@ -57,18 +62,21 @@ class VehicleClassSettings:
 
     Parameters
     ----------
-    ground, air : VehicleClass
-        What is assumed of a ground vehicle, and of an aircraft, that the mission file does not name.
+    ground, air, cooperative : VehicleClass
+        What is assumed of a ground vehicle, of an aircraft that others report, and of one that tells of
+        itself, that the mission file does not name. From the last the well clear distance of ASTM F3442 is
+        kept, 2000 ft.
     match_distance_m : float
         Within this distance of its start a vehicle is taken for the threat that the mission file names [m].
     """
 
     ground: VehicleClass = VehicleClass(None, speed_m_s=25.0, max_threat_radius_m=250.0, turn_radius_m=15.0)
     air: VehicleClass = VehicleClass(None, speed_m_s=40.0, max_threat_radius_m=250.0, turn_radius_m=50.0)
+    cooperative: VehicleClass = VehicleClass(None, 130.0, WELL_CLEAR_M, 500.0, flies_on=True)
     match_distance_m: float = 300.0
 
     def __post_init__(self) -> None:
-        if self.ground.number is not None or self.air.number is not None:
+        if any(kind.number is not None for kind in (self.ground, self.air, self.cooperative)):
             raise ValueError("the classes of unknown vehicles have no number")
 
 
@@ -111,7 +119,10 @@ class ThreatAssigner:
         system_id : int, optional
             Who reports it.
         """
-        unknown = self._settings.air if is_airborne else self._settings.ground
+        unknown = self._settings.ground
+        if is_airborne:
+            is_told = identity.partition(":")[0] in COOPERATIVE
+            unknown = self._settings.cooperative if is_told else self._settings.air
         number, is_meant = self._meant(identity, east_m, north_m, system_id)
         if number < 0:
             return unknown

@@ -63,6 +63,8 @@ class TrackSettings:
         10 m with 0.5 (NEES 4.7, ideally 4), to 14 m with 0.12 (NEES 20).
     acceleration_std_min_m_s2, acceleration_std_max_m_s2 : float
         Bounds of the acceleration noise [m/s²].
+    steady_acceleration_std_m_s2 : float
+        That of aircraft that fly on: of the nearly constant velocity model [m/s²].
     moving_probability : float
         Confidence with which a vehicle that should be parked must have both speed and distance from
         its place, to count as moving.
@@ -84,6 +86,7 @@ class TrackSettings:
     manoeuvre_share_per_s: float = 0.5
     acceleration_std_min_m_s2: float = 3.0
     acceleration_std_max_m_s2: float = 12.0
+    steady_acceleration_std_m_s2: float = 2.0
     moving_probability: float = 0.9999
     leaving_probability: float = 0.999999
     moving_detections: int = 3
@@ -100,9 +103,11 @@ class TrackSettings:
         if not 0.0 <= self.acceleration_std_min_m_s2 <= self.acceleration_std_max_m_s2:
             raise ValueError("the least acceleration noise lies below the largest")
 
-    def acceleration_std(self, speed_m_s: float) -> float:
-        """Acceleration noise of a vehicle of such a speed [m/s²]."""
-        share = self.manoeuvre_share_per_s * speed_m_s
+    def acceleration_std(self, kind: VehicleClass) -> float:
+        """Acceleration noise of such a vehicle [m/s²]."""
+        if kind.flies_on:
+            return self.steady_acceleration_std_m_s2
+        share = self.manoeuvre_share_per_s * kind.speed_m_s
         return min(max(share, self.acceleration_std_min_m_s2), self.acceleration_std_max_m_s2)
 
 
@@ -137,7 +142,7 @@ class Track:
         self._generator = generator
         self._seen: deque[tuple[float, tuple[float, float]]] = deque(maxlen=MEMORY)
         self._filter_settings = replace(
-            settings.filter, acceleration_std_m_s2=settings.acceleration_std(vehicle_class.speed_m_s)
+            settings.filter, acceleration_std_m_s2=settings.acceleration_std(vehicle_class)
         )
         self._moving_run = 0
         self._place_m, self._place_variance, self._num_at_place = first.horizontal_m, 0.0, 0
@@ -211,6 +216,7 @@ class Track:
             turn_radius_m=self.vehicle_class.turn_radius_m,
             is_airborne=self._is_airborne,
             observed_s=self.observed_s,
+            flies_on=self.vehicle_class.flies_on,
         )
 
     @property

@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.frames import LocalFrame
+from companion.frames import FloatArray, LocalFrame
 from companion.tracking.threat_assigner import ThreatAssigner, VehicleClass, VehicleClassSettings
 from companion.tracking.track import Detection, Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
 from companion.types.threat import DynamicThreat, TrackState
 
+TWIN_DISTANCE = 13.28  # squared, of four degrees of freedom: 99 % of the pairs that are one
+TWIN_HEIGHT_M = 100.0  # by which a barometer may be off from a receiver
 _NEWCOMER = ""  # no identity is empty
 _Danger = tuple[tuple[bool, float], tuple[bool, float]]  # whether stale, and metres; the same, and seconds
 
@@ -45,6 +47,8 @@ class TrackerSettings:
         Largest believable magnitude of the altitude above mean sea level [m].
     speed_max_m_s : float
         Largest believable reported speed [m/s].
+    twin_sightings : int
+        So many times in a row two tracks of one aircraft must agree, to be one.
     position_std_m, position_std_min_m : float
         Accuracy taken where a detection states none, and the best that is believed [m].
     track : TrackSettings
@@ -62,6 +66,7 @@ class TrackerSettings:
     range_max_m: float = 100_000.0
     altitude_max_m: float = 20_000.0
     speed_max_m_s: float = 400.0
+    twin_sightings: int = 6
     position_std_m: float = 8.0
     position_std_min_m: float = 0.5
     track: TrackSettings = field(default_factory=TrackSettings)
@@ -94,7 +99,8 @@ class Tracker:
     counters : Counter of str
         Reports by what became of them: ``applied``, ``applied_late``, ``initiated``, ``restarted``;
         dropped ones as ``not_finite``, ``out_of_range``, ``future``, ``old``, ``too_late``,
-        ``duplicate``, ``teleporting``, ``crowded``. Ended tracks as ``aged_out`` and ``evicted``.
+        ``duplicate``, ``teleporting``, ``crowded``. Ended tracks as ``aged_out``, ``evicted`` and
+        ``same_as_another``.
     """
 
     def __init__(
@@ -110,6 +116,8 @@ class Tracker:
         self._assigner = ThreatAssigner(dynamic_threats, self._settings.classes)
         self._tracks: dict[str, Track] = {}
         self._senders: dict[str, str] = {}
+        self._also: dict[str, str] = {}  # other names of those that are followed
+        self._seen_as_one: Counter[tuple[str, str]] = Counter()
         self._centre_m = self._velocity_m_s = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
 
@@ -130,9 +138,15 @@ class Tracker:
         if isinstance(detection, str):
             self.counters[detection] += 1
             return
-        track = self._tracks.get(report.identity)
+        identity = self._also.get(report.identity, report.identity)
+        track = self._tracks.get(identity)
         if track is not None:
-            self.counters[track.observe(detection)] += 1
+            outcome = track.observe(detection)
+            self.counters[outcome] += 1
+            if identity != report.identity and outcome == "teleporting":
+                del self._also[report.identity]  # they have parted
+            elif track.vehicle_class.flies_on:
+                self._note_twin(identity, detection.stamp_s)
         elif self._has_room(report, detection, now_s):
             self._initiate(report, detection)
 
@@ -256,6 +270,25 @@ class Tracker:
             return distance, math.inf
         return distance, max(0.0, distance - kind.max_threat_radius_m) / max(own + kind.speed_m_s, 1.0)
 
+    def _note_twin(self, identity: str, now_s: float) -> None:
+        """An aircraft that tells of itself in two ways, by ADS-B and Remote ID say, is followed once.
+
+        What is told in another way, and was at the same place as fast for so many sightings, is the same.
+        """
+        own = self._tracks[identity].state(now_s)
+        for other, track in self._tracks.items():
+            is_other_way = identity.partition(":")[0] != other.partition(":")[0]
+            if not track.vehicle_class.flies_on or not is_other_way:
+                continue
+            pair = (min(identity, other), max(identity, other))
+            self._seen_as_one[pair] = self._seen_as_one[pair] + 1 if _is_same(own, track.state(now_s)) else 0
+            if self._seen_as_one[pair] >= self._settings.twin_sightings:
+                del self._seen_as_one[pair]
+                kept, ended = sorted((identity, other), key=lambda name: list(self._tracks).index(name))
+                self._end(ended, "same_as_another")
+                self._also[ended] = kept
+                return
+
     def _end_old(self, now_s: float) -> None:
         limit = now_s - self._settings.drop_after_s
         for identity in [name for name, track in self._tracks.items() if track.observed_s < limit]:
@@ -263,8 +296,25 @@ class Tracker:
 
     def _end(self, identity: str, reason: str) -> None:
         self._assigner.release(identity)
+        self._also = {name: kept for name, kept in self._also.items() if kept != identity}
+        for pair in [pair for pair in self._seen_as_one if identity in pair]:
+            del self._seen_as_one[pair]
         del self._tracks[identity], self._senders[identity]
         self.counters[reason] += 1
+
+
+def _is_same(one: TrackState, other: TrackState) -> bool:
+    """Whether two tracks may be of one aircraft: places, velocities and heights agree as far as known."""
+    difference = _state_of(one) - _state_of(other)
+    spread = np.asarray(one.covariance) + np.asarray(other.covariance)
+    is_near = float(difference @ np.linalg.solve(spread, difference)) <= TWIN_DISTANCE
+    return is_near and abs(one.position_enu_m[2] - other.position_enu_m[2]) <= TWIN_HEIGHT_M
+
+
+def _state_of(track: TrackState) -> FloatArray:
+    """East, east speed, north, north speed (4,)."""
+    place, velocity = track.position_enu_m, track.velocity_enu_m_s
+    return np.array([place[0], velocity[0], place[1], velocity[1]])
 
 
 def _least_dangerous(danger: Mapping[str, _Danger]) -> str:

@@ -95,6 +95,8 @@ class TrackState:
         Covariance of [east, east speed, north, north speed], shape (4, 4) [m², m²/s, m²/s²].
     is_airborne : bool
         Ground vehicles are bound by obstacles, airborne ones are not.
+    flies_on : bool
+        Whether it hunts nobody, and is taken to fly on as it does.
     """
 
     stamp_s: float
@@ -107,6 +109,7 @@ class TrackState:
     turn_radius_m: float
     is_airborne: bool
     observed_s: float
+    flies_on: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from companion.types.threat import Obstacle
 
 TURN_STEPS = 16  # of half a circle; turns up to a whole one are tried
 LENGTH_MAX_M = 3_000.0
+NEAR_MAX_M = 500.0  # flown nearer to something than the margin, but within the bounds and in nothing
 HELD = 0.6  # of the distance at first is kept; the check asks for half
 STRAIGHT_RAD = 1e-3
 NEARER_M = 0.25  # by which a row may seem nearer than the last
@@ -152,6 +153,9 @@ def _end_of(rows: FloatArray, around: Surroundings, limits: Limits) -> int | Non
     if not len(ends):
         return None
     end = int(ends[0])
+    is_shut_out = out[0] > 0.0 or clear[0].min(initial=np.inf) <= 0.0
+    if not is_shut_out and end * rows[0, 5] * limits.tau > NEAR_MAX_M:
+        return None
     if out[: end + 1].max() > out[0] + OVERSHOOT_RADII * limits.r_min:
         return None
     way = clear[: end + 1]

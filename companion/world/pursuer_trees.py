@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
-from companion.kernels.threat.threat_tree import re_root
+from companion.kernels.threat.threat_tree import FLIES_ON, re_root
 from companion.types.threat import ThreatTree, TrackState
 
 STEP_S = 2.0  # driving time of one TTree edge
@@ -39,27 +39,45 @@ def threat_trees(
     with_corners : bool
         Whether the shortest ways round the obstacles' corners are part of the trees from the start.
     """
-    models = np.array(
-        [
-            [
-                t.speed_max_m_s,
-                t.max_threat_radius_m,
-                t.turn_radius_m,
-                float(t.is_airborne),
-                STEP_S * t.speed_max_m_s,
-            ]
-            for t in tracks
-        ],
-        dtype=np.float64,
-    ).reshape(-1, 5)
+    models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 5)
     trees = empty_pursuers(CAPACITY, models, np.array(bounds, dtype=np.float64), PATH_CAPACITY)
     before = {(tree.identity, tree.is_airborne): tree for tree in carried}
     for d, track in enumerate(tracks):
+        if track.flies_on:
+            fly_on(trees, d, track)
+            continue
         tree = before.get((track.identity, track.is_airborne))
         if tree is not None:
             put_back(trees, d, tree)
         observe(trees, d, track, obstacles, plane_up_m, with_corners)
     return trees
+
+
+def _model_of(track: TrackState) -> list[float]:
+    """Row of :class:`~companion.kernels.arrays.Pursuers`' models."""
+    speed, reach = track.speed_max_m_s, track.max_threat_radius_m
+    if track.flies_on:
+        place, velocity = deviations(track)
+        return [speed, reach, place, FLIES_ON, velocity]
+    return [speed, reach, track.turn_radius_m, float(track.is_airborne), STEP_S * speed]
+
+
+def deviations(track: TrackState) -> tuple[float, float]:
+    """Largest standard deviations of a track's place [m] and of its velocity [m/s], level."""
+    covariance = np.asarray(track.covariance)
+    parts = (covariance[np.ix_(rows, rows)] for rows in ((0, 2), (1, 3)))
+    place, velocity = (math.sqrt(max(float(np.linalg.eigvalsh(part)[-1]), 0.0)) for part in parts)
+    return place, velocity
+
+
+def fly_on(trees: Pursuers, d: int, track: TrackState) -> None:
+    """Tree ``d`` of an aircraft that flies on as it does: where it is, and where in a second, in place."""
+    here, moving = np.asarray(track.position_enu_m), np.asarray(track.velocity_enu_m_s)
+    trees.position[d, 0], trees.position[d, 1] = here, here + moving
+    trees.parent[d, 0], trees.parent[d, 1] = -1, 0
+    trees.time[d, 0], trees.time[d, 1] = track.stamp_s, track.stamp_s + 1.0
+    trees.heading[d, :2] = math.atan2(moving[1], moving[0])
+    trees.count[d] = 2
 
 
 def put_back(trees: Pursuers, d: int, tree: ThreatTree) -> None:

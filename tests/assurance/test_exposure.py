@@ -12,10 +12,14 @@ from companion.assurance.exposure import Exposure, ExposureModel
 from companion.assurance.sight_lines import SightLines
 from companion.config.compose import exposure_of, vehicle_of, world_of
 from companion.config.rules import rules_of
+from companion.kernels.threat.reachability import dt_positions
+from companion.kernels.workspace import workspace
 from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 from companion.types.threat import Radar, ThreatPicture, TrackState
+from companion.world.pursuer_trees import threat_trees
 from tests.support.paths import BOUNDS, box, check_limits, path_of
+from tests.support.worlds import packed
 from tests.torture.harness import NARROW
 
 PLANE = ExposureModel(airspeed_min_m_s=12.5, airspeed_max_m_s=37.5, penetration_speed_m_s=30.0)
@@ -159,3 +163,47 @@ def test_numbers_that_are_none_are_reported_and_break_nothing():
     assert {
         entry.rule for entry in checker.check_path(broken, picture=ThreatPicture((radar(0.0, 0.0),)))
     } == {"finite"}
+
+
+def test_an_aircraft_that_flies_on_by_hand():
+    # It is 2000 m north and flies south at 50 m/s: after 30 s 500 m are left, less twice what is not known.
+    passing = replace(
+        track(0.0, 2_000.0, reach=610.0, airborne=True), velocity_enu_m_s=(0.0, -50.0, 0.0), flies_on=True,
+        position_enu_m=(0.0, 2_000.0, 100.0),
+    )  # fmt: skip
+    path = path_of([30.0, 31.0], [(0.0, 0.0, 100.0), (0.0, 1.0, 100.0)], [0.0, 0.0])
+    assert levels(path, tracks=[passing])[0] == pytest.approx(CERTAIN * math.exp(-((500.0 / 610.0) ** 4)))
+    unsure = replace(passing, covariance=np.diag([30.0**2, 1.0, 30.0**2, 1.0]))  # 2·√(30² + 30²) = 85 m
+    nearer = (500.0 - 2.0 * math.hypot(30.0, 30.0)) / 610.0
+    assert levels(path, tracks=[unsure])[0] == pytest.approx(CERTAIN * math.exp(-(nearer**4)))
+    assert levels(replace(path, times_s=path.times_s - 10.0), tracks=[passing])[0] == 0.0
+    above = replace(passing, position_enu_m=(0.0, 2_000.0, 180.0))
+    assert levels(path, tracks=[above])[0] == 0.0
+    sinking = replace(above, velocity_enu_m_s=(0.0, -50.0, -1.0))
+    assert levels(path, tracks=[sinking])[0] > 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_planner_foresees_what_flies_on_as_the_check_does(seed):
+    random = np.random.default_rng(seed)
+    tracks = [
+        replace(
+            track(*random.uniform(-2_000.0, 2_000.0, 2), reach=610.0, airborne=True), flies_on=True,
+            velocity_enu_m_s=(*random.uniform(-60.0, 60.0, 2), 0.0), covariance=np.diag([9.0, 1.0, 9.0, 1.0]),
+            identity=f"icao:{k}",
+        )
+        for k in range(3)
+    ]  # fmt: skip
+    bounds = (-3_000.0, 3_000.0, -3_000.0, 3_000.0, 0.0, 300.0)
+    trees, walls = threat_trees(tracks, packed([], bounds), None, bounds), packed([], bounds)
+    scratch = workspace(100, len(tracks), 1).growth.reach
+    for _ in range(200):
+        place, at = random.uniform(-1_500.0, 1_500.0, 2), float(random.uniform(0.0, 60.0))
+        points = np.zeros((3, 4))
+        dt_positions(trees, *place, 0.0, at, 3, walls, points, scratch)
+        path = path_of([at, at + 1.0], [(*place, 0.0), (*place + 1e-3, 0.0)], [0.0, 0.0])
+        for point, one in zip(points, tracks, strict=True):
+            found = levels(path, tracks=[one])[0]
+            away = np.hypot(*(point[:2] - place))
+            expected = CERTAIN * math.exp(-((away / 610.0) ** 4)) if point[3] > 0.0 else 0.0
+            assert found == pytest.approx(expected, abs=2e-3)

@@ -195,7 +195,9 @@ def test_a_vehicle_cannot_have_come_from_anywhere_after_a_gap():
 
 def test_acceleration_noise_follows_the_kind():
     noise = TrackSettings().acceleration_std
-    assert [noise(speed) for speed in (0.0, 20.0, 100.0)] == [3.0, 10.0, 12.0]
+    kinds = [VehicleClass(None, speed, 250.0, 15.0) for speed in (0.0, 20.0, 100.0)]
+    assert [noise(kind) for kind in kinds] == [3.0, 10.0, 12.0]
+    assert noise(replace(kinds[2], flies_on=True)) == 2.0
 
 
 def test_vehicles_become_the_nearest_kind_of_the_mission_file():

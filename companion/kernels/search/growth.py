@@ -22,6 +22,7 @@ from companion.kernels.arrays import (
     IntArray,
     Limits,
     Obstacles,
+    Pursuers,
     Scene,
     Search,
     Tree,
@@ -35,6 +36,7 @@ from companion.kernels.search.costs import cost_distance, threats_at, threats_wh
 from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.intercept import EYE_M
 from companion.kernels.threat.reachability import Estimator, estimate_reachability
+from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import FilterScratch, GrowthScratch, Step, ThreatScene
 
 DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
@@ -214,13 +216,15 @@ def drop_last(tree: Tree, parent: int) -> None:
 
 
 @kernel
-def inherit_threats(tree: Tree, i: int, parent: int, walls: Obstacles) -> None:
+def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: Obstacles) -> None:
     """A DT that could be somewhere for the parent can wait there for the child, if it sees it."""
     state, prisms = tree.state[i], prisms_of(walls)
-    for d in range(tree.threat_point.shape[1]):
+    for d in range(pursuers.model.shape[0]):
         point = tree.threat_point[parent, d]
-        if point[3] > 0.0 and not line_blocked(
-            point[0], point[1], point[2] + EYE_M, state[0], state[1], state[2], prisms
+        if (
+            point[3] > 0.0
+            and pursuers.model[d, 3] != FLIES_ON
+            and not line_blocked(point[0], point[1], point[2] + EYE_M, state[0], state[1], state[2], prisms)
         ):
             tree.threat_point[i, d] = point
 
@@ -239,7 +243,7 @@ def grow(
     search, dimension, normals = scene.search, scene.limits.dimension, scene.tables.normals
     factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
     i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
-    inherit_threats(tree, i, q_n, scene.walls)
+    inherit_threats(tree, i, q_n, scene.pursuers, scene.walls)
     num = estimate_reachability(
         tree, scene.pursuers, i, Estimator(search.estimator, search.p_tid, search.k_pursuer),
         scene.limits.bounds, draws[4:7], scene.walls, scratch.reach,

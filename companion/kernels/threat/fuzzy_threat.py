@@ -18,6 +18,7 @@ from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.jit import kernel
 from companion.kernels.workspace import MAX_THREATS, ThreatScene
 
+PASSES = 2.0  # of a point: an aircraft that is kept clear of whichever way one flies
 FORM_SHIFTED, FORM_LITERAL, FORM_PROBABILISTIC = 0, 1, 2
 
 
@@ -124,7 +125,7 @@ def gather(x: float, y: float, z: float, share: float, scene: ThreatScene) -> in
         mu = membership(r, 0.0, 0.0, reach[i], 0.0)
         if mu > 0.0:
             out[n, 0] = mu
-            out[n, 1] = share * turned_away(dx, dy, dz, r, course)
+            out[n, 1] = 0.0 if points[i, 3] == PASSES else share * turned_away(dx, dy, dz, r, course)
             n += 1
     return n
 

@@ -16,11 +16,19 @@ from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.grid_index import cell_along, cell_size, nearest
 from companion.kernels.geometry.line_of_sight import Prisms, line_blocked, prisms_of
 from companion.kernels.jit import kernel, kernel_numpy_errors
+from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.threat.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
-from companion.kernels.threat.threat_tree import LEAST_STEP_M, ThreatTrees, corner_towards, threat_trees_of
+from companion.kernels.threat.threat_tree import (
+    FLIES_ON,
+    LEAST_STEP_M,
+    ThreatTrees,
+    corner_towards,
+    threat_trees_of,
+)
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
 NUM_NEIGHBOURS = 4  # of a directly reachable node that are tested too
+WELL_CLEAR_UP_M = 76.0  # 250 ft, of ASTM F3442
 NEWS_M = 15.0  # a DT position nearer by this much is news
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
@@ -208,6 +216,25 @@ def come_nearer(
             out[d, 0], out[d, 1], out[d, 2], out[d, 3] = spot[3], spot[4], spot[5], 1.0
 
 
+@kernel_numpy_errors
+def passes_by(trees: ThreatTrees, d: int, x: float, y: float, z: float, time: float, out: FloatArray) -> None:
+    """Where an aircraft that flies on will be to a place at a time, by twice its deviation nearer.
+
+    ``out`` (D, 4) receives the position at the place's own height [m], and :data:`PASSES` where that is
+    within its well clear volume, else 0.
+    """
+    now, soon, model = trees.position[d, 0], trees.position[d, 1], trees.model[d]
+    ahead = time - trees.time[d, 0]
+    spread = 2.0 * math.sqrt(model[2] ** 2 + (model[4] * ahead) ** 2)
+    dx = now[0] + ahead * (soon[0] - now[0]) - x
+    dy = now[1] + ahead * (soon[1] - now[1]) - y
+    up = abs(now[2] + ahead * (soon[2] - now[2]) - z)
+    away = math.sqrt(dx * dx + dy * dy)
+    out[d, 3] = PASSES if away - spread <= model[1] and up <= WELL_CLEAR_UP_M else 0.0
+    share = max(away - spread, 0.0) / max(away, 1.0)
+    out[d, 0], out[d, 1], out[d, 2] = x + share * dx, y + share * dy, z
+
+
 @kernel
 def dt_positions(
     pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, walls: Obstacles, out: FloatArray,
@@ -226,6 +253,9 @@ def dt_positions(
     position, model, stamps = trees.position, trees.model, trees.time
     for d in range(trees.count.shape[0]):
         out[d, 3] = 0.0
+        if model[d, 3] == FLIES_ON:
+            passes_by(trees, d, x, y, z, time, out)
+            continue
         away = math.sqrt((position[d, 0, 0] - x) ** 2 + (position[d, 0, 1] - y) ** 2)
         if away - model[d, 1] > model[d, 0] * max(0.0, time - stamps[d, 0]):
             continue
@@ -396,7 +426,10 @@ def estimate_reachability(
     if pursue and estimator.kind == RRT_REACH:
         sample[:] = tree.state[i, :3]
     for d in range(pursuers.count.shape[0]):
-        if estimator.kind == EX_RRT:
+        if pursuers.model[d, 3] == FLIES_ON:
+            state = tree.state[i]
+            passes_by(probe.trees, d, state[0], state[1], state[2], tree.time[i], tree.threat_point[i])
+        elif estimator.kind == EX_RRT:
             num = expand(probe, n, pursuers, d, i, pursue, estimator.k, scratch, num)
         else:
             greedy = pursue and estimator.kind == RRT_REACH

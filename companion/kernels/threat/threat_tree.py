@@ -18,6 +18,7 @@ from companion.kernels.jit import kernel, kernel_numpy_errors
 from companion.kernels.threat.intercept import way_length
 
 BoolArray = NDArray[np.bool_]
+FLIES_ON = 2.0  # in place of the airborne flag: it hunts nobody
 LEAST_STEP_M = 1.0  # of an edge
 CORNER_GAP_M = 3.0  # from an obstacle's corner to the node beside it
 MAX_CORNERS = 400
@@ -187,6 +188,8 @@ def re_root(
     has_child = v > 0.0 and ahead >= LEAST_STEP_M
     first_time = time + ahead / v if has_child else time
     base = 2 if has_child else 1
+    if v == 0.0:  # it drove when these were grown, and stands now
+        trees.count[d] = 0
     kept, parents = _later_nodes(trees, d, first_time, base)
     x, y, z = root
     pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z

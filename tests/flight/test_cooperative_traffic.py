@@ -1,0 +1,65 @@
+"""An aircraft that crosses is passed well clear; beside the same flight that takes it for a hunter."""
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import mission_from_text
+from companion.tracking import threat_assigner
+from companion.types.events import Dialect
+from tests.flight.test_geofences import BOTH
+from tests.flight.test_surprise import LONG
+from tests.support.sitl_harness import SitlHarness
+
+SPEED_M_S, MEET_S, PERIOD_S = 50.0, 60.0, 0.5
+UNTIL_S = 100.0
+
+
+def crossed(dialect, up_m=100.0, *, is_told=True):
+    """A flight whose way an aircraft crosses from the north; how near they came, and what was decided."""
+    harness = SitlHarness(mission_from_text(LONG, "crossing.yaml"), dialect=dialect)
+    near, due = [], [0.0]
+
+    def place(now_s):
+        return 25.0 * MEET_S, SPEED_M_S * (MEET_S - now_s)
+
+    def on_step(harness):
+        east, north = place(harness.now_s)
+        own = harness.simulator.truth.path[-1]
+        near.append(float(np.hypot(own[1] - east, own[2] - north)))
+        if not is_told or harness.now_s < due[0]:
+            return
+        due[0] += PERIOD_S
+        latitude, longitude = harness.simulator.autopilot.projection.degrees(east, north)
+        report = mavlink.MAVLink_adsb_vehicle_message(
+            0x3C65AC, round(latitude * 1e7), round(longitude * 1e7), mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
+            round(1e3 * (584.0 + up_m)), 18_000, round(100.0 * SPEED_M_S), 0, b"DLH1",
+            mavlink.ADSB_EMITTER_TYPE_LIGHT, 0, 63, 0,
+        )  # fmt: skip
+        harness.simulator.autopilot.relay_traffic(report, (200, mavlink.MAV_COMP_ID_ADSB))
+
+    harness.fly(UNTIL_S, on_step)
+    return min(near), [(entry.kind, entry.text) for entry in harness.recorder.decisions]
+
+
+@BOTH
+def test_it_is_passed_well_clear_without_an_emergency(dialect):
+    unaware, _ = crossed(dialect, is_told=False)
+    assert unaware < 150.0
+    near, told = crossed(dialect)
+    assert near > 440.0  # at which its threat level is the mission file's limit, 0.3
+    assert "emergency" not in {kind for kind, _ in told}
+
+
+@BOTH
+def test_taken_for_a_hunter_it_leaves_no_way(dialect, monkeypatch):
+    monkeypatch.setattr(threat_assigner, "COOPERATIVE", frozenset())
+    _, told = crossed(dialect)
+    assert "emergency" in {kind for kind, _ in told}
+
+
+@pytest.mark.parametrize("up_m", [200.0, 600.0])
+def test_far_above_it_is_nothing(up_m):
+    near, told = crossed(Dialect.PX4, up_m)
+    assert near < 150.0
+    assert {kind for kind, _ in told} <= {"mode", "mission", "takeover", "swap", "keep", "fault"}

@@ -1,0 +1,37 @@
+"""The trees that are carried from plan to plan."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from companion.world.pursuer_trees import grown_trees, threat_trees
+from tests.support.paths import box
+from tests.support.worlds import packed, track
+
+BOUNDS = (-1000.0, 1000.0, -1000.0, 1000.0, 0.0, 300.0)
+WALLS = packed([box("wall", 100.0, -50.0, 120.0, 50.0)], BOUNDS)
+
+
+def test_a_vehicle_that_drove_and_stands_now_is_where_it_is():
+    """Its speed is 0: the ways that were grown for it take for ever."""
+    driving = track(0.0, 0.0, speed=20.0, velocity=(20.0, 0.0))
+    grown = grown_trees(threat_trees([driving], WALLS, 100.0, BOUNDS), [driving])
+    assert len(grown[0].time_s) > 2
+    standing = replace(driving, speed_max_m_s=0.0, velocity_enu_m_s=(0.0, 0.0, 0.0), stamp_s=1.0)
+    trees = threat_trees([standing], WALLS, 100.0, BOUNDS, grown)
+    assert trees.count.tolist() == [1]
+    assert trees.position[0, 0].tolist() == [0.0, 0.0, 100.0]
+    again = replace(driving, stamp_s=2.0)
+    trees = threat_trees([again], WALLS, 100.0, BOUNDS, grown_trees(trees, [standing]))
+    assert trees.count[0] > 2
+
+
+def test_an_aircraft_that_flies_on_is_foreseen_by_its_own_velocity():
+    passing = replace(
+        track(0.0, 0.0, velocity=(50.0, 10.0), airborne=True, up=150.0, stamp=5.0), flies_on=True,
+        covariance=np.diag([9.0, 4.0, 16.0, 1.0]),
+    )  # fmt: skip
+    trees = threat_trees([passing], WALLS, 100.0, BOUNDS)
+    assert trees.position[0, :2].tolist() == [[0.0, 0.0, 150.0], [50.0, 10.0, 150.0]]
+    assert trees.time[0, :2].tolist() == [5.0, 6.0]
+    assert trees.model[0].tolist() == [20.0, 200.0, 4.0, 2.0, 2.0]
