@@ -25,7 +25,8 @@ def register(app: typer.Typer) -> None:
 
 def bench(
     missions: Annotated[
-        list[Path] | None, typer.Argument(help="Mission files to plan and to fly in the wind.")
+        list[Path] | None,
+        typer.Argument(help="Mission files to plan and to fly in the wind; else mission_configs/paper-*."),
     ] = None,
     json_file: JsonFile = None,
     flights: Annotated[int, typer.Option(min=1, help="In real time, of each kind.")] = 5,
@@ -37,7 +38,7 @@ def bench(
     """
     from sim.bench import bench_figures
 
-    files = missions or []
+    files = missions or sorted(Path("mission_configs").glob("paper-*.yaml"))
     logging.disable(logging.CRITICAL)  # flights of which nothing is of interest but the figures
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

@@ -52,6 +52,10 @@ _RID_UNKNOWN_CLIMB_CM_S = 6_300
 # MAV_ODID_HOR_ACC bounds 95 % of the errors; of a circular normal distribution 95 % lie in 2.45 σ.
 _RID_BOUNDS_M = (None, 18_520, 7_408, 3_704, 1_852, 926, 555.6, 185.2, 92.6, 30, 10, 3, 1)
 _RID_UNKNOWN_ALTITUDE_M = -1_000.0
+_ADSB_DATUMS = {
+    AdsbAltitudeType.PRESSURE_QNH: Datum.PRESSURE,
+    AdsbAltitudeType.GEOMETRIC: Datum.ELLIPSOID,
+}
 _SIGMAS_95 = 2.4477
 
 ReportParts = tuple[
@@ -204,8 +208,7 @@ class Tracks:
     def _adsb_height(self, message: Message, emitter: Emitter, *, is_told: bool) -> Height:
         """Transponders tell the pressure's, whatever the QNH; what is geometric is the receiver's."""
         if is_told:
-            is_geometric = message.altitude_type == AdsbAltitudeType.GEOMETRIC
-            datum = Datum.ELLIPSOID if is_geometric else Datum.PRESSURE
+            datum = _ADSB_DATUMS.get(message.altitude_type, Datum.PRESSURE)
             return Height(altitude(message.altitude * 1e-3, "track_altitude"), datum)
         if emitter is Emitter.AIR or self._telemetry.home_altitude_amsl_m is None:
             raise RefusedError("track_altitude")
