@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.assurance.checker import Checker
+from companion.assurance.exposure import Exposure
 from companion.config.compose import check_limits_of, exposure_of, goals_of, planner_settings_of, vehicle_of
 from companion.config.models import MissionConfig
 from companion.planning.problem import GoalRegion
@@ -42,6 +43,8 @@ class Rules:
         How to make an emergency plan: threats weigh most, and have no limit.
     checker : Checker
         The independent check.
+    exposure : Exposure
+        How it works threat levels out.
     """
 
     mission: MissionConfig
@@ -53,6 +56,7 @@ class Rules:
     replan_settings: PlannerSettings
     least_threat_settings: PlannerSettings
     checker: Checker
+    exposure: Exposure
 
     @property
     def level_m(self) -> float:
@@ -83,7 +87,7 @@ def rules_of(
     if bank_max_deg:
         vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(bank_max_deg)))
     limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
-    settings = planner_settings_of(mission)
+    settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
     return Rules(
         mission=mission,
@@ -94,5 +98,6 @@ def rules_of(
         settings=settings,
         replan_settings=replace(settings, max_iterations=int(REPLAN_SHARE * settings.max_iterations)),
         least_threat_settings=replace(settings, threat_level_max=1.0, weights_cost=LEAST_THREAT_WEIGHTS),
-        checker=Checker(obstacles, limits, exposure_of(mission)),
+        checker=Checker(obstacles, limits, exposure),
+        exposure=exposure,
     )

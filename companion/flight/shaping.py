@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +34,8 @@ from companion.vehicle.guidance import Guidance, default_guidance, track_of_circ
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 BANK_MAX_DEG = 80.0  # whatever the parameter says
+SAFER_ROWS = 6  # are tried for a circle that is under no threat
+CIRCLE_PLACES = 13
 SLOWEST_M_S = 3.0  # over the ground, of a circle in strong wind
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
@@ -171,21 +173,67 @@ def waypoints_of(
     wanted = math.inf if is_whole else CARRIED_HORIZONS * state.rules.time_horizon_s
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
+    first_wrong: tuple[Violation, ...] = ()
+    exposed: list[tuple[Waypoints, float]] = []
+    for end, waypoints, violations in _carried_to_rows(state, path, row):
+        num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
+        if violations or num_items > max_waypoints:
+            first_wrong = first_wrong or violations
+            continue
+        until_s = float(path.times_s[end])
+        if end == last or len(exposed) == SAFER_ROWS or not is_circle_exposed(state, waypoints, until_s):
+            return waypoints, until_s, ()
+        exposed.append((waypoints, until_s))
+    if exposed:
+        return *exposed[0], ()
+    return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
+
+
+def _carried_to_rows(
+    state: FlightState, path: Path, row: int
+) -> Iterator[tuple[int, Waypoints, tuple[Violation, ...]]]:
+    """Rows at which a mission may end, the wanted one first, its waypoints, and what is wrong with them."""
+    last = len(path) - 1
     tries = [row, *(row + k for k in range(2, last - row, 2)), last]
     tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
-    first_wrong: tuple[Violation, ...] = ()
     styled = 0
     for end in tries:
         usual = _carried_in_style(state, path, end, _styles(state)[0])
         if usual[1] and styled >= STYLED_ROWS:  # at most rows it is the circle that has no room
             continue
         styled += bool(usual[1])
-        waypoints, violations = _best_carried(state, path, end, usual)
-        num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
-        if not violations and num_items <= max_waypoints:
-            return waypoints, float(path.times_s[end]), ()
-        first_wrong = first_wrong or violations
-    return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
+        yield end, *_best_carried(state, path, end, usual)
+
+
+def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
+    """Whether the first lap on the circle at the end of a mission is above the limit of the threat level.
+
+    Parameters
+    ----------
+    state : FlightState
+        Threats and rules.
+    waypoints : Waypoints
+        With the circle.
+    arrival_s : float
+        When it is come to, by the clock [s].
+    """
+    limit, centre = state.rules.checker.limits.threat_level_max, waypoints.loiter_centre_enu_m
+    if centre is None or limit >= 1.0:
+        return False
+    speed, radius = float(state.rules.vehicle.airspeed_cruise_m_s), abs(waypoints.loiter_radius_m)
+    angles = np.linspace(0.0, 2.0 * math.pi, CIRCLE_PLACES)
+    ring = radius * np.column_stack([np.sin(angles), np.cos(angles), 0.0 * angles])
+    lap = Path(
+        times_s=arrival_s + angles * radius / speed,
+        positions_enu_m=centre + ring,
+        courses_rad=(angles + 0.5 * math.pi) % (2.0 * math.pi),
+        climb_angles_rad=0.0 * angles,
+        speeds_m_s=0.0 * angles + speed,
+        position_covariances_m2=np.zeros((len(angles), 3, 3)),
+        collision_free=np.ones(len(angles)),
+        threat_levels=0.0 * angles,
+    )
+    return bool(state.rules.exposure.levels(lap, state.picture).max() > limit)
 
 
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
