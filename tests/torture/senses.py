@@ -23,6 +23,7 @@ AIR = mavlink.MAVLINK_MSG_ID_VFR_HUD
 TOLD_S = 2.0
 ARMED_S = 2.5  # heard to be armed by then
 UNTIL_S = 160.0
+TOLD_EVERY = 25
 JUMP_M, JUMPED_S = 40.0, 20.0
 WORLDS = {**NARROW, "first-flight": load_mission(CONFIGS / "first-flight.yaml")}
 
@@ -192,7 +193,10 @@ def sensed_flight(number):
 def run_senses(number, first, say, pool):
     """Flights with a fault each; how many ended in an obstacle, or untold."""
     ends, late, bad = {}, Counter(), 0
-    for what, how, waited_s in pool.map(sensed_flight, range(first, first + number)):
+    flights = pool.map(sensed_flight, range(first, first + number))
+    for count, (what, how, waited_s) in enumerate(flights, 1):
+        if count % TOLD_EVERY == 0:
+            say(f"  {count} of {number}, {bad} bad")
         kind = what.split()[0]
         ends.setdefault(kind, Counter())[how] += 1
         late[kind] = max(late[kind], waited_s)
