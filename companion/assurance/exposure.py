@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import dijkstra
 
 from companion.assurance.sight_lines import SightLines
 from companion.frames import FloatArray
@@ -204,8 +203,10 @@ class Exposure:
         spatial = np.column_stack([corners, np.zeros(num)])
         free = self._sight.is_way_free(spatial[a], spatial[b])
         lengths = np.full((num, num), np.inf)
-        lengths[a, b] = np.where(free, np.linalg.norm(corners[a] - corners[b], axis=1), np.inf)
-        return corners, np.asarray(dijkstra(np.where(np.isfinite(lengths), lengths, 0.0), directed=False))
+        lengths[a, b] = lengths[b, a] = np.where(
+            free, np.linalg.norm(corners[a] - corners[b], axis=1), np.inf
+        )
+        return corners, shortest_ways(lengths)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,6 +248,26 @@ class _Flight:
             speeds=np.interp(at, number, path.speeds_m_s),
             rows=np.append(0, ends),
         )
+
+
+def shortest_ways(lengths: FloatArray) -> FloatArray:
+    """Shortest ways between all pairs of places, by Floyd and Warshall (CLRS, section 25.2).
+
+    Parameters
+    ----------
+    lengths : ndarray, shape (N, N)
+        Straight ways, infinite where there is none [m].
+
+    Returns
+    -------
+    ndarray, shape (N, N)
+        Ways over others, infinite where none leads there [m].
+    """
+    ways = lengths.copy()
+    np.fill_diagonal(ways, 0.0)
+    for over in range(len(ways)):
+        np.minimum(ways, ways[:, over, None] + ways[None, over, :], out=ways)
+    return ways
 
 
 def _pair(

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csgraph
 from shapely.geometry import LineString
 
 from companion.assurance.checker import Checker
-from companion.assurance.exposure import Exposure, ExposureModel
+from companion.assurance.exposure import Exposure, ExposureModel, shortest_ways
 from companion.assurance.sight_lines import SightLines
 from companion.config.compose import exposure_of, vehicle_of, world_of
 from companion.config.rules import rules_of
@@ -207,3 +208,13 @@ def test_the_planner_foresees_what_flies_on_as_the_check_does(seed):
             away = np.hypot(*(point[:2] - place))
             expected = CERTAIN * math.exp(-((away / 610.0) ** 4)) if point[3] > 0.0 else 0.0
             assert found == pytest.approx(expected, abs=2e-3)
+
+
+def test_shortest_ways_agree_with_scipy():
+    random = np.random.default_rng(4)
+    lengths = np.triu(random.uniform(1.0, 100.0, (40, 40)), 1)
+    lengths[random.random((40, 40)) < 0.9] = 0.0
+    lengths += lengths.T
+    expected = csgraph.dijkstra(lengths, directed=False)
+    assert np.isinf(expected).any()
+    assert shortest_ways(np.where(lengths > 0.0, lengths, np.inf)) == pytest.approx(expected)
