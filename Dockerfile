@@ -11,7 +11,7 @@ COPY pyproject.toml README.md ./
 COPY requirements requirements
 COPY companion companion
 # Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads, all
-# of scipy but its linear algebra, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
+# of scipy but its linear algebra, what only compilers and type checkers read, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
 # pictures and reports are made where the recordings are taken to. Symbols go from libraries but those in
 # *.libs and numba's thread pools: these were patched after they were linked, and strip would break them.
 # Every package has the hash that requirements has of it. What the image then holds of Python is listed in
@@ -33,6 +33,7 @@ RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \
     && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete \
+    && find . -type f \( -name "*.pyi" -o -name "*.pxd" -o -name "*.a" \) -delete \
     && find scipy -mindepth 1 -maxdepth 1 -type d ! -name linalg ! -name '_*' -exec rm -rf {} + \
     && find . -type f -name '*.so*' ! -path './*.libs/*' ! -name '*pool.*' -exec strip --strip-unneeded {} + \
     && find . -exec touch --no-dereference --date=2026-01-01 {} +
