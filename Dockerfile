@@ -10,9 +10,10 @@ WORKDIR /src
 COPY pyproject.toml README.md ./
 COPY requirements requirements
 COPY companion companion
-# Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads, all
-# of scipy but its linear algebra, what only compilers and type checkers read, pymavlink's XML parser, and matplotlib, which filterpy names but whose one file used here does without:
-# pictures and reports are made where the recordings are taken to. Symbols go from libraries but those in
+# Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads and the
+# tools that make them, numba's part for GPUs, numpy's builder of extensions, all of scipy but its linear
+# algebra, what only compilers and type checkers read, pymavlink's XML parser, and matplotlib, which filterpy
+# names but whose one file used here does without: pictures and reports are made where recordings are taken to. Symbols go from libraries but those in
 # *.libs and numba's thread pools: these were patched after they were linked, and strip would break them.
 # Every package has the hash that requirements has of it. What the image then holds of Python is listed in
 # /opt/companion/share/sbom.cdx.json (CycloneDX), made by a program that does not come into the image.
@@ -33,6 +34,7 @@ RUN --mount=type=cache,target=/root/.cache/pip apt-get -qq update \
     && cd /opt/companion/lib/python3*/site-packages \
     && find . -type d -name tests -prune -exec rm -rf {} + \
     && find pymavlink/dialects -name '*.py' ! -name __init__.py ! -path '*/v20/ardupilotmega.py' -delete \
+    && rm -r numba/cuda numpy/distutils pymavlink/dfindexer pymavlink/generator pymavlink/tools \
     && find . -type f \( -name "*.pyi" -o -name "*.pxd" -o -name "*.a" \) -delete \
     && find scipy -mindepth 1 -maxdepth 1 -type d ! -name linalg ! -name '_*' -exec rm -rf {} + \
     && find . -type f -name '*.so*' ! -path './*.libs/*' ! -name '*pool.*' -exec strip --strip-unneeded {} + \
@@ -50,7 +52,7 @@ ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU
 # imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
 RUN python -c 'import companion.campaign.runs, companion.doctor.doctor_command' \
     && python -c 'import companion.replay.replay_command, companion.service.service' \
-    && companion warm-up /usr/share/companion/mission_configs/first-flight.yaml \
+    && companion warm-up --lean /usr/share/companion/mission_configs/first-flight.yaml \
     && chown -R companion:companion /var/cache/companion
 USER companion
 WORKDIR /var/lib/companion

@@ -167,7 +167,12 @@ def plan(
 
 
 @app.command("warm-up")
-def warm_up(mission: MissionFile) -> None:
+def warm_up(
+    mission: MissionFile,
+    lean: Annotated[
+        bool, typer.Option("--lean", help="Keep only what a flight reads: for images and small disks.")
+    ] = False,
+) -> None:
     """Compile the planner's kernels now, so that the service need not at its first start."""
     from companion.config import load_mission
     from companion.service import warm_up as warming
@@ -176,6 +181,10 @@ def warm_up(mission: MissionFile) -> None:
     began = time.perf_counter()
     warming.warm_up(config)
     console.print(f"kernels are compiled ({time.perf_counter() - began:.0f} s)")
+    if lean:
+        from companion.service import lean_cache
+
+        console.print(f"{lean_cache.make_lean(config)} MB of parts that are in others are removed")
 
 
 @app.command()

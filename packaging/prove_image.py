@@ -38,7 +38,7 @@ MISSION = "/usr/share/companion/mission_configs/first-flight.yaml"
 SBOM = "/opt/companion/share/sbom.cdx.json"
 HEALTHY_S = 60.0
 COMPILING = "compiling"  # in the status that the service tells until its kernels are there
-SIZE_MAX_MB = 420.0  # above the base image
+SIZE_MAX_MB = 390.0  # above the base image
 
 # In a namespace of its own, so that nothing stays mounted, and by exec, so that signals arrive.
 ENTER = """set -e

@@ -10,8 +10,8 @@ import asyncio
 import itertools
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +28,8 @@ from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.tasks.app import App, stop
 from companion.tasks.composition import composed
 from companion.types.events import Dialect
-from companion.types.record import FlightRecord
 from sim.faults import FaultyLink
+from sim.flight_measures import FlightMeasures, Measures, measured
 from sim.simulator import Simulator
 
 SILENT_S = 10.0
@@ -152,54 +152,66 @@ class Flight:
         if running.done():
             await running
 
+    def measures(self) -> FlightMeasures:
+        """What the threats were to it, by the true paths."""
+        mission = self.mission
+        return measured(self.simulator.truth, mission.dynamic_threat_list, mission.radar_list)
+
     def summary(self) -> dict[str, float | int | bool | str]:
-        """The measures of ``sitl --json``, but for the paths."""
-        truth, recorder = self.simulator.truth, self.recorder
+        """The measures of ``sitl --json``, but for the paths and single threats; infinite what never was."""
+        truth, recorder, measures = self.simulator.truth, self.recorder, self.measures()
         plan_ms = np.array(recorder.plan_ms or [math.nan])
         latency = np.array(recorder.track_to_mission_ms or [math.nan])
-        reached, hit = self.goal_reached, truth.collision
+        reached, hit, threatened = self.goal_reached, truth.collision, measures.num_threatening
         return {
             "mission": self.mission.name,
             "seed": self.seed,
             "success": reached and not hit,
             "goal_reached": reached,
             "collision": hit,
-            "min_obstacle_clearance_m": _rounded(truth.min_obstacle_clearance_m),
-            "min_dt_distance_m": _rounded(truth.min_threat_distance_m),
+            "is_safe": reached and not hit and threatened == 0,
+            "threatened": threatened,
+            **_rounded(measures.over_all()),
+            "min_obstacle_clearance_m": round(truth.min_obstacle_clearance_m, 3),
             "missions_uploaded": self.app.num_swaps,
             "missions_rejected": recorder.num_rejected,
             "replans": len(recorder.plan_ms),
-            "plan_ms_median": _rounded(float(np.median(plan_ms))),
-            "plan_ms_p95": _rounded(float(np.percentile(plan_ms, 95))),
-            "plan_ms_max": _rounded(float(plan_ms.max())),
-            "track_to_mission_ms_median": _rounded(float(np.median(latency))),
-            "track_to_mission_ms_p95": _rounded(float(np.percentile(latency, 95))),
-            "flight_s": _rounded(self.now_s),
-            "wall_s": _rounded(self.wall_s),
+            "plan_ms_median": round(float(np.median(plan_ms)), 3),
+            "plan_ms_p95": round(float(np.percentile(plan_ms, 95)), 3),
+            "plan_ms_max": round(float(plan_ms.max()), 3),
+            "track_to_mission_ms_median": round(float(np.median(latency)), 3),
+            "track_to_mission_ms_p95": round(float(np.percentile(latency, 95)), 3),
+            "flight_s": round(self.now_s, 3),
+            "wall_s": round(self.wall_s, 3),
         }
 
     def document(self) -> dict[str, object]:
-        """The JSON of ``companion sitl``: measures by name, and the true paths."""
-        flat: dict[str, object] = dict(self.summary())
+        """The JSON of ``companion sitl``: measures by name, and the true paths; null what never was."""
+        flat = _finite(self.summary())
         del flat["mission"], flat["seed"]
+        flat["min_dt_distance_m"] = flat["miss_distance_m"]  # its older name
         for name, keys in (("plan_ms", ("median", "p95", "max")), ("track_to_mission_ms", ("median", "p95"))):
             flat[name] = {key: flat.pop(f"{name}_{key}") for key in keys}
+        by_name = self.measures().by_name()
+        flat["dynamic_threats"] = {name: _finite(_rounded(of_one)) for name, of_one in by_name.items()}
         truth = self.simulator.truth
-        flat["true_path"] = [[round(value, 4) for value in row] for row in truth.path]
-        flat["dt_path"] = [[round(value, 3) for value in row] for row in truth.dt_path]
+        flat["true_path"] = _table(truth.path, 4)
+        flat["dt_path"] = _table(truth.dt_path, 3)
+        flat["dt_paths"] = {name: _table(rows, 3) for name, rows in truth.threat_paths.items()}
         return flat
 
-    def record(self) -> FlightRecord:
-        """The record for the report, with the true paths in place of those known on board."""
-        truth = self.simulator.truth
-        known = self.recorder.record(self.summary())
-        return replace(
-            known,
-            flown=np.array(truth.path),
-            dt_paths=tuple(np.array(rows) for rows in truth.threat_paths.values()),
-        )
+
+def _rounded(measures: Measures) -> Measures:
+    return {key: round(value, 3) for key, value in measures.items()}
 
 
-def _rounded(value: float) -> float | str:
-    """A number fit for JSON: infinities and NaN as words."""
-    return round(value, 3) if math.isfinite(value) else str(value)
+def _finite(measures: Mapping[str, object]) -> dict[str, object]:
+    """Measures fit for JSON, which knows no infinity."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in measures.items()
+    }
+
+
+def _table(rows: list[list[float]], digits: int) -> list[list[float]]:
+    return [[round(value, digits) for value in row] for row in rows]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -55,6 +56,7 @@ def sitl(
 
     if not headless:
         from companion.ui.report import write_report
+        from sim.flight_record import record_of
 
     config = load_mission(mission)
     require_goals(config, mission)
@@ -87,7 +89,7 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
-        page, picture = write_report(folder, config, world_of(config, none_known=False), flight.record())
+        page, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))
         console.print(f"report: {page}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
     if not flight.summary()["success"]:
         raise typer.Exit(EXIT_FAILED)
@@ -118,8 +120,11 @@ def _result(flight: Flight) -> Table:
     table = Table(title=f"{flight.mission.name}, seed {flight.seed}: {verdict}")
     table.add_column("measure")
     table.add_column("value", justify="right")
+    seconds = float(summary["seconds_in_reach_and_sight"])
+    table.add_row("under threat", f"{seconds:.1f} s of {flight.now_s:.0f}" if seconds > 0.0 else "never")
     for key, value in summary.items():
-        table.add_row(key, str(value))
+        is_told = not isinstance(value, float) or math.isfinite(value)
+        table.add_row(key, str(value) if is_told else "–")
     wall = flight.wall_s
     table.add_row("times real time", f"{flight.now_s / wall:.0f}" if wall > 0.0 else "-")
     return table

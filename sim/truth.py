@@ -31,8 +31,6 @@ class Truth:
         clockwise from north, flight-path angle, true airspeed.
     threat_paths : dict
         Paths by the threats' names, rows ``[t_s, east_m, north_m]``.
-    threat_distances_m : dict
-        Smallest slant distance so far, by the threats' names [m].
     collision : bool
         Whether the flight touched an obstacle or the ground.
     min_obstacle_clearance_m : float
@@ -43,7 +41,6 @@ class Truth:
     obstacles: tuple[Obstacle, ...]
     path: list[list[float]] = field(default_factory=list)
     threat_paths: dict[str, list[list[float]]] = field(default_factory=dict)
-    threat_distances_m: dict[str, float] = field(default_factory=dict)
     collision: bool = False
     min_obstacle_clearance_m: float = math.inf
 
@@ -57,11 +54,6 @@ class Truth:
     def dt_path(self) -> list[list[float]]:
         """Path of the first threat, or nothing."""
         return next(iter(self.threat_paths.values()), [])
-
-    @property
-    def min_threat_distance_m(self) -> float:
-        """Smallest distance to any threat; infinite without threats [m]."""
-        return min(self.threat_distances_m.values(), default=math.inf)
 
     def record(self, now_s: float, state: TrueState) -> None:
         """Add a row, and check the segment since the last one."""
@@ -80,11 +72,8 @@ class Truth:
         self._check(previous, row)
 
     def record_threat(self, now_s: float, name: str, position: tuple[float, float]) -> None:
-        """Add a row of a threat, and the distance to the aircraft's latest row; the threat is at up = 0."""
+        """Add a row of a threat."""
         self.threat_paths.setdefault(name, []).append([now_s, *position])
-        aircraft = self.path[-1]
-        distance = math.hypot(aircraft[1] - position[0], aircraft[2] - position[1], aircraft[3])
-        self.threat_distances_m[name] = min(self.threat_distances_m.get(name, math.inf), distance)
 
     def _check(self, start: list[float], end: list[float]) -> None:
         low, high = min(start[3], end[3]), max(start[3], end[3])

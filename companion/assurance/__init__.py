@@ -1,4 +1,5 @@
 """Independent check of every plan and mission, and the order of the steps where none passes.
 
-Plain NumPy and shapely; touches no code of the planner's, whose mistakes it would share.
+And what a flight met, read off its paths when it is over. Plain NumPy and shapely; touches no code of the
+planner's, whose mistakes it would share.
 """

@@ -3,7 +3,7 @@
 Radars by formula (1) with lines of sight cut by the prisms themselves; moving threats by a bound of what they
 can do: from where they were sighted, by the shortest ways round corners, as fast as they can, and twice the
 deviation of their place nearer. What comes of several threats at once is the A-IFS of paper 3.1 and 3.3, of
-an aircraft whose place is known (δ = 0). Plain NumPy, shapely and scipy.
+an aircraft whose place is known (δ = 0). Plain NumPy and shapely.
 """
 
 from __future__ import annotations
@@ -118,8 +118,7 @@ class Exposure:
     def _to_track(self, at: _Flight, track: TrackState) -> tuple[FloatArray, FloatArray]:
         """Membership and non-membership (K,) of what one moving threat can be by then, at its worst."""
         posts, delays = self._posts(track)
-        spread = np.asarray(track.covariance)[np.ix_((0, 2), (0, 2))]
-        nearer = DEVIATIONS * math.sqrt(max(float(np.linalg.eigvalsh(spread)[-1]), 0.0))
+        nearer = DEVIATIONS * _deviation(track, (0, 2))
         reach, speed = track.max_threat_radius_m, track.speed_max_m_s
         left = at.times - track.stamp_s - delays[:, None]  # (P, K) [s] to go on from there
         flat = np.linalg.norm(posts[:, None, :2] - at.places[None, :, :2], axis=2)
@@ -145,11 +144,7 @@ class Exposure:
         there = np.asarray(track.position_enu_m) + ahead[:, None] * np.asarray(track.velocity_enu_m_s)
         away = there - at.places
         is_level, away[:, 2] = np.abs(away[:, 2]) <= WELL_CLEAR_UP_M, 0.0
-        covariance = np.asarray(track.covariance)
-        place, velocity = (
-            math.sqrt(max(float(np.linalg.eigvalsh(covariance[np.ix_(rows, rows)])[-1]), 0.0))
-            for rows in ((0, 2), (1, 3))
-        )
+        place, velocity = _deviation(track, (0, 2)), _deviation(track, (1, 3))
         ranges = np.linalg.norm(away, axis=1)
         nearer = np.maximum(ranges - DEVIATIONS * np.hypot(place, velocity * ahead), 0.0)
         seen = is_level & (nearer <= track.max_threat_radius_m)
@@ -268,6 +263,12 @@ def shortest_ways(lengths: FloatArray) -> FloatArray:
     for over in range(len(ways)):
         np.minimum(ways, ways[:, over, None] + ways[None, over, :], out=ways)
     return ways
+
+
+def _deviation(track: TrackState, rows: tuple[int, int]) -> float:
+    """Largest standard deviation of two of a track's estimates, whichever way it points."""
+    covariance = np.asarray(track.covariance)[np.ix_(rows, rows)]
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
 
 
 def _pair(

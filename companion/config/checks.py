@@ -26,6 +26,7 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _planning(config)
     yield from _names(config)
     yield from _obstacles(config)
+    yield from _routes(config)
     yield from _blocked(config)
     yield from _weather(config)
     yield from _takeover(config)
@@ -124,6 +125,23 @@ def _obstacles(config: MissionConfig) -> Iterator[Finding]:
             yield ("obstacles", index, "polygon_enu_m"), expected
         if not obstacle.base_m < obstacle.top_m:
             yield ("obstacles", index, "base_m"), f"below top_m, {obstacle.top_m:g}"
+
+
+def _routes(config: MissionConfig) -> Iterator[Finding]:
+    for index, threat in enumerate(config.dynamic_threats):
+        path: KeyPath = ("dynamic_threats", index)
+        is_given, is_wanted = bool(threat.route_enu_m), threat.behaviour == "drive"
+        if is_given is not is_wanted:
+            expected = "at least one place" if is_wanted else "left out"
+            yield (
+                ("dynamic_threats", index, "route_enu_m"),
+                f"{expected}, since behaviour is {threat.behaviour}",
+            )
+        elif is_given:
+            way = shapely.LineString([(threat.east_m, threat.north_m), *threat.route_enu_m])
+            for obstacle in config.obstacles:
+                if obstacle.base_m <= 0.0 and way.intersects(shapely.Polygon(obstacle.polygon_enu_m)):
+                    yield (*path, "route_enu_m"), f"straight legs clear of the obstacle {obstacle.name!r}"
 
 
 def _polygon_fault(corners: Sequence[tuple[float, float]]) -> str | None:

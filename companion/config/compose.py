@@ -51,6 +51,7 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
         sensing_horizon_m=float(planning.sensing_horizon_m),
         max_iterations=int(planning.max_iterations),
         threat_level_max=float(planning.threat_level_max),
+        quality_min=float(planning.quality_min),
     )
 
 
@@ -108,6 +109,6 @@ def check_limits_of(mission: MissionConfig) -> CheckLimits:
         airspeed_min_m_s=vehicle.airspeed_min_m_s,
         airspeed_max_m_s=vehicle.airspeed_max_m_s,
         threat_level_max=float(mission.planning.threat_level_max),
-        quality_min=0.0,
+        quality_min=float(mission.planning.quality_min),
         altitude_tolerance_m=ALTITUDE_TOLERANCE_M,
     )

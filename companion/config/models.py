@@ -130,11 +130,14 @@ class PlanningConfig(Section):
     """How plans are made, and when the flown one is replaced."""
 
     sensing_horizon_m: Length
-    """How far threats are sensed; sub goals lie on this circle."""
+    """Radars are known from this near on, and sub goals lie on this circle: a larger one turns away
+    earlier, and takes longer to plan."""
     time_horizon_s: Seconds
-    """Of one sub task, and between two replans."""
+    """Longest time between two plans; a mission in the autopilot reaches three of these ahead. A shorter
+    one plans and replaces missions more often."""
     total_planning_time_s: Seconds
-    """Longest flight that is planned."""
+    """The paper's limit for a whole plan; compared with `time_horizon_s`, and no flight is cut short by
+    it."""
     method: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z][a-z0-9-]*$")] = "safe-rrt"
     """`safe-rrt` or a comparator; the error about any other name lists them."""
     certainty: Literal["shifted", "literal"] = "shifted"
@@ -142,17 +145,28 @@ class PlanningConfig(Section):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
     """Of all that is drawn at random."""
     planning_budget_s: Annotated[float, Field(gt=0.0, le=600.0)] = 1.0
-    """How long one plan may take in flight."""
+    """How long one plan may take in flight: a longer one finds more in narrow maps, and a plan begins so
+    much farther ahead."""
     swap_margin_s: Annotated[float, Field(ge=0.0, le=600.0)] = 2.0
-    """Added to the time that planning and hand-over take: a plan begins that far ahead."""
+    """Added to the time that planning and hand-over take: a plan begins that far ahead. A larger one has
+    fewer missions come too late, and answers surprises later."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000_000)] = 60_000
     """Iterations one plan may take, where no clock stops it."""
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
-    """Distance to keep from obstacles and fences."""
+    """Distance that plans keep from obstacles and fences; gaps narrower than twice this are closed to them.
+    The check asks for half of it and the uncertainty of the place."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """A path above this threat level is replaced; one through it is not planned."""
+    """No place of a path may be above this threat level, and a flown path that comes above it is replaced;
+    where no path keeps below it, one of least threat is flown. `1` is no limit: threats cost, and a detour
+    is flown as long as it is worth it; a standing vehicle and one that can be outrun are passed out of
+    their reach in the plane all the same. A low limit among vehicles that could drive replaces missions
+    many times."""
+    quality_min: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Least probability that a path touches nothing, Q of (8): with less it is refused, and no optimiser goes
+    below it. Noise that is large for the gaps asks for detours anyhow; `0` refuses nothing."""
     swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
-    """Share by which a new path must be cheaper to replace one that still passes."""
+    """Share by which a new path must be cheaper to replace one that still passes: at 0 every small gain is
+    flown, at 1 only what fails is replaced."""
 
 
 class RadarConfig(Section):
@@ -189,8 +203,10 @@ class DynamicThreatConfig(Section):
     """RD_max: within it, and in sight, it is a threat."""
     turn_radius_m: Length = 15.0
     """How tightly it turns."""
-    behaviour: Literal["pursue", "stand"] = "pursue"
-    """What the simulated one does."""
+    behaviour: Literal["pursue", "drive", "stand"] = "pursue"
+    """What the simulated one does: hunt the aircraft, drive its route, or stand; no plan is told."""
+    route_enu_m: Annotated[tuple[tuple[Horizontal, Horizontal], ...], Field(max_length=1_000)] = ()
+    """With `behaviour: drive`: east and north of the places it drives to in order; it stops at the last."""
     identity: Identity | None = None
     """As it is reported, `icao:00ABCD` say; left out, it is told by kind and place."""
     system_id: SystemId | None = None

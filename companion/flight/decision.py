@@ -18,10 +18,11 @@ from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.types.mavlink_enums import Severity
 from companion.types.path import Path
-from companion.types.plan import Plan
+from companion.types.plan import Plan, PursuitRisk
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
+CAUGHT_SHARE, CAUGHT_S = 0.75, 1.0  # of the flown path's seconds that a DT could threaten, and less
 
 
 class DecisionKind(Enum):
@@ -108,6 +109,24 @@ class SwapDecision:
     why: Mapping[str, object] = field(default_factory=dict)
 
 
+def carried_s(state: FlightState, start: Start) -> float:
+    """How long the mission in the autopilot still carries on from a start [s]; to the goal: endless."""
+    flown, rest = state.flown, start.rest
+    if flown is None or rest is None:
+        return 0.0
+    return flown.carried_s(len(flown.path) - len(rest))
+
+
+def carried_min_s(state: FlightState) -> float:
+    """With less carried ahead the mission is extended [s]."""
+    return EXTENDED_HORIZONS * state.rules.time_horizon_s
+
+
+def is_caught_far_less(risk: PursuitRisk, flown: PursuitRisk) -> bool:
+    """Whether moving threats could threaten a path so much less long that the flown one is left for it."""
+    return risk.total_s <= CAUGHT_SHARE * flown.total_s - CAUGHT_S
+
+
 @dataclass(frozen=True)
 class _Case:
     """A plan to be judged, and what the rules go by."""
@@ -127,6 +146,11 @@ class _Case:
         """The plan's highest threat level."""
         return float(self.path.threat_levels.max())
 
+    @property
+    def flown_risk(self) -> PursuitRisk:
+        """What moving threats could do to what is flown."""
+        return self.plan.flown_pursuit or PursuitRisk()
+
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
         """What the rest of the flown path breaks."""
@@ -135,10 +159,7 @@ class _Case:
     @cached_property
     def carried_s(self) -> float:
         """How long the mission in the autopilot still carries on from the start [s]; to the goal: endless."""
-        flown, rest = self.state.flown, self.start.rest
-        if flown is None or rest is None:
-            return 0.0
-        return flown.carried_s(len(flown.path) - len(rest))
+        return carried_s(self.state, self.start)
 
 
 _Facts = dict[str, object]
@@ -187,13 +208,22 @@ def _flown_is_threatened(case: _Case, _why: _Facts) -> _Answer:
     return None
 
 
+def _flown_is_caught(case: _Case, why: _Facts) -> _Answer:
+    """Moving threats that knew the flown path could threaten it, and the new one less long by far."""
+    risk, flown = case.plan.pursuit, case.flown_risk
+    why |= {"caught_s": risk.total_s, "flown_caught_s": flown.total_s}
+    if not is_caught_far_less(risk, flown):
+        return None
+    return Verdict.THREAT, f"a moving threat could reach the flown plan, {flown.total_s:.0f} s of it"
+
+
 def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Cheaper by ``swap_gain``; (9) counts a path that passes the threat limit as endlessly dear."""
     flown_cost, cost = case.plan.flown_cost or 0.0, case.plan.measures.path_cost
-    gain = 1.0 - cost / flown_cost if flown_cost > 0.0 else 0.0
-    wanted_s = EXTENDED_HORIZONS * case.state.rules.time_horizon_s
-    why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": wanted_s}
-    if gain < float(case.state.mission.planning.swap_gain):
+    gain = 1.0 - cost / flown_cost if flown_cost > 0.0 and cost < math.inf else 0.0
+    why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
+    is_riskier = case.plan.pursuit.total_s > case.flown_risk.total_s + CAUGHT_S
+    if gain < float(case.state.mission.planning.swap_gain) or is_riskier:
         return None
     instead = f" instead of {flown_cost:.1f}"
     if flown_cost == math.inf:
@@ -203,7 +233,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
 
 def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
     """The mission in the autopilot ends soon, or all is well."""
-    is_short = case.carried_s < EXTENDED_HORIZONS * case.state.rules.time_horizon_s
+    is_short = case.carried_s < carried_min_s(case.state)
     text = f"cost {case.plan.measures.path_cost:.1f}, flown {case.plan.flown_cost:.1f}"
     return Verdict.EXTEND if is_short else Verdict.KEEP, text
 
@@ -214,6 +244,7 @@ _RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
     _flown_is_unsafe,
     _nothing_is_flown,
     _flown_is_threatened,
+    _flown_is_caught,
     _is_better,
     _is_short_or_kept,
 )

@@ -14,6 +14,7 @@ from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.route import reassessed
 from companion.tracking.ownship import predicted
 from companion.types.path import Path
+from companion.types.plan import PursuitRisk
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
 
@@ -24,10 +25,11 @@ URGENT_BUDGET_S, URGENT_MARGIN_S = 0.3, 0.7  # at most, of a plan that answers a
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a plan begins, and what is left of the flown path from there; None off it."""
+    """Where a plan begins, what is left of the flown path from there, None off it, and what that risks."""
 
     state: StartState
     rest: Path | None
+    risk: PursuitRisk | None = None
 
 
 def budget_s(rules: Rules, *, is_urgent: bool = False) -> float:
@@ -60,7 +62,8 @@ def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
         return start
     rules = state.rules
     problem = Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
-    return replace(start, rest=reassessed(problem, start.rest))
+    rest, risk = reassessed(problem, start.rest)
+    return replace(start, rest=rest, risk=risk)
 
 
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:

@@ -111,7 +111,7 @@ class Tree(NamedTuple):
     root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
     DT when the node is reached and 1 where that is known, 2 where it only passes; ``children`` (N,)
     live children; ``blocked`` (N,) 1 after a failed extension; ``to_go`` (N,) distance round obstacles to
-    the sub goal [m].
+    the sub goal [m]; ``caught`` (N,) 1 where a DT could threaten the node by then.
     """
 
     state: FloatArray
@@ -132,6 +132,7 @@ class Tree(NamedTuple):
     children: IntArray
     blocked: IntArray
     to_go: FloatArray
+    caught: IntArray
     count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
 
 
@@ -148,6 +149,24 @@ class Guide(NamedTuple):
     cell: float
     share: float
     ahead: float
+
+
+class Game(NamedTuple):
+    """What moving threats could do if they knew the path (:mod:`companion.kernels.threat.pursuit_game`).
+
+    ``hunters`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
+    was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (D, NX, NY) earliest arrival at
+    a grid's cells [s]; ``tops`` (NX, NY) height of the wall there, minus infinity where there is none [m];
+    ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane`` 1 where threats are at the aircraft's height;
+    ``slack`` by which a place has to be passed before it is under threat [s].
+    """
+
+    hunters: FloatArray
+    arrival: FloatArray
+    tops: FloatArray
+    grid: FloatArray
+    is_plane: int
+    slack: float
 
 
 class Branches(NamedTuple):
@@ -219,7 +238,9 @@ class Search(NamedTuple):
     ``certain`` p_c from which a node never blocked has no limit for uncertainty; ``estimator`` of
     RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators;
     ``level_max`` threat level above which a node is not kept; ``straight_in`` (1 on) connects greedily
-    to a sub goal that lies in a new node's domain.
+    to a sub goal that lies in a new node's domain; ``pursuit``: nodes that a DT could threaten are 0 as good
+    as others, 1 dearer by ``cost_caught`` a second, 2 not grown, but out of a threat entered already.
+    A node costs ``cost_collision`` times -log p_c more.
     """
 
     k_clear: float
@@ -242,6 +263,9 @@ class Search(NamedTuple):
     k_pursuer: int
     level_max: float
     straight_in: int
+    pursuit: int
+    cost_caught: float
+    cost_collision: float
 
 
 class Scene(NamedTuple):
@@ -259,6 +283,7 @@ class Scene(NamedTuple):
     tables: Uncertainty
     search: Search
     guide: Guide
+    game: Game
 
 
 def empty_tree(capacity: int, num_threats: int) -> Tree:
@@ -283,6 +308,7 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
         children=zeros(capacity, dtype=np.int64),
         blocked=zeros(capacity, dtype=np.int64),
         to_go=np.full(capacity, np.inf),
+        caught=zeros(capacity, dtype=np.int64),
         count=zeros(1, dtype=np.int64),
     )
 

@@ -13,7 +13,10 @@ from companion.planning.settings import (
     SubGoalRule,
 )
 
+_PRINTED = Strategies(plays_game=False)  # the paper's: DTs are kept away from by threat levels alone
+
 _TADDRRT = Strategies(
+    plays_game=False,
     use_uncertainty=False,
     use_goal_zoom=False,
     follow_field=False,
@@ -25,13 +28,14 @@ _TADDRRT = Strategies(
 
 METHODS: dict[str, Strategies] = {
     "safe-rrt": Strategies(),
-    "safe-rrt-printed": Strategies(follow_field=False, connect_straight=False),  # samplers as in the paper
+    "safe-rrt-rs": _PRINTED,  # an ablation: without the game of 2.3
+    "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,
     "nfz-ddrrt": replace(_TADDRRT, dts_are_no_fly=True),
-    "edbm": Strategies(sub_goal=SubGoalRule.EUCLIDEAN),
-    "probabilistic": Strategies(certainty=Certainty.PROBABILISTIC),
-    "rrt-reach": Strategies(estimator=Estimator.RRT_REACH),
-    "rrt": Strategies(estimator=Estimator.RRT),
+    "edbm": replace(_PRINTED, sub_goal=SubGoalRule.EUCLIDEAN),
+    "probabilistic": replace(_PRINTED, certainty=Certainty.PROBABILISTIC),
+    "rrt-reach": replace(_PRINTED, estimator=Estimator.RRT_REACH),
+    "rrt": replace(_PRINTED, estimator=Estimator.RRT),
 }
 
 
@@ -43,6 +47,7 @@ def settings_for(
     sensing_horizon_m: float,
     max_iterations: int,
     threat_level_max: float = 1.0,
+    quality_min: float = 0.0,
 ) -> PlannerSettings:
     """Settings of a method.
 
@@ -61,4 +66,5 @@ def settings_for(
         sensing_horizon_m=sensing_horizon_m,
         max_iterations=max_iterations,
         threat_level_max=threat_level_max,
+        quality_min=quality_min,
     )

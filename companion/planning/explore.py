@@ -8,23 +8,35 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
-from companion.kernels.arrays import Guide, IntArray, Scene, Tree, empty_tree
+from companion.kernels.arrays import FloatArray, Guide, IntArray, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.branches import activate
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
-from companion.kernels.search.growth import FAR, assess
+from companion.kernels.search.growth import FAR, LEAST_CLEAR, assess
 from companion.kernels.workspace import workspace
-from companion.planning.guides import NO_GUIDE, distances_to_go, guide_home, guide_to
+from companion.planning.guides import (
+    NO_GUIDE,
+    Ways,
+    distances_to_go,
+    guide_home,
+    guide_to,
+    raced,
+    ways_before,
+    ways_clear,
+)
 from companion.planning.problem import Problem
 from companion.planning.sub_goal import choose_sub_goal
 from companion.vehicle.lqg import tables_once, with_gusts
 from companion.world.pursuer_trees import threat_trees
+from companion.world.pursuit import Chase, pursuit_game
 
 ShouldStop = Callable[[], bool]
+DEAR_CHECKS, DEAR_RACES = 20_000, 2  # collision checks of a race lost; so many, and no more are run
+RACED_ASIDE = (3.0, 2.0)  # deviations that a race keeps from walls where one along them is too risky
+RISK_RACED = 0.05  # of -log Q
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
 
 
@@ -50,6 +62,8 @@ class Exploration:
         What had to be given up on the way.
     num_nodes : int
         Nodes of trees that were started afresh.
+    ways : Ways or None
+        While DTs are avoided: where none of them could bar the way to the present goal.
     """
 
     problem: Problem
@@ -60,6 +74,7 @@ class Exploration:
     centres: list[FloatArray] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     num_nodes: int = 0
+    ways: Ways | None = None
 
     def __post_init__(self) -> None:
         problem, settings = self.problem, self.problem.settings
@@ -84,6 +99,16 @@ class Exploration:
             snapshot.threat_trees,
             with_corners=settings.strategies.uses_corners,
         )
+        plays = settings.strategies.plays_game
+        full_game = pursuit_game(
+            snapshot.tracks if plays else (),
+            snapshot.walls,
+            self.plane_up_m,
+            snapshot.bounds,
+            settings.pursuit_slack_s,
+        )
+        self.chase = Chase(full_game, settings.pursuit_shares, settings.pursuit_slack_min_s)
+        self._is_barred, self._dear_races = False, 0
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))
         self.work = scratch._replace(stats=self.stats)
@@ -108,6 +133,7 @@ class Exploration:
         tree.clear[0] = collision_free(free, deviation, snapshot.dimension)
         tree.active[:] = 0
         tree.active[0] = 1
+        tree.caught[0] = int(self.chase.is_caught(start.position_enu_m, start.stamp_s))
         tree.threat_point[0] = 0.0
         scene, scratch = self.scene(), self.work.growth
         threats = threats_at(scene, self.work.points, scratch.threat)
@@ -137,12 +163,19 @@ class Exploration:
         return state_status(self.tree.state[0], self.limits) == OK and free >= self.limits.margin
 
     @property
+    def given_up(self) -> list[str]:
+        """What had to be given up on the way, before the DTs too."""
+        return [note for note in (*self.notes, self.chase.note) if note]
+
+    @property
     def iterations(self) -> int:
         """Iterations used up so far."""
         return int(self.stats[3])
 
     def is_spent(self, should_stop: ShouldStop) -> bool:
-        """Whether the budget has ended."""
+        """Whether the budget has ended, or DTs that are to be avoided bar the way."""
+        if self._is_barred:
+            return True
         return self.iterations >= self.problem.settings.max_iterations or should_stop()
 
     def sense(self, centre: FloatArray) -> None:
@@ -217,8 +250,9 @@ class Exploration:
                 model=self.model,
                 limits=self.limits,
                 tables=self.tables,
-                search=self.problem.settings.search(self.limits, snapshot.unit_m, 0.0),
+                search=self.problem.settings.search(self.limits, snapshot.unit_m, 0.0, self.chase.pursuit),
                 guide=NO_GUIDE,
+                game=self.chase.game,
             )
         if sub_goal is None:
             return self._scene
@@ -245,17 +279,39 @@ class Exploration:
         point : ndarray, shape (3,)
             A sub goal [m].
         """
-        return guide_to(point, self.limits, self.problem.settings, self.problem.snapshot.obstacles)
+        obstacles = self.problem.snapshot.obstacles
+        return guide_to(point, self.limits, self.problem.settings, obstacles, self.ways)
 
-    def guide_home(self, goal: FloatArray) -> Guide:
+    def guide_home(self, goal: FloatArray, root: int = 0) -> Guide:
         """The distance field of a goal, over everything within the bounds.
+
+        While DTs are avoided it leads where they cannot be in time, and so do those of sub goals.
 
         Parameters
         ----------
         goal : ndarray, shape (3,)
             Centre of a goal region [m].
+        root : int
+            The node from which it is to be reached.
         """
-        return guide_home(goal, self.limits, self.problem.snapshot.obstacles)
+        ways, tree = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), self.tree
+        self.ways = None
+        if self.chase.is_avoided:
+            ways = ways_before(ways, self.chase.game, tree.state[root], float(tree.time[root]), self.limits)
+            self.ways = ways
+        return guide_home(goal, ways)
+
+    def give_in(self, should_stop: ShouldStop) -> None:
+        """Start afresh with less asked of the path before the DTs; where time is short, with little.
+
+        Parameters
+        ----------
+        should_stop : callable
+            Whether the budget has ended.
+        """
+        self.chase.give_in(is_late=self._dear_races >= DEAR_RACES or should_stop())
+        self.ways, self._scene, self._is_barred = None, None, False
+        self.reset_tree()
 
     def nearest_to_go(self, point: FloatArray) -> int:
         """The searched node with the least distance to go to a point, round obstacles.
@@ -301,7 +357,10 @@ class Exploration:
         """
         end, in_a_row = root, 0
         used: list[FloatArray] = []
-        settings, home = self.problem.settings, self.guide_home(goal)
+        settings, home = self.problem.settings, self.guide_home(goal, root)
+        if self.chase.is_avoided:
+            node = self._raced(goal, radius_m, root, home)
+            return node >= 0, max(node, root)
         while not self.is_spent(should_stop):
             centre = self.tree.state[end, :3].copy()
             sub_goal = self._next_sub_goal(end, centre, goal, home, used)
@@ -324,6 +383,47 @@ class Exploration:
                 self.reset_tree()
                 end, in_a_row, used = root, 0, []
         return False, end
+
+    def _raced(self, goal: FloatArray, radius_m: float, root: int, home: Guide) -> int:
+        """The node at a goal of the earliest way there that no DT could bar; -1 where none was found.
+
+        Parameters
+        ----------
+        goal : ndarray, shape (3,)
+            Centre of the goal region [m].
+        radius_m : float
+            Radius of the goal region.
+        root : int
+            The node from which it is to be reached.
+        home : Guide
+            The goal's distance field.
+        """
+        self.sense(self.tree.state[root, :3])
+        checked, region, tree = int(self.stats[0]), np.append(goal, radius_m), self.tree
+        node = raced(tree, root, region, home, self.scene(), self.work, rng=self.rng)
+        self._is_barred = node < 0
+        self._dear_races += node < 0 and int(self.stats[0]) - checked > DEAR_CHECKS
+        for deviations in RACED_ASIDE if self.problem.settings.weight_collision > 0.0 else ():
+            if node < 0 or self._log_risk(node) < RISK_RACED:
+                break
+            spread = position_deviation(tree.cov_error[node], tree.cov_estimate[node], self.limits.dimension)
+            aside = self.limits._replace(margin=max(self.limits.margin, deviations * spread))
+            scene = self.scene()._replace(limits=aside)
+            another = raced(tree, root, region, home, scene, self.work, rng=self.rng)
+            if another >= 0 and self._log_risk(another) < self._log_risk(node):
+                node = another
+        if node >= 0:
+            self.sub_goals.append(goal)
+            self.centres.append(self.tree.state[root, :3].copy())
+        return node
+
+    def _log_risk(self, node: int) -> float:
+        """-log Q of (8) over the branch to a node."""
+        total = 0.0
+        while node >= 0:
+            total -= math.log(max(float(self.tree.clear[node]), LEAST_CLEAR))
+            node = int(self.tree.parent[node])
+        return total
 
     def _next_sub_goal(
         self, end: int, centre: FloatArray, goal: FloatArray, home: Guide, used: list[FloatArray]

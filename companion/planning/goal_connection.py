@@ -10,7 +10,7 @@ from companion.frames import FloatArray
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, join
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.route import Route
+from companion.planning.route import Route, pursuit_risk
 
 BACK_STEPS = (3, 5, 8, 12, 16, 24)
 SPARE_ROWS = 64
@@ -50,5 +50,7 @@ def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> 
             if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
                 continue
             if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits):
-                return Route.of(rows, n)
+                found = Route.of(rows, n)
+                if pursuit_risk(exploration, found).total_s <= pursuit_risk(exploration, route).total_s:
+                    return found
     return route

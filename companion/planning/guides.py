@@ -1,20 +1,116 @@
-"""Distance fields round obstacles, by which samples and hand-overs find their way."""
+"""Distance fields round obstacles, by which samples and hand-overs find their way, and races along them."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Guide, Limits, Obstacles
-from companion.kernels.geometry.distance_field import fill_distance_field
+from companion.kernels.arrays import Game, Guide, Limits, Obstacles, Scene, Tree
+from companion.kernels.geometry.distance_field import distance_to_go, fill_distances, fill_free
+from companion.kernels.search.dynamic_domain_rrt import DRAWS
+from companion.kernels.search.growth import grow
+from companion.kernels.search.path_edit import air_time
+from companion.kernels.search.state_lattice import race
+from companion.kernels.threat.pursuit_game import fill_ways_free
+from companion.kernels.workspace import Workspace, empty_rows
 from companion.planning.settings import PlannerSettings
 
 FIELD_CELLS = 97  # each way, of the grid about a sub goal
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
+RACE_SHARE = 0.75  # of a goal's radius
+MAX_RACE = 2048  # steps of a race
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
-def guide_to(point: FloatArray, limits: Limits, settings: PlannerSettings, obstacles: Obstacles) -> Guide:
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """Where an aircraft may fly within the bounds.
+
+    Parameters
+    ----------
+    free : ndarray, shape (N, M)
+        1 for each cell of a grid that it may pass, else 0.
+    origin : ndarray, shape (2,)
+        The first cell's centre, east and north [m].
+    cell : float
+        The spacing [m].
+    """
+
+    free: FloatArray
+    origin: FloatArray
+    cell: float
+
+    def at(self, guide: Guide) -> FloatArray:
+        """What is free at each cell of another grid.
+
+        Parameters
+        ----------
+        guide : Guide
+            Has that grid.
+
+        Returns
+        -------
+        ndarray, shape (N, M)
+            1 or 0; 0 outside the bounds.
+        """
+        num, across = self.free.shape
+        rows, columns = (
+            np.rint((guide.origin[axis] + np.arange(count) * guide.cell - self.origin[axis]) / self.cell)
+            for axis, count in enumerate(guide.field.shape)
+        )
+        inside = np.outer((rows >= 0) & (rows < num), (columns >= 0) & (columns < across))
+        clipped = np.clip(rows, 0, num - 1).astype(np.int64), np.clip(columns, 0, across - 1).astype(np.int64)
+        return np.where(inside, self.free[np.ix_(*clipped)], 0.0)
+
+
+def ways_clear(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Ways:
+    """Where obstacles leave room at the height of a goal.
+
+    Parameters
+    ----------
+    goal : ndarray, shape (3,)
+        Centre of a goal region [m].
+    limits : Limits
+        Margin and bounds.
+    obstacles : Obstacles
+        What is gone round.
+    """
+    guide = _over_bounds(limits)
+    free = np.zeros(guide.field.shape)
+    fill_free(goal, np.inf, limits.margin, limits.bounds, obstacles, guide, free)
+    return Ways(free, guide.origin, guide.cell)
+
+
+def ways_before(ways: Ways, game: Game, state: FloatArray, stamp_s: float, limits: Limits) -> Ways:
+    """Those of the ways that can be flown before a DT could threaten them.
+
+    Parameters
+    ----------
+    ways : Ways
+        Clear of obstacles.
+    game : Game
+        What the DTs could do.
+    state : ndarray, shape (6,)
+        Where the aircraft begins.
+    stamp_s : float
+        When it is there [s].
+    limits : Limits
+        The aircraft's speed, and the wind.
+    """
+    free = ways.free.copy()
+    speed = max(limits.v_cruise, state[5]) + math.hypot(limits.wind_x, limits.wind_y)
+    start = (float(state[0]), float(state[1]), float(state[2]), stamp_s)
+    fill_ways_free(free, ways.origin, ways.cell, game, start, speed)
+    return Ways(free, ways.origin, ways.cell)
+
+
+def guide_to(
+    point: FloatArray, limits: Limits, settings: PlannerSettings, obstacles: Obstacles,
+    ways: Ways | None = None,
+) -> Guide:  # fmt: skip
     """The distance field of a point, over twice the sensing horizon about it.
 
     Parameters
@@ -27,34 +123,43 @@ def guide_to(point: FloatArray, limits: Limits, settings: PlannerSettings, obsta
         The sensing horizon, and how many samples follow the field.
     obstacles : Obstacles
         What is gone round.
+    ways : Ways, optional
+        Where alone it leads.
     """
     radius = 2.0 * settings.sensing_horizon_m
     cell = 2.0 * radius / (FIELD_CELLS - 1)
     share = settings.guided_share if settings.strategies.follow_field else 0.0
     steps_m = settings.guided_steps * (limits.v_cruise * limits.tau)
     guide = Guide(np.empty((FIELD_CELLS, FIELD_CELLS)), point[:2] - radius, cell, share, steps_m)
-    fill_distance_field(point, radius, limits.margin, limits.bounds, obstacles, guide)
+    free = np.empty(guide.field.shape)
+    fill_free(point, radius, limits.margin, limits.bounds, obstacles, guide, free)
+    if ways is not None:
+        free *= ways.at(guide)
+    fill_distances(point, guide, free)
     return guide
 
 
-def guide_home(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Guide:
+def guide_home(goal: FloatArray, ways: Ways) -> Guide:
     """The distance field of a goal, over everything within the bounds.
 
     Parameters
     ----------
     goal : ndarray, shape (3,)
         Centre of a goal region [m].
-    limits : Limits
-        Margin and bounds.
-    obstacles : Obstacles
-        What is gone round.
+    ways : Ways
+        Where it leads.
     """
+    guide = Guide(np.empty(ways.free.shape), ways.origin, ways.cell, 0.0, 0.0)
+    fill_distances(goal, guide, ways.free.copy())
+    return guide
+
+
+def _over_bounds(limits: Limits) -> Guide:
+    """An empty field over everything within the bounds."""
     b = limits.bounds
     cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
     empty = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
-    guide = Guide(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
-    fill_distance_field(goal, np.inf, limits.margin, limits.bounds, obstacles, guide)
-    return guide
+    return Guide(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
 
 
 def distances_to_go(guide: Guide, places: FloatArray) -> FloatArray:
@@ -75,3 +180,44 @@ def distances_to_go(guide: Guide, places: FloatArray) -> FloatArray:
     index = np.rint((places - guide.origin) / guide.cell).astype(np.int64)
     index = np.clip(index, 0, FIELD_CELLS - 1)
     return guide.field[index[:, 0], index[:, 1]]
+
+
+def raced(
+    tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
+    rng: np.random.Generator,
+) -> int:  # fmt: skip
+    """Grow the earliest way to a goal that no DT could bar; its last node, or -1 where none was found.
+
+    In the plane only.
+
+    Parameters
+    ----------
+    tree : Tree
+        Receives the way's nodes.
+    root : int
+        The node from which the goal is to be reached.
+    goal : ndarray, shape (4,)
+        Centre and radius of the goal region [m].
+    home : Guide
+        The goal's distance field, where no DT could be in time.
+    scene : Scene
+        What the search reads.
+    work : Workspace
+        The scratch, which counts.
+    rng : numpy.random.Generator
+        The source of what the estimator of reachable nodes draws.
+    """
+    if not math.isfinite(distance_to_go(home, tree.state[root, 0], tree.state[root, 1])):
+        return -1
+    rows = empty_rows(MAX_RACE)
+    n = race(tree, root, goal, RACE_SHARE * goal[3], home, scene, rows, work)
+    if n == 0 or int(tree.count[0]) + n > len(tree.parent):
+        return -1
+    node, draws = root, rng.random((n, DRAWS))
+    for k in range(1, n):
+        dt = float(air_time(rows, k, scene.limits))
+        control = np.array([(rows.states[k, 5] - rows.states[k - 1, 5]) / dt, *rows.rates[k]])
+        node = grow(tree, scene, node, rows.states[k], control, dt, draws[k], work.growth, work.stats)
+        if node < 0:
+            break
+    return int(node)

@@ -16,7 +16,15 @@ from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
-from companion.planning.route import Route, branch_to, cost_between, route_from_tree, visits_goals
+from companion.planning.route import (
+    Assessment,
+    Route,
+    assess_route,
+    branch_to,
+    route_from_tree,
+    visits_goals,
+    weighed_between,
+)
 
 SPARE_ROWS = 64
 NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
@@ -111,8 +119,8 @@ def branches_below(exploration: Exploration, root: int) -> Branches:
 
 
 def smoothed_route(
-    exploration: Exploration, route: Route, should_stop: Callable[[], bool]
-) -> tuple[Route, int]:
+    exploration: Exploration, route: Route, known: Assessment, should_stop: Callable[[], bool]
+) -> tuple[Route, Assessment, int]:
     """Smooth a path by Dubins curves: short cuts between its waypoints, until the iterations are used up.
 
     Rewiring on the path alone, judged by the cost with the DTs where they can be when a row is passed.
@@ -122,11 +130,13 @@ def smoothed_route(
     -------
     Route
         The cheaper route.
+    Assessment
+        What is known along it, as ``known`` is of the route given.
     int
         How many short cuts were kept.
     """
     problem, settings = exploration.problem, exploration.problem.settings
-    kept = 0
+    kept, weight = 0, settings.weight_collision
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
@@ -141,12 +151,18 @@ def smoothed_route(
         if not visits_goals(shorter.states, problem.goals):
             continue
         # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
-        old = cost_between(exploration, route, i + 1, j + 1)
-        new = cost_between(exploration, shorter, i + 1, at + 1)
+        old = weighed_between(exploration, route, i + 1, j + 1)
+        new = weighed_between(exploration, shorter, i + 1, at + 1)
+        if new >= old - 1e-9:
+            continue
+        laid = assess_route(exploration, shorter.until(at), known, i + 1)
+        old += weight * known.log_risk(i + 1, j)
+        new += weight * laid.log_risk(i + 1, at)
         if new < old - 1e-9:
             route = Route.of(shorter.rows, len(shorter))
+            known = assess_route(exploration, route, laid, at + 1)
             kept += 1
-    return route, kept
+    return route, known, kept
 
 
 def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:

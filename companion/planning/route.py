@@ -8,12 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
+from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import air_time, path_cost, retime
+from companion.kernels.threat.pursuit_game import caught_rows
 from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem
 from companion.types.path import Path
+from companion.types.plan import PursuitRisk
+
+FLOWN_SLACK_S = 0.5  # what is flown may have lost of the slack that it was planned with
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +155,11 @@ class Assessment:
         """
         return self.rows.particle_levels
 
+    def log_risk(self, first: int = 0, last: int | None = None) -> float:
+        """-log Q of (8) over rows ``first`` to ``last``, by default all."""
+        end = None if last is None else last + 1
+        return -float(np.log(np.maximum(self.clear[first:end], LEAST_CLEAR)).sum())
+
     @property
     def covariances(self) -> FloatArray:
         """Position part of Σ.
@@ -195,6 +205,40 @@ def cost_between(exploration: Exploration, route: Route, first: int = 1, end: in
     return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
+def pursuit_risk(
+    exploration: Exploration,
+    route: Route,
+    first: int = 0,
+    end: int | None = None,
+    slack_s: float | None = None,
+) -> PursuitRisk:
+    """What DTs that know the path could do on rows ``first`` to ``end - 1``.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the route, or one in the same world.
+    route : Route
+        A path.
+    first, end : int
+        Rows that count; by default all.
+    slack_s : float, optional
+        By which a place has to be passed before it is under threat, by DTs as fast as they can be; by default
+        what is planned with, if that had to be less.
+    """
+    last, game = len(route) if end is None else end, exploration.chase.game
+    if slack_s is not None:
+        game = exploration.chase.full._replace(slack=slack_s)
+    return PursuitRisk(*(float(value) for value in caught_rows(route.states, route.times, first, last, game)))
+
+
+def weighed_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
+    """:func:`cost_between`, with what a second costs that a DT could threaten."""
+    weight = exploration.problem.settings.weight_caught(exploration.chase.pursuit)
+    risk = pursuit_risk(exploration, route, first, end)
+    return cost_between(exploration, route, first, end) + weight * risk.total_s
+
+
 def path_from_route(exploration: Exploration, route: Route, assessment: Assessment) -> Path:
     """The route as other layers take it."""
     return Path(
@@ -210,8 +254,8 @@ def path_from_route(exploration: Exploration, route: Route, assessment: Assessme
     )
 
 
-def reassessed(problem: Problem, path: Path) -> Path:
-    """The path with the uncertainty and the threat levels that it has in the problem's world.
+def reassessed(problem: Problem, path: Path) -> tuple[Path, PursuitRisk]:
+    """The path with the uncertainty and the threat levels that it has in the problem's world; its risk there.
 
     Some milliseconds: no search, but the same kernels by which a search judges its paths.
 
@@ -225,7 +269,7 @@ def reassessed(problem: Problem, path: Path) -> Path:
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
     route = route_from_path(exploration, path)
     found = assess_route(exploration, route)
-    return replace(
+    as_it_is = replace(
         path,
         times_s=route.times,
         wind_enu_m_s=problem.snapshot.wind_enu_m_s,
@@ -233,6 +277,7 @@ def reassessed(problem: Problem, path: Path) -> Path:
         collision_free=found.clear,
         threat_levels=found.levels,
     )
+    return as_it_is, pursuit_risk(exploration, route, slack_s=FLOWN_SLACK_S)
 
 
 def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:

@@ -9,7 +9,7 @@ from companion.kernels.aircraft.lqg_mp import position_factor
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route, visits_goals
+from companion.planning.route import Assessment, Route, assess_route, pursuit_risk, visits_goals
 
 REACHES = (
     (8, 8),
@@ -20,10 +20,13 @@ REACHES = (
     (24, 24),
 )  # rows relaid before and after, tried in turn
 SHIFT_MIN_M = 0.2  # smaller moves are below what is flown
+RISK_SAME = 1e-3  # of -log Q, by which no move is refused
 EVERY = 4  # rows between waypoints that are moved: neighbours share their particles' levels
 
 
-def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int, Assessment]:
+def adjusted_route(
+    exploration: Exploration, route: Route, assessment: Assessment
+) -> tuple[Route, int, Assessment]:
     """Move waypoints, one by one, to the mean of their particles weighted by ``min(1/(k_T·TI), 1)``.
 
     A moved waypoint keeps its direction and is joined to the path again by Dubins edges, which keep
@@ -41,7 +44,6 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int, 
         The adjusted route's, so that nobody has to make it again.
     """
     collision_max = exploration.problem.settings.adjust_collision_max
-    assessment = assess_route(exploration, route)
     moved, k = 0, 0
     while k < len(route):
         shift = particle_shift(exploration, assessment, k)
@@ -55,12 +57,22 @@ def adjusted_route(exploration: Exploration, route: Route) -> tuple[Route, int, 
                 relaid = candidate.until(end)
                 trial = assess_route(exploration, relaid, assessment, first)
                 was = _threat(route, assessment, first, k + after)
-                if trial.clear.min() >= 1.0 - collision_max and _threat(relaid, trial, first, end) < was:
+                if (
+                    trial.clear.min() >= 1.0 - collision_max
+                    and _threat(relaid, trial, first, end) < was
+                    and trial.log_risk(first, end) <= assessment.log_risk(first, k + after) + RISK_SAME
+                    and _caught_s(exploration, candidate) <= _caught_s(exploration, route)
+                ):
                     assessment = assess_route(exploration, candidate, trial, end + 1)
                     route, moved = candidate, moved + 1
                     break
         k += EVERY
     return route, moved, assessment
+
+
+def _caught_s(exploration: Exploration, route: Route) -> float:
+    """For how long DTs could threaten a route [s]."""
+    return pursuit_risk(exploration, route).total_s
 
 
 def _threat(route: Route, assessment: Assessment, first: int, last: int) -> float:

@@ -7,7 +7,9 @@ from enum import Enum, IntEnum
 
 from companion.kernels.arrays import Limits, Search, ThreatModel
 from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.pursuit import Pursuit
 
+COST_AVOIDED = 1e3  # a second
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 
 
@@ -55,6 +57,7 @@ class Strategies:
     certainty: Certainty = Certainty.SHIFTED
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
+    plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
 
@@ -101,6 +104,12 @@ class PlannerSettings:
     certain: float = 0.999
     adjust_collision_max: float = 0.5
     threat_level_max: float = 1.0
+    quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
+    cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
+    cost_caught: float = 2.0  # of a second that a DT could threaten, in (9): four seconds of straight flight
+    pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
+    pursuit_slack_min_s: float = 0.5  # where no way leaves more
+    pursuit_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)  # of DTs' speed, with that slack
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
@@ -123,7 +132,18 @@ class PlannerSettings:
             unit=unit_m,
         )
 
-    def search(self, limits: Limits, unit_m: float, tolerance_m: float) -> Search:
+    def weight_caught(self, pursuit: Pursuit) -> float:
+        """What a second that a DT could threaten costs, in (9); more than any detour while it is avoided."""
+        if pursuit is Pursuit.AVOIDED:
+            return COST_AVOIDED
+        return self.cost_caught if pursuit is Pursuit.WEIGHED else 0.0
+
+    @property
+    def weight_collision(self) -> float:
+        """What -log p_c of a waypoint costs, in (9); nothing where uncertainty is left out."""
+        return self.cost_collision if self.strategies.use_uncertainty else 0.0
+
+    def search(self, limits: Limits, unit_m: float, tolerance_m: float, pursuit: Pursuit) -> Search:
         """Kernel form of the local search's weights and switches."""
         chosen = self.strategies
         return Search(
@@ -147,4 +167,7 @@ class PlannerSettings:
             k_pursuer=self.k_pursuer,
             level_max=LEVEL_SHARE * self.threat_level_max if self.threat_level_max < 1.0 else 2.0,
             straight_in=int(chosen.connect_straight),
+            pursuit=int(pursuit),
+            cost_caught=self.weight_caught(pursuit),
+            cost_collision=self.weight_collision,
         )

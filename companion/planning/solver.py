@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from companion.frames import FloatArray
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
@@ -16,14 +18,17 @@ from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem, StartState
 from companion.planning.route import (
+    FLOWN_SLACK_S,
     Assessment,
     Route,
     assess_route,
     cost_between,
     path_from_route,
+    pursuit_risk,
     route_along,
     route_from_path,
     route_from_tree,
+    weighed_between,
 )
 from companion.planning.safety_adjustment import adjusted_route
 from companion.planning.settings import Optimiser
@@ -74,24 +79,26 @@ def solve(
         if plan is not None:
             return plan
     began = timer()
-    reached, route, end = _through_goals(exploration, should_stop)
+    reached, route, end = _found(exploration, should_stop)
     searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
     trace = trace_of(exploration)
-    notes = list(exploration.notes)
+    notes = exploration.given_up
     assessment: Assessment | None = None
     if reached:
         route, assessment = _finished(exploration, route, end, should_stop, notes)
-    flown_cost, flown_threat = None, None
+    flown_cost, flown_threat, flown_risk = None, None, None
     if flown is not None and len(flown) >= MIN_ROWS:
         flown_route = route_from_path(exploration, flown)
         flown_cost = cost_between(exploration, flown_route)
-        flown_threat = float(assess_route(exploration, flown_route).levels.max())
-        improved, kept = smoothed_route(exploration, flown_route, should_stop)
+        known = assess_route(exploration, flown_route)
+        flown_threat = float(known.levels.max())
+        flown_risk = pursuit_risk(exploration, flown_route, slack_s=FLOWN_SLACK_S)
+        improved, known, kept = smoothed_route(exploration, flown_route, known, should_stop)
         is_whole = _ends_at(improved, problem.goals[-1])
         if is_whole and (
-            not reached or cost_between(exploration, improved) < cost_between(exploration, route)
+            assessment is None or worth(exploration, improved, known) < worth(exploration, route, assessment)
         ):
-            route, reached, assessment = improved, True, None
+            route, reached, assessment = improved, True, known
             notes = [f"the flown path, {kept} short cuts"]
     if not reached:
         notes.append(_shortfall(route, problem, num_nodes))
@@ -108,6 +115,8 @@ def solve(
         notes=tuple(notes),
         flown_cost=flown_cost,
         flown_threat=flown_threat,
+        pursuit=pursuit_risk(exploration, route, slack_s=FLOWN_SLACK_S),
+        flown_pursuit=flown_risk,
         threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
     )
 
@@ -151,15 +160,17 @@ def _by_way_out(
 
 def _finished(
     exploration: Exploration, route: Route, end: int, should_stop: Callable[[], bool], notes: list[str]
-) -> tuple[Route, Assessment | None]:
+) -> tuple[Route, Assessment]:
     """A route that reached the goal, joined to it, optimised and adjusted; and what is known along it."""
     problem = exploration.problem
     route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
     if problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
-        route = _optimised(exploration, route, end, should_stop, notes)
+        route, assessment = _optimised(exploration, route, end, should_stop, notes)
+    else:
+        assessment = assess_route(exploration, route)
     if not problem.settings.strategies.use_safety_adjustment:
-        return route, None
-    route, moved, assessment = adjusted_route(exploration, route)
+        return route, assessment
+    route, moved, assessment = adjusted_route(exploration, route, assessment)
     notes.append(f"{moved} waypoints adjusted")
     return route, assessment
 
@@ -172,15 +183,35 @@ def _shortfall(route: Route, problem: Problem, num_nodes: int) -> str:
 
 def _optimised(
     exploration: Exploration, found: Route, end: int, should_stop: Callable[[], bool], notes: list[str]
-) -> Route:
+) -> tuple[Route, Assessment]:
     """RRT* and smoothing; the result is judged anew, with each DT where it can be at each row's time."""
     best = rrt_star_route(exploration, found, end, should_stop)
     notes.append(f"RRT*: {best.num_rewired} edges rewired, {best.num_pruned} nodes pruned")
     candidates = [found] if best.route is found else [found, best.route]
-    route = min(candidates, key=lambda candidate: cost_between(exploration, candidate))
-    route, kept = smoothed_route(exploration, route, should_stop)
+    judged = [(candidate, assess_route(exploration, candidate)) for candidate in candidates]
+    chosen = min(judged, key=lambda pair: worth(exploration, *pair))
+    smooth, known, kept = smoothed_route(exploration, *chosen, should_stop)
     notes.append(f"{kept} short cuts")
-    return route
+    return min((smooth, known), chosen, key=lambda pair: worth(exploration, *pair)) if kept else chosen
+
+
+def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bool, float]:
+    """What a route is chosen by, the least first: whether it breaks ``quality_min``, then its cost.
+
+    The cost is (9) with what -log Q of (8) and seconds that a DT could threaten cost.
+    """
+    settings, risk = exploration.problem.settings, known.log_risk()
+    cost = weighed_between(exploration, route) + settings.weight_collision * risk
+    return math.exp(-risk) < settings.quality_min, cost
+
+
+def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:
+    """What :func:`_through_goals` finds, with no more given up before the DTs than has to be."""
+    reached, route, end = _through_goals(exploration, should_stop)
+    while not reached and exploration.chase.is_avoided:
+        exploration.give_in(should_stop)
+        reached, route, end = _through_goals(exploration, should_stop)
+    return reached, route, end
 
 
 def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:
@@ -230,8 +261,29 @@ def measures_of(
         total_threat_amount=float(total),
         aggregated_threat=float(1.0 - free),
         num_high_threat_waypoints=int((assessment.levels > HIGH_THREAT).sum()),
-        penetration_success=float(success_over_exposures(assessment.levels)),
+        penetration_success=float(success_over_exposures(exposures(assessment.levels))),
     )
+
+
+def exposures(levels: FloatArray) -> FloatArray:
+    """What (3) multiplies: a stretch under threat is one exposure, its highest level the damage.
+
+    The paper does not say what an exposure is; were each second one, no path would have a chance.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (N,)
+        Threat level of each row.
+
+    Returns
+    -------
+    ndarray, shape (E,)
+        One element a stretch.
+    """
+    threatened = levels > 0.0
+    begins = np.flatnonzero(threatened & ~np.append(False, threatened[:-1]))
+    ends = np.flatnonzero(threatened & ~np.append(threatened[1:], False))
+    return np.array([levels[first : last + 1].max() for first, last in zip(begins, ends, strict=True)])
 
 
 def trace_of(exploration: Exploration) -> SearchTrace:

@@ -75,6 +75,8 @@ class Recorder:
     ----------
     failure : str
         Why the recording ended before the flight; '' while it has not.
+    tracks : dict
+        By identity rows of time [s], east, north, up and reach [m], which is 0 of what hunts nobody.
     """
 
     folder: Path | None = None
@@ -173,7 +175,8 @@ class Recorder:
         if len(self.flown) > STATE_ROWS_MAX:
             self.flown, self.threat = self.flown[1::2], self.threat[1::2]
         for track in tracks:
-            self.tracks.setdefault(track.identity, []).append([now_s, *track.position_enu_m[:2]])
+            reach = 0.0 if track.flies_on else track.max_threat_radius_m
+            self.tracks.setdefault(track.identity, []).append([now_s, *track.position_enu_m, reach])
         self._num_track_rows += len(tracks)
         if self._num_track_rows > TRACK_ROWS_MAX:
             self._thin_tracks()
@@ -247,7 +250,7 @@ class Recorder:
         return FlightRecord(
             flown=np.array(self.flown, dtype=np.float64).reshape(-1, 7),
             dt_paths=(),
-            dt_tracks=tuple(np.array(rows) for rows in self.tracks.values()),
+            dt_tracks=tuple(np.array(rows)[:, :3] for rows in self.tracks.values()),
             missions=tuple(self.missions),
             decisions=tuple(self.decisions),
             threat=np.array(self.threat, dtype=np.float64).reshape(-1, 2),

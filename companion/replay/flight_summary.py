@@ -9,35 +9,29 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
 from companion.config.load import mission_from_text
-from companion.config.rules import rules_of
 from companion.errors import RecordError
-from companion.flight.situation import Situation
 from companion.frames import FloatArray
-from companion.link.messages.codec import Codec
 from companion.recording import mcap_reader
 from companion.recording import mcap_schema as channels
 from companion.recording.reader import (
     DECISIONS_MAX,
     SEED_MAX,
     SIMULATED,
-    Recording,
     about_of,
     decision_of,
     load_recording,
     stamp_of,
 )
-from companion.recording.recorder import MCAP, MISSION_FILE, TLOG, Recorder
+from companion.recording.recorder import MCAP, MISSION_FILE, TLOG
+from companion.replay.frames_record import ON_BOARD, record_of_frames
 from companion.types.record import Decision, FlightRecord, UploadedMission
 from companion.types.threat import Obstacle
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
-
-ON_BOARD = "Places are those known on board: a recording knows no others."
-FROM_TLOG = "There is no flight.mcap: decisions are as the pilot was told, which cuts them short."
-STATE_S = 0.2
 
 ROWS_MAX = 1_000_000  # of all kinds together: sixteen hours with ten vehicles in sight
 TRACKS_MAX = 1_000  # at one instant
@@ -73,7 +67,11 @@ def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     if not (folder / TLOG).exists():
         raise RecordError(f"{folder}: neither {MCAP} nor {TLOG} with a flight in it")
     mission = load_mission(folder / MISSION_FILE)
-    return mission, world_of(mission, none_known=False), _from_frames(mission, load_recording(folder / TLOG))
+    return (
+        mission,
+        world_of(mission, none_known=False),
+        record_of_frames(mission, load_recording(folder / TLOG)),
+    )
 
 
 class _Told:
@@ -156,7 +154,8 @@ class _Told:
                 continue
             place = _floats(track.get("position_enu_m"), 3)
             rows = self.tracks.setdefault(mcap_reader.text(track.get("identity"), 100), [])
-            rows.append([stamp_of(row), *place[:2]])
+            reach = 0.0 if track.get("flies_on") is True else _float(track.get("max_threat_radius_m"))
+            rows.append([stamp_of(row), *place, reach])
             self._num_rows += 1
 
     def _snapshot(self, row: mcap_reader.Document) -> None:
@@ -170,7 +169,7 @@ def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, 
     record = FlightRecord(
         flown=flown,
         dt_paths=(),
-        dt_tracks=tuple(np.array(rows) for rows in told.tracks.values()),
+        dt_tracks=tuple(np.array(rows)[:, :3] for rows in told.tracks.values()),
         missions=tuple(told.missions),
         decisions=tuple(told.decisions),
         threat=_table(told.threat, 2, ROWS_MAX),
@@ -179,6 +178,7 @@ def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, 
         epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
         begin_s=mcap_reader.number(about["stamp_s"]),
+        encounters=known_encounters(flown, told.tracks.items(), mission.radar_list, mission.obstacle_list),
     )
     return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
 
@@ -211,29 +211,6 @@ def _is_whole(obstacle: Obstacle) -> bool:
     corners = obstacle.polygon_enu_m
     sides = np.array([obstacle.base_m, obstacle.top_m])
     return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
-
-
-def _from_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
-    """From a tlog alone: what the estimators make of its frames."""
-    codec, situation, recorder = Codec(), Situation(rules_of(mission), 1), Recorder()
-    due_s = 0.0
-    for heard in recording.frames:
-        now = heard.at_us * 1e-6
-        if heard.is_ours:
-            continue
-        for frame in codec.feed(heard.frame.raw, now):
-            for event in frame.events:
-                situation.observe(event, now)
-        state = situation.ownship.state(now)
-        if state is not None and now >= due_s:
-            due_s = now + STATE_S
-            tracks = situation.tracker.tracks(now)
-            recorder.state(now, state, tracks, situation.threat_at(state, tracks))
-    recorder.decisions += recording.decisions
-    known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})
-    return replace(
-        known, epoch_s=recording.epoch_s, note=f"{ON_BOARD} {FROM_TLOG}", begin_s=recording.start_us * 1e-6
-    )
 
 
 def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | str]:

@@ -142,15 +142,30 @@ class Replanning:
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
         self._schedule.knows(known_threats(self._situation, now))
+        self._surprises.knows(snapshot.picture.tracks)
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
-            is_urgent = self._schedule.is_urgent
+            is_urgent = self._is_urgent(snapshot)
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
             self._surprises.judged(start.rest, is_failing=start.rest is not None and not request.improves)
-            await self._plan(request, track_s)
+            await self._answer(request, track_s)
         return None
+
+    async def _answer(self, request: PlanRequest, track_s: float) -> None:
+        """Plan; where nothing passed before what is flown became worse, by the emergency strategy at once."""
+        if self._schedule.is_urgent and self.emergency is EmergencyStep.LEAST_THREAT:
+            await self._respond(None, request, track_s)
+        else:
+            await self._plan(request, track_s)
+
+    def _is_urgent(self, snapshot: Snapshot) -> bool:
+        """Whether the plan is to be flown as soon as may be.
+
+        With a pursuer about, seconds flown as the operator's mission leads are seconds lost.
+        """
+        return self._schedule.is_urgent or (snapshot.is_pursued and not self._flight.state.flies_to_goal)
 
     def _is_too_windy(self, now_s: float) -> bool:
         """Whether nothing is planned in the wind there is; then that is said, and looked at again."""
@@ -200,26 +215,38 @@ class Replanning:
             self._schedule.plan_at_once("the rules changed meanwhile")
         return state.rules is not request.rules
 
-    async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
-        """No plan passes: take the first step of the emergency strategy that can be taken, and say so."""
-        ownship, state = self._situation.ownship.state(self._clock.now_s()), self._flight.state
+    async def _respond(self, failed: PlanRun | None, request: PlanRequest, track_s: float) -> None:
+        """No plan passes: take the first step of the emergency strategy that can be taken, and say so.
+
+        In a hurry where a path of ours is flown: it does not pass.
+        """
+        now = self._clock.now_s()
+        ownship = self._situation.ownship.state(now)
         if ownship is None:
             return
-        is_urgent = request.is_urgent
+        may_keep = not (self._schedule.is_urgent or self._surprises.look(now))
+        snapshot = self._situation.snapshot(now)
+        state = self._flight.see(ownship, snapshot.picture)
+        self._surprises.knows(snapshot.picture.tracks)
+        is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
-        start = as_of_now(state, start, request.snapshot)
+        start = as_of_now(state, start, snapshot)
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
         home = way_home(state, ownship) if state.mission.authority.allow_rtl else None
+        refused = None if failed is None else failed.plan.path
         run, found = await self._maker.make(
-            least_threat_request(state, start, request.snapshot, is_urgent=is_urgent),
-            lambda plan: conclude_emergency(state, plan, failed.plan, start, home),
+            least_threat_request(state, start, snapshot, is_urgent=is_urgent),
+            lambda plan: conclude_emergency(state, plan, refused, start, home, may_keep=may_keep),
         )
         if found.step in LAST_RESORTS and state.rally_points:
-            run, found = await self._by_rally_point(run, found, request.snapshot)
-        if self._is_outdated(request):
-            return
+            run, found = await self._by_rally_point(run, found, snapshot)
+        if not self._is_outdated(request):
+            await self._take(run, found, track_s)
+
+    async def _take(self, run: PlanRun, found: EmergencyConclusion, track_s: float) -> None:
+        """Take a step of the emergency strategy, and say so."""
         if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
             found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+
+import numpy as np
 
 from companion.config.rules import Rules
 from companion.departure.foresight import begin
-from companion.flight.flight_state import StateOwner
-from companion.flight.progress import as_of_now
+from companion.flight.flight_state import FlightState, StateOwner
+from companion.flight.progress import Start, as_of_now
 from companion.flight.situation import Situation
 from companion.swapping.list_reader import ListReader
 from companion.types.path import Path
+from companion.types.threat import TrackState
 
 RISE = 0.15  # of the threat level: an estimate wanders by less
+SAFE_S, CAUGHT_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
 LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
+ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
 
 
 class SurpriseWatch:
@@ -40,6 +46,8 @@ class SurpriseWatch:
         self.is_failing = False
         self._flight, self._situation, self._reader = flight, situation, reader
         self._level = math.inf
+        self._is_safe: bool | None = None
+        self._knew: dict[str, TrackState] = {}
         self._was_failing = True
         self._surprise = ""
         self._seen: tuple[float, int] | None = None
@@ -58,7 +66,11 @@ class SurpriseWatch:
         """
         self._level = math.inf if path is None else float(path.threat_levels.max())
         self.is_failing = self._was_failing = is_failing
-        self._surprise = ""
+        self._surprise, self._is_safe = "", None
+
+    def knows(self, tracks: Iterable[TrackState]) -> None:
+        """What is planned now goes by vehicles moving like this: one that turns later is a surprise."""
+        self._knew = {track.identity: track for track in tracks}
 
     def look(self, now_s: float) -> str:
         """How what is flown has become worse since, in words; '' if it has not.
@@ -80,13 +92,60 @@ class SurpriseWatch:
         start = begin(state, ownship, self._reader.current, is_urgent=True)
         snapshot = situation.snapshot(now_s)
         state = self._flight.see(ownship, snapshot.picture)
-        rest = as_of_now(state, start, snapshot).rest
-        if rest is None:
+        start = as_of_now(state, start, snapshot)
+        self._surprise = self._worse(state, start)
+        return self._surprise
+
+    def _worse(self, state: FlightState, start: Start) -> str:
+        """How the rest of what is flown has become worse, in words; '' if it has not."""
+        rest, risk = start.rest, start.risk
+        if rest is None or risk is None:
             return ""
         level, violations = float(rest.threat_levels.max()), state.violations_of(rest)
-        self.is_failing, self._surprise = bool(violations), ""
+        was_safe, self.is_failing = self._is_safe, bool(violations)
+        if was_safe is None:
+            self._is_safe = risk.total_s <= SAFE_S
         if violations and not self._was_failing:
-            self._surprise = f"flown path: {violations[0]}"
-        elif level > self._level + RISE:
-            self._surprise = f"threat on the flown path {self._level:.2f} -> {level:.2f}"
-        return self._surprise
+            return f"flown path: {violations[0]}"
+        if level > self._level + RISE:
+            return f"threat on the flown path {self._level:.2f} -> {level:.2f}"
+        if was_safe and risk.total_s > CAUGHT_S:
+            return f"a moving threat could reach the flown path, {risk.total_s:.0f} s of it"
+        if turned := self._turned(rest, state):
+            return f"{turned} turned towards the flown path"
+        return ""
+
+    def _turned(self, rest: Path, state: FlightState) -> str:
+        """A vehicle that was to pass well aside of what is flown, and no longer is; '' if there is none."""
+        ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
+        for track in state.picture.tracks:
+            knew = self._knew.get(track.identity)
+            if knew is None or passing_reaches(rest, track, ahead_s) >= 1.0:
+                continue
+            if passing_reaches(rest, knew, ahead_s) > ASIDE:
+                return track.identity
+        return ""
+
+
+def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
+    """How close a vehicle that goes on as it does comes to the aircraft on a path, in its threat radii.
+
+    Parameters
+    ----------
+    path : Path
+        What is flown.
+    track : TrackState
+        The vehicle, and how it moves now.
+    ahead_s : float
+        So far ahead is looked: longer no vehicle goes straight on [s].
+    """
+    begin_s = float(path.times_s[0])
+    end_s = min(begin_s + ahead_s, float(path.times_s[-1]))
+    times = np.append(path.times_s[path.times_s < end_s], end_s)
+    at = np.column_stack([np.interp(times, path.times_s, path.positions_enu_m[:, axis]) for axis in (0, 1)])
+    gone = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
+    apart = at - np.asarray(track.position_enu_m[:2]) - gone
+    steps = np.diff(apart, axis=0)
+    along = -(apart[:-1] * steps).sum(axis=1) / np.maximum((steps * steps).sum(axis=1), 1e-9)
+    nearest = np.vstack([apart[-1], apart[:-1] + np.clip(along, 0.0, 1.0)[:, None] * steps])
+    return float(np.linalg.norm(nearest, axis=1).min()) / track.max_threat_radius_m

@@ -32,7 +32,7 @@ class Measures:
     total_threat_amount: float = 0.0  # TTA
     aggregated_threat: float = 0.0  # ATP
     num_high_threat_waypoints: int = 0  # NHTW
-    penetration_success: float = 0.0  # PSR, by (3)
+    penetration_success: float = 0.0  # PSR, by (3) over stretches under threat
 
     @property
     def extension_success_rate(self) -> float:
@@ -75,11 +75,29 @@ class SearchTrace:
 
 
 @dataclass(frozen=True, slots=True)
+class PursuitRisk:
+    """What moving threats that knew the whole path could do (paper 2.3).
+
+    Parameters
+    ----------
+    first_s : float
+        t_f, the earliest moment at which one could threaten the aircraft, by the clock; infinite where none
+        ever could: such a path is safe whatever they do [s].
+    total_s : float
+        For how long in all one could [s].
+    """
+
+    first_s: float = float("inf")
+    total_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """The planner's answer: a status, and a path where there is one.
 
     ``flown_cost`` and ``flown_threat`` are the cost by (9) and the largest threat level of what is left
     of the path being flown, seen in the same world as the new path, where one was given.
+    ``pursuit`` and ``flown_pursuit`` say what moving threats could do to either.
     ``threat_trees`` are the DTs' trees as grown, for the next plan's snapshot.
     """
 
@@ -93,6 +111,8 @@ class Plan:
     notes: tuple[str, ...] = ()
     flown_cost: float | None = None
     flown_threat: float | None = None
+    pursuit: PursuitRisk = PursuitRisk()
+    flown_pursuit: PursuitRisk | None = None
     threat_trees: tuple[ThreatTree, ...] = ()
 
     @property

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from companion.frames import FloatArray
+from companion.types.encounter import Encounter
 from companion.types.mission import MissionItem
 from companion.types.plan import Plan
 
@@ -127,6 +128,8 @@ class FlightRecord:
         What is to be known of where the record comes from.
     begin_s : float, optional
         What counts as 00:00 [s]; left out, the first of the flown path.
+    encounters : tuple of Encounter
+        What each threat was to it, by the paths that are known best.
     """
 
     flown: FloatArray
@@ -140,3 +143,4 @@ class FlightRecord:
     epoch_s: float | None = None
     note: str = ""
     begin_s: float | None = None
+    encounters: tuple[Encounter, ...] = ()

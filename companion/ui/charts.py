@@ -1,4 +1,4 @@
-"""Curves over a flight: altitude, threat level, and how long the plans took."""
+"""Curves over a flight: altitude, threat, distance to moving threats, and how long the plans took."""
 
 from __future__ import annotations
 
@@ -14,14 +14,19 @@ from matplotlib.ticker import MaxNLocator
 from companion.config.models import MissionConfig
 from companion.frames import FloatArray
 from companion.plain_text import printable
+from companion.types.encounter import Encounter
 from companion.types.record import FlightRecord
 from companion.ui import style
+from companion.ui.threats_met import closest_text, nearest_first, seconds_text, words_of
 from companion.world.snapshot import Snapshot
 
 WIDTH_IN, HEIGHT_IN = 9.6, 3.1
 HIGH_THREAT = 0.5  # from which the paper counts a waypoint as highly threatened
 BESIDE_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
+COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)  # of the threats that came nearest
+NAME_CHARACTERS = 14  # in a legend
+REACHES_SHOWN = 4.0  # farther away than that it does not matter how far
 KINDS_MAX, OTHERS = 40, "others"  # of decisions; the program knows fewer
 
 
@@ -75,6 +80,39 @@ def threat_chart(record: FlightRecord, start_s: float) -> Figure:
     axes.set_ylabel("threat level TI [0–1]")
     _finish(axes, record, start_s, "Threat level")
     return figure
+
+
+def encounter_chart(record: FlightRecord, start_s: float) -> Figure:
+    """Return the distances to the moving threats over time, with reach, sight and closest approach."""
+    figure, axes = _new_chart()
+    drawn = nearest_first(record)[: len(COLOURS)]
+    for (entry, closest), colour in zip(drawn, COLOURS, strict=False):
+        _draw_encounter(axes, entry, colour, start_s)
+        at = closest.stamp_s - start_s
+        axes.plot(at, closest.distance_m, "v", ms=7, color=colour, mec="white", mew=0.8, zorder=4)
+        name = f"{printable(entry.name)[:NAME_CHARACTERS]}: {seconds_text(entry)}"
+        axes.plot([], [], color=colour, lw=1.6, label=f"{name}; closest {closest_text(closest, start_s)}")
+    tops = [max(REACHES_SHOWN * entry.reach_m, 1.3 * closest.distance_m) for entry, closest in drawn]
+    axes.set_ylim(0.0, max(tops, default=1.0))
+    axes.set_ylabel("slant distance [m]")
+    if not drawn:
+        axes.set_yticks([])
+        axes.text(
+            0.5, 0.5, "no moving threat was known", ha="center", va="center", color=style.MUTED,
+            transform=axes.transAxes,
+        )  # fmt: skip
+    _finish(axes, record, start_s, f"Distance to moving threats, {words_of(record)}", num_columns=2)
+    return figure
+
+
+def _draw_encounter(axes: Axes, entry: Encounter, colour: str, start_s: float) -> None:
+    """Draw one threat's distance, its reach, and when it had the aircraft there and in sight."""
+    axes.plot(entry.times_s - start_s, entry.distances_m, color=colour, lw=1.6)
+    axes.axhline(entry.reach_m, color=colour, lw=1.0, ls=(0, (5, 3)))
+    _write_right(axes, entry.reach_m, f"reach {entry.reach_m:.0f} m", colour)
+    for stretches, alpha in ((entry.in_reach_s, 0.12), (entry.in_sight_s, 0.3)):
+        bars = [(begin - start_s, end - begin) for begin, end in stretches]
+        axes.broken_barh(bars, (0.0, entry.reach_m), color=colour, alpha=alpha, lw=0)
 
 
 def decision_chart(record: FlightRecord, start_s: float) -> Figure:
@@ -163,23 +201,25 @@ def _new_chart() -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _finish(axes: Axes, record: FlightRecord, start_s: float, title: str) -> None:
+def _finish(axes: Axes, record: FlightRecord, start_s: float, title: str, num_columns: int = 5) -> None:
     """Set title, time axis, upload times and legend."""
     ends = [float(rows[-1, 0]) for rows in (record.flown, record.threat) if len(rows)]
     end = max(ends, default=start_s + 1.0) - start_s
     for upload in record.missions:
         axes.axvline(upload.stamp_s - start_s, color=style.MUTED, lw=0.8, ls=":", zorder=0.8)
     style.clock_axis(axes, 0.0, end if math.isfinite(end) and end > 0.0 else 1.0)
-    axes.set_title(title, pad=22)
-    _legend(axes)
+    num_rows = math.ceil(len(axes.get_legend_handles_labels()[1]) / num_columns)
+    axes.set_title(title, pad=22 + 13 * max(0, num_rows - 1))
+    if num_rows:
+        _legend(axes, num_columns)
 
 
-def _legend(axes: Axes) -> None:
+def _legend(axes: Axes, num_columns: int = 5) -> None:
     """Put the legend between title and curves, where it covers nothing."""
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(-0.01, 0.99),
-        ncols=5,
+        ncols=num_columns,
         columnspacing=1.4,
         handlelength=1.8,
         borderpad=0.2,

@@ -19,6 +19,7 @@ from companion.ui import style
 from companion.ui.basemap import MapSheet, clock_colours, new_sheet
 from companion.ui.field import flight_height
 from companion.ui.perspective import draw_perspective
+from companion.ui.threats_met import closest_text, nearest_first
 from companion.world.snapshot import Snapshot
 
 NUM_TIME_MARKS = 8
@@ -68,7 +69,7 @@ def flight_map(mission: MissionConfig, snapshot: Snapshot, record: FlightRecord)
         sheet.axes.plot(flown[:, 1], flown[:, 2], color=style.FLOWN, lw=2.8, zorder=9)
         sheet.entry("flown path, time marked", color=style.FLOWN, lw=2.8)
         _draw_aircraft(sheet, flown)
-    _draw_closest(sheet, mission, record, start_s)
+    _draw_closest(sheet, record, start_s)
     moving = [path[:, :3] for path in record.dt_paths or record.dt_tracks]
     for line in [flown[:, :3], *moving]:
         sheet.labels.reserve_line(line[:, 1:])
@@ -90,33 +91,6 @@ def mark_step(record: FlightRecord) -> float:
     """Return the time between marks on the map [s]."""
     span = float(record.flown[-1, 0] - record.flown[0, 0]) if len(record.flown) else 60.0
     return style.time_step(span, NUM_TIME_MARKS)
-
-
-def closest_approach(flown: FloatArray, dt_path: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
-    """Return when the aircraft came nearest to a moving threat, horizontally, and where both were.
-
-    Parameters
-    ----------
-    flown : ndarray, shape (N, 7)
-        The flown path, columns as in ``FlightRecord``.
-    dt_path : ndarray, shape (M, 3)
-        Time [s], east and north [m] of the moving threat.
-
-    Returns
-    -------
-    tuple of float, ndarray, shape (2,), and ndarray, shape (2,), or None
-        Stamp [s], east and north of the aircraft and of the threat [m]; None where the two share no time.
-    """
-    if len(flown) == 0 or len(dt_path) == 0:
-        return None
-    shared = (flown[:, 0] >= dt_path[0, 0]) & (flown[:, 0] <= dt_path[-1, 0])
-    if not shared.any():
-        return None
-    rows = flown[shared]
-    there = np.column_stack([np.interp(rows[:, 0], dt_path[:, 0], dt_path[:, axis]) for axis in (1, 2)])
-    distance = np.linalg.norm(rows[:, 1:3] - there, axis=1)
-    nearest = int(np.argmin(distance))
-    return float(rows[nearest, 0]), rows[nearest, 1:3], there[nearest]
 
 
 def _add_perspective(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot, plan: Plan) -> None:
@@ -319,26 +293,17 @@ def _draw_aircraft(sheet: MapSheet, flown: FloatArray) -> None:
     )
 
 
-def _draw_closest(sheet: MapSheet, mission: MissionConfig, record: FlightRecord, start_s: float) -> None:
+def _draw_closest(sheet: MapSheet, record: FlightRecord, start_s: float) -> None:
     """Draw the closest approach to a moving threat, and how far that threat reaches."""
-    approaches = [(closest_approach(record.flown, path), index) for index, path in enumerate(record.dt_paths)]
-    known = [(approach, index) for approach, index in approaches if approach is not None]
-    if not known:
-        return
-    (stamp, own, other), index = min(
-        known, key=lambda entry: float(np.linalg.norm(entry[0][1] - entry[0][2]))
-    )
-    if len(mission.dynamic_threats) == len(record.dt_paths):
-        reach = float(mission.dynamic_threats[index].max_threat_radius_m)
-        sheet.axes.add_patch(
-            Circle(
-                (other[0], other[1]), reach, fill=False, ec=style.DYNAMIC, lw=1.0, ls=(0, (1, 2)), zorder=6
-            )
+    for nearest, closest in nearest_first(record)[:1]:
+        own, other = closest.own_enu_m, closest.other_enu_m
+        reach = Circle(
+            other[:2], nearest.reach_m, fill=False, ec=style.DYNAMIC, lw=1.0, ls=(0, (1, 2)), zorder=6
         )
+        sheet.axes.add_patch(reach)
         sheet.entry("its reach at the closest approach", color=style.DYNAMIC, lw=1.0, ls=(0, (1, 2)))
-    line = np.array([own, other])
-    sheet.axes.plot(line[:, 0], line[:, 1], color=style.INK, lw=1.2, ls=(0, (2, 2)), zorder=9.6)
-    sheet.axes.plot(line[:, 0], line[:, 1], "o", ms=4, color=style.INK, ls="none", zorder=9.7)
-    distance = float(np.linalg.norm(own - other))
-    text = f"closest approach: {distance:.0f} m at {style.clock_text(stamp - start_s)}"
-    sheet.entry(text, color=style.INK, lw=1.2, ls=(0, (2, 2)), marker="o", ms=3)
+        line = np.array([own, other])
+        sheet.axes.plot(line[:, 0], line[:, 1], color=style.INK, lw=1.2, ls=(0, (2, 2)), zorder=9.6)
+        sheet.axes.plot(line[:, 0], line[:, 1], "o", ms=4, color=style.INK, ls="none", zorder=9.7)
+        text = f"closest approach: {closest_text(closest, start_s)}"
+        sheet.entry(text, color=style.INK, lw=1.2, ls=(0, (2, 2)), marker="o", ms=3)

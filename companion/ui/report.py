@@ -15,8 +15,15 @@ from companion.plain_text import in_page
 from companion.safe_files import SHARED, make_folder, replace_file
 from companion.types.record import Decision, FlightRecord
 from companion.ui import style
-from companion.ui.charts import altitude_chart, decision_chart, latency_chart, threat_chart
+from companion.ui.charts import (
+    altitude_chart,
+    decision_chart,
+    encounter_chart,
+    latency_chart,
+    threat_chart,
+)
 from companion.ui.plots import flight_map, flight_start
+from companion.ui.threats_met import encounter_table
 from companion.ui.who_flew import who_flew_table
 from companion.world.snapshot import Snapshot
 
@@ -56,6 +63,7 @@ tbody tr:hover { background: var(--soft); }
            align-items: start; }
 .summary th { font-weight: 400; color: var(--muted); }
 .summary td { text-align: right; font-weight: 600; }
+p.lead + .scroll { margin-top: .6rem; }
 @media print { .scroll { max-height: none; overflow: visible; } thead th { position: static; } }
 """
 
@@ -107,6 +115,14 @@ def write_report(
                 "How exposed the aircraft was to radars and moving threats together; 0 is unseen.",
             ),
             (
+                _svg(
+                    encounter_chart(record, start_s),
+                    "encounters",
+                    "Distance to each moving threat over flight time, its reach and the closest approach",
+                ),
+                "How near the moving threats were, at a slant. Light: in reach; dark: in sight, too.",
+            ),
+            (
                 _svg(latency_chart(record), "latency", "Computing time of every plan in milliseconds"),
                 "How long each plan took to compute, in the order they were made.",
             ),
@@ -144,6 +160,8 @@ def _page(
 </header>
 <h2>Summary</h2>
 {_summary(record)}
+<h2>Threats</h2>
+{encounter_table(record, start_s)}
 <h2>Map</h2>
 <figure>
 <div><img src="data:image/png;base64,{image}"
@@ -220,10 +238,7 @@ def _value(key: str, value: float | int | bool | str) -> str:
     unit = next((f" {name}" for ending, name in UNITS if key.endswith(ending)), "")
     if isinstance(value, int):
         return f"{value}{unit}"
-    if not math.isfinite(value):
-        return "–"
-    digits = max(0, 3 - math.floor(math.log10(abs(value))) - 1) if abs(value) >= 1e-3 else 4
-    return f"{value:.{min(digits, 4)}f}{unit}"
+    return f"{style.number_text(value)}{unit if math.isfinite(value) else ''}"
 
 
 def _end_s(record: FlightRecord) -> float:

@@ -106,6 +106,16 @@ def clock_text(seconds: float) -> str:
     return f"{sign}{hours}:{text}" if hours else f"{sign}{text}"
 
 
+def number_text(value: float) -> str:
+    """Return a number with three digits that count; a dash where it is none."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    digits = max(0, 3 - math.floor(math.log10(abs(value))) - 1) if abs(value) >= 1e-3 else 4
+    return f"{value:.{min(digits, 4)}f}"
+
+
 def round_step(span: float, num_max: int) -> float:
     """Return the step of 1, 2 or 5 times a power of ten that cuts a span into so many parts at most."""
     raw = max(span, 1e-9) / num_max

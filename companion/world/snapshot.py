@@ -60,6 +60,11 @@ class Snapshot:
         sensed = zip(self.radar_list, self.threats.known, strict=True)
         return ThreatPicture(tuple(radar for radar, is_known in sensed if is_known), self.tracks)
 
+    @property
+    def is_pursued(self) -> bool:
+        """Whether anything is known that hunts."""
+        return any(not track.flies_on for track in self.tracks)
+
     def with_tracks(self, stamp_s: float, tracks: Sequence[TrackState]) -> Snapshot:
         """The next snapshot, with new tracks."""
         return replace(self, number=self.number + 1, stamp_s=stamp_s, tracks=tuple(tracks))

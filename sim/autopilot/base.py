@@ -142,6 +142,11 @@ class Autopilot(ABC):
 
     @property
     @abstractmethod
+    def is_uploading(self) -> bool:
+        """Whether somebody is uploading a list."""
+
+    @property
+    @abstractmethod
     def mission_revision(self) -> int:
         """Changes whenever the stored mission does."""
 

@@ -3,7 +3,7 @@
 The service is a process of its own, as on board, and flies the simulator over TCP. In flight, at a moment
 that has nothing to do with its plans, a vehicle pops up 600 m ahead, a known one turns towards the aircraft,
 or a fence is put across the path. The clock stops when the autopilot steers for a place that was in none of
-its items before.
+its items before, nor in an upload that was under way.
 """
 
 from __future__ import annotations
@@ -75,6 +75,7 @@ class _Reaction:
     begun_s: float = math.inf
     changed_s: float = math.inf
     _known: set[tuple[int, int]] = field(default_factory=set)
+    _is_of_before: bool = False
     _vehicle: Place | None = None
     _sighted_s: float = -math.inf
 
@@ -90,7 +91,11 @@ class _Reaction:
         elif self.changed_s == math.inf:
             if now >= self.begun_s + self.wait_s:
                 self.changed_s, self._known = now, self._places()
+                self._is_of_before = self.simulator.autopilot.is_uploading
                 self._change()
+        elif self._is_of_before:
+            self._known |= self._places()
+            self._is_of_before = self.simulator.autopilot.is_uploading
         elif self._flies_anew():
             self.took_s = now - self.changed_s
         self._report(now)

@@ -1,4 +1,4 @@
-"""The dynamic threat: a ground vehicle that knows the mission and drives to cut it off."""
+"""The dynamic threat: a ground vehicle that knows the mission and drives to cut it off, or drives a route."""
 
 from __future__ import annotations
 
@@ -67,6 +67,7 @@ class Pursuer:
         self._speed_max_m_s = speed_m_s
         self._turn_radius_m = turn_radius_m
         self._way: list[tuple[float, float]] = []
+        self._is_hunting = True
         self._next_plan_us = 0
         self._visible: dict[tuple[float, float], tuple[int, FloatArray]] = {}
 
@@ -79,10 +80,15 @@ class Pursuer:
         """Plan if it is time, and drive on."""
         if self._speed_max_m_s <= 0.0:
             return
-        if now_us >= self._next_plan_us:
+        if self._is_hunting and now_us >= self._next_plan_us:
             self._next_plan_us = now_us + _REPLAN_US
             self._way = self._intercept(target)
         self._drive(duration_s)
+
+    def follow(self, route: tuple[tuple[float, float], ...]) -> None:
+        """Hunt nobody: drive straight from place to place (east, north [m]), and stop at the last."""
+        self._way = list(route)
+        self._is_hunting = False
 
     def _intercept(self, target: TargetEstimate) -> list[tuple[float, float]]:
         """Way to the first mission point where it arrives before the aircraft; else the least late one."""

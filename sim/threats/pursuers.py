@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from companion.config import MissionConfig
+from companion.config.models import DynamicThreatConfig
 from sim.threats.pursuer import CLEARANCE_M, Pursuer
 from sim.threats.roads import Roads
 
@@ -14,18 +15,19 @@ def pursuers_of(mission: MissionConfig) -> Pursuers:
     bounds = mission.bounds
     box = (bounds.east_m[0], bounds.north_m[0], bounds.east_m[1], bounds.north_m[1])
     moving = [
-        entry for entry in mission.dynamic_threats if entry.speed_m_s > 0 and entry.behaviour == "pursue"
+        entry for entry in mission.dynamic_threats if entry.speed_m_s > 0 and entry.behaviour != "stand"
     ]
     roads = Roads(mission.obstacle_list if moving else (), box, CLEARANCE_M)
-    return [
-        (
-            entry.name,
-            Pursuer(
-                roads,
-                (float(entry.east_m), float(entry.north_m)),
-                float(entry.speed_m_s) if entry.behaviour == "pursue" else 0.0,
-                float(entry.turn_radius_m),
-            ),
-        )
-        for entry in mission.dynamic_threats
-    ]
+    return [(entry.name, _driver_of(entry, roads)) for entry in mission.dynamic_threats]
+
+
+def _driver_of(entry: DynamicThreatConfig, roads: Roads) -> Pursuer:
+    driver = Pursuer(
+        roads,
+        (float(entry.east_m), float(entry.north_m)),
+        0.0 if entry.behaviour == "stand" else float(entry.speed_m_s),
+        float(entry.turn_radius_m),
+    )
+    if entry.behaviour == "drive":
+        driver.follow(entry.route_enu_m)
+    return driver

@@ -131,16 +131,19 @@ def planned(world, seed, **changes):
     return mission, solve(problem).path, snapshot.picture
 
 
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("world", NARROW)
-def test_the_planner_and_the_check_count_radars_alike(world):
-    mission, path, picture = planned(world, 1)
+def test_the_planner_and_the_check_count_radars_alike(world, seed):
+    mission, path, picture = planned(world, seed)
     alone = replace(picture, tracks=())
     own = exposure_of(mission).levels(path, alone)
     others = exposure_of(mission).levels(path, picture)
     assert (others >= own - 1e-12).all()
     assert 0.25 < own.max() < 0.45
-    # The planner takes the place for uncertain and shadows for smaller by a cell: it counts more.
-    assert (own <= path.threat_levels + 0.03).all()
+    # The planner takes the place for uncertain and shadows for smaller by a cell: it counts more, but on the
+    # very edge of a shadow, where half of its particles are in it: there the row beside it tells.
+    beside = np.pad(path.threat_levels, 1)
+    assert (own <= np.maximum(np.maximum(beside[:-2], beside[1:-1]), beside[2:]) + 0.03).all()
 
 
 @pytest.mark.parametrize("threat", ["radar", "track"])

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
 
@@ -19,7 +20,9 @@ PLAN_KEYS = {
 SITL_KEYS = {
     *("success", "goal_reached", "collision", "min_obstacle_clearance_m", "min_dt_distance_m"),
     *("missions_uploaded", "missions_rejected", "replans", "plan_ms", "track_to_mission_ms"),
-    *("flight_s", "wall_s", "true_path", "dt_path"),
+    *("flight_s", "wall_s", "true_path", "dt_path", "dt_paths", "dynamic_threats", "threatened", "is_safe"),
+    *("seconds_in_reach", "seconds_in_reach_and_sight", "t_f_s", "miss_distance_m", "miss_s"),
+    *("TDTA", "ADTP", "TTA", "ATP", "seconds_in_radar"),
 }
 
 
@@ -181,6 +184,8 @@ def test_a_flight_exits_with_zero_and_a_table(flown):
     assert result.code == 0, result.err
     assert "goal reached" in result.out
     assert told["success"] is True
+    (under,) = re.findall(r"under threat +│ +(.*?) +│", result.out)
+    assert under == ("never" if told["is_safe"] else f"{told['seconds_in_reach_and_sight']:.1f} s of 63")
 
 
 def test_the_keys_of_a_flight_are_those_agreed(flown):
@@ -199,6 +204,17 @@ def test_the_measures_of_a_flight_have_their_types(flown):
     assert told["missions_uploaded"] >= 2
     assert 0.0 < told["plan_ms"]["median"] <= told["plan_ms"]["p95"] <= told["plan_ms"]["max"]
     assert told["track_to_mission_ms"]["median"] <= told["track_to_mission_ms"]["p95"]
+
+
+def test_measures_of_single_threats_are_by_name(flown):
+    _, told = flown
+    of_it = told["dynamic_threats"]["parked_vehicle"]
+    assert of_it.keys() == {
+        *("seconds_in_reach", "seconds_in_reach_and_sight", "t_f_s", "miss_distance_m", "miss_s"),
+        *("TDTA", "ADTP"),
+    }
+    assert of_it == {key: told[key] for key in of_it}  # there is no other
+    assert told["dt_paths"] == {"parked_vehicle": told["dt_path"]}
 
 
 def test_the_true_paths_are_sampled_at_ten_hertz(flown):

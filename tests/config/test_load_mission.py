@@ -72,7 +72,7 @@ def test_core_types():
     assert config.radar_list[0].position_enu_m == (3200.0, 1650.0, 0.0)
     assert config.radar_list[0].boundary_coefficient_per_m == 0.0006
     threat = config.dynamic_threat_list[0]
-    assert (threat.name, threat.speed_m_s, threat.max_threat_radius_m) == ("pursuer_1", 25.0, 250.0)
+    assert (threat.name, threat.speed_m_s, threat.max_threat_radius_m) == ("pursuer_1", 25.0, 500.0)
 
 
 def test_settings_never_change():
@@ -205,6 +205,26 @@ def test_contradictions(old, new, key, expected):
     error = fault(text)
     assert error.key == key
     assert error.expected.startswith(expected)
+
+
+THROUGH = "[[950, 900], [1150, 1200]]"
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "expected"),
+    [
+        ("behaviour: drive", "at least one place, since behaviour is drive"),
+        ("route_enu_m: [[950, 900]]", "left out, since behaviour is pursue"),
+        (
+            "behaviour: drive, route_enu_m: [[950, 900], [1150, 1200]]",
+            "straight legs clear of the obstacle 'wall'",
+        ),
+    ],
+)
+def test_routes(behaviour, expected):
+    """The last one drives north, and then through the wall."""
+    error = fault(changed("speed_m_s: 0,", f"speed_m_s: 9, {behaviour},"))
+    assert (error.key, error.expected) == ("dynamic_threats.0.route_enu_m", expected)
 
 
 def test_duplicate_names_name_the_first():

@@ -20,7 +20,7 @@ from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
-from companion.types.plan import Measures, Plan, PlanStatus
+from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk
 from companion.types.state import Ownship
 from companion.vehicle.guidance import track_of_legs
 from tests.mission.made import item, path_along, waypoints
@@ -135,6 +135,35 @@ def test_a_threatened_path_is_not_left_for_a_worse_one():
     made = flying(begun(), straight())
     judged = judge(made, plan(straight(levels=0.5), 500.0, 100.0, flown_threat=0.5), start(straight()))
     assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.KEEP)
+
+
+@pytest.mark.parametrize(
+    ("caught_s", "flown_s", "verdict"),
+    [
+        (0.0, 12.0, Verdict.THREAT),
+        (40.0, 60.0, Verdict.THREAT),
+        (50.0, 60.0, Verdict.KEEP),  # less by too little: no dithering
+        (0.0, 0.5, Verdict.KEEP),
+        (0.0, 0.0, Verdict.KEEP),
+    ],
+)
+def test_what_moving_threats_could_reach_is_left_for_what_they_cannot(caught_s, flown_s, verdict):
+    found = replace(
+        plan(straight(), 110.0, 100.0),
+        pursuit=PursuitRisk(70.0, caught_s),
+        flown_pursuit=PursuitRisk(70.0, flown_s),
+    )
+    judged = judge(flying(begun(), straight()), found, start(straight()))
+    assert judged.verdict is verdict
+    assert (judged.why["caught_s"], judged.why["flown_caught_s"]) == (caught_s, flown_s)
+
+
+def test_a_cheaper_plan_that_moving_threats_could_reach_is_not_taken():
+    cheap = replace(
+        plan(straight(), 50.0, 100.0), pursuit=PursuitRisk(70.0, 8.0), flown_pursuit=PursuitRisk()
+    )
+    judged = judge(flying(begun(), straight()), cheap, start(straight()))
+    assert judged.verdict is Verdict.KEEP
 
 
 @pytest.mark.parametrize(("cost", "kind"), [(94.9, "better"), (95.1, "keep"), (120.0, "keep")])
@@ -426,3 +455,10 @@ def test_where_nothing_is_near_the_usual_style_is_kept(flies_by):
 def test_the_wind_is_the_one_told_last():
     made = after_position(begun(), replace(state(), wind_enu_m_s=(3.0, -1.0)))
     assert made.wind_enu_m_s == (3.0, -1.0)
+
+
+def test_of_two_paths_that_both_cost_endlessly_the_flown_one_is_kept():
+    made = flying(begun(), straight())
+    judged = judge(made, plan(straight(north=100.0), math.inf, math.inf), start(straight()))
+    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.KEEP)
+    assert judged.why["gain"] == 0.0

@@ -15,6 +15,7 @@ from tests.support.sitl_harness import SitlHarness
 LONG = (
     PLAIN.replace("{east_m: 1750, north_m: 750, up_m: 100}", "{east_m: 4000, north_m: 0, up_m: 100}")
     .replace("total_planning_time_s: 80", "total_planning_time_s: 250, threat_level_max: 0.3")
+    .replace("total_planning_time_s", "max_iterations: 12000, total_planning_time_s")
 )  # fmt: skip
 CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
 PERIOD_S = 0.5
@@ -50,10 +51,20 @@ def pop_up(harness, places):
     sighted(harness, places[0])
 
 
-def reaction_s(change, dialect, until_s=CHANGED_S + 25.0):
+def turn_towards(harness, places):
+    """A truck that drives along with the aircraft, far aside, turns towards where it will be."""
+    _, east, north, *_ = harness.simulator.truth.path[-1]
+    places[:] = places or [(east + 1200.0, north + 700.0)]
+    to = np.array([east + AHEAD_M, north]) - places[0]
+    velocity = (15.0, 0.0) if harness.now_s < CHANGED_S else 25.0 * to / max(np.hypot(*to), 1.0)
+    sighted(harness, places[0], velocity)
+    places[0] = tuple(np.add(places[0], PERIOD_S * np.asarray(velocity)))
+
+
+def reaction_s(change, dialect, until_s=CHANGED_S + 25.0, begins_s=CHANGED_S):
     """A flight in which something changes; after how long another mission is flown, and the flight."""
     harness = SitlHarness(mission_from_text(LONG, "surprise.yaml"), dialect=dialect)
-    harness.places, due = [], [CHANGED_S]
+    harness.places, due = [], [begins_s]
 
     def on_step(harness):
         if harness.now_s >= due[0]:
@@ -96,3 +107,10 @@ def test_without_the_watch_it_is_answered_much_later(change, monkeypatch):
     monkeypatch.setattr(SurpriseWatch, "look", lambda _watch, _now_s: "")
     took_s, _ = reaction_s(change, Dialect.PX4)
     assert took_s > 4.5
+
+
+@BOTH
+def test_a_vehicle_that_turns_towards_the_path_is_answered_before_the_next_plan_is_due(dialect):
+    _, harness = reaction_s(turn_towards, dialect, CHANGED_S + 5.0, begins_s=5.0)
+    (turned,) = {entry.why["occasion"] for entry in harness.recorder.decisions if "turned" in str(entry.why)}
+    assert turned == "icao:000ABC turned towards the flown path"

@@ -59,6 +59,31 @@ def miss_distance_m(places, east, north):
     return float(shapely.LineString(places[:, :2]).distance(shapely.Point(east, north)))
 
 
+def seconds_in_reach(flight, mission):
+    """Seconds with the first moving threat within its slant reach and in sight of the aircraft."""
+    rows, threat = np.array(flight.simulator.truth.path), np.array(flight.simulator.truth.dt_path)
+    ground = [np.interp(rows[:, 0], threat[:, 0], threat[:, axis]) for axis in (1, 2)]
+    there = np.column_stack([*ground, np.zeros(len(rows))])
+    near = np.linalg.norm(rows[:, 1:4] - there, axis=1) <= mission.dynamic_threats[0].max_threat_radius_m
+    walls = [(shapely.Polygon(wall.polygon_enu_m), wall.base_m, wall.top_m) for wall in mission.obstacles]
+    return sum(
+        float(rows[row + 1, 0] - rows[row, 0])
+        for row in np.flatnonzero(near[:-1])
+        if not any(hides(there[row], rows[row, 1:4], *wall) for wall in walls)
+    )
+
+
+def hides(low, high, polygon, base_m, top_m):
+    """Whether a prism meets the line from ``low`` to ``high`` (east, north, up)."""
+    part = polygon.intersection(shapely.LineString([low[:2], high[:2]]))
+    if part.is_empty:
+        return False
+    flat = math.dist(low[:2], high[:2])
+    share = [math.dist(low[:2], place) / flat for place in shapely.get_coordinates(part)]
+    heights = [low[2] + step * (high[2] - low[2]) for step in share]
+    return min(heights) <= top_m and max(heights) >= base_m
+
+
 def uploads_in_flight(flight):
     """How many missions were entered while the aircraft flew, each with its place and time."""
     uploaded = flight.recorder.missions

@@ -10,7 +10,7 @@ import pytest
 from companion.assurance.checker import Checker
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import Estimator, Optimiser, Strategies
-from companion.planning.solver import solve
+from companion.planning.solver import exposures, solve
 from companion.types.plan import PlanStatus
 from companion.types.threat import Radar
 from tests.support.paths import box, check_limits, prism_distance
@@ -229,3 +229,10 @@ def test_the_trace_hangs_together():
     assert (trace.threat_tree_parents < np.arange(len(trace.threat_tree_parents))).all()
     assert len(trace.sub_goals_enu_m) == len(trace.horizon_centres_enu_m) >= 1
     assert BOUNDS[0] <= trace.tree_enu_m[:, 0].min()
+
+
+def test_exposures_are_stretches_under_threat_by_hand():
+    levels = np.array([0.2, 0.0, 0.1, 0.4, 0.3, 0.0, 0.0, 0.5])
+    assert exposures(levels).tolist() == [0.2, 0.4, 0.5]
+    assert exposures(np.zeros(3)).tolist() == exposures(np.zeros(0)).tolist() == []
+    assert exposures(np.full(4, 0.7)).tolist() == [0.7]

@@ -52,14 +52,14 @@ def jacobians(state, control, tau):
     return both[:, :6], both[:, 6:]
 
 
-def fly(path, problem, dimension, rng):
-    """True positions (rows, flights, 3) of closed-loop flights along a path."""
+def fly(path, problem, dimension, rng, num=FLIGHTS):
+    """True positions (rows, num, 3) of closed-loop flights along a path."""
     model = uncertainty_tables(problem.vehicle, problem.settings.tau_s, dimension)
     theta = np.unwrap([direction_from_course(course) for course in path.courses_rad])
     nominal = np.column_stack([path.positions_enu_m, theta, path.climb_angles_rad, path.speeds_m_s])
     covariance = problem.start.error_covariance
-    estimate = np.tile(nominal[0], (FLIGHTS, 1))
-    true = estimate + rng.standard_normal((FLIGHTS, 6)) * np.sqrt(np.diag(covariance))
+    estimate = np.tile(nominal[0], (num, 1))
+    true = estimate + rng.standard_normal((num, 6)) * np.sqrt(np.diag(covariance))
     process, noise = np.diag(model.process), np.diag(model.measurement)
     positions = [true[:, :3].copy()]
     gain = np.empty((3, 6))
@@ -70,8 +70,8 @@ def fly(path, problem, dimension, rng):
         speed, climb, direction = nominal[k - 1, [5, 4, 3]]
         look_up_gain(speed, planned[1], climb, direction + 0.5 * planned[1] * tau, model, gain)
         control = planned + (estimate - nominal[k - 1]) @ gain.T
-        true = moved(true, control + rng.standard_normal((FLIGHTS, 3)) * np.sqrt(model.process), tau)
-        measured = true[:, :5] + rng.standard_normal((FLIGHTS, 5)) * np.sqrt(model.measurement)
+        true = moved(true, control + rng.standard_normal((num, 3)) * np.sqrt(model.process), tau)
+        measured = true[:, :5] + rng.standard_normal((num, 5)) * np.sqrt(model.measurement)
         prior = a @ covariance @ a.T + b @ process @ b.T
         k_gain = prior @ H.T @ np.linalg.inv(H @ prior @ H.T + noise)
         covariance = (np.eye(6) - k_gain @ H) @ prior

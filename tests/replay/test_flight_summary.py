@@ -8,9 +8,11 @@ import pytest
 from companion.config import load_mission
 from companion.errors import RecordError
 from companion.recording.recorder import About, Recorder
-from companion.replay.flight_summary import FROM_TLOG, ON_BOARD, flight_of
+from companion.replay.flight_summary import flight_of
+from companion.replay.frames_record import FROM_TLOG, ON_BOARD
 from companion.types.events import Dialect
 from companion.ui.plots import flight_start
+from sim.flight_record import record_of
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded
 
@@ -78,7 +80,7 @@ def test_instants_are_those_of_the_decisions(flown):
     """The simulator's report and this one count from the same instant."""
     folder, flight = flown
     _, _, record = flight_of(folder)
-    assert flight_start(record) == pytest.approx(flight_start(flight.record()), abs=0.05)
+    assert flight_start(record) == pytest.approx(flight_start(record_of(flight)), abs=0.05)
 
 
 def test_a_recording_in_which_nothing_was_flown_is_named(tmp_path, companion_command):

@@ -1,9 +1,13 @@
 """What is compiled before a flight: everything, or the first plan in flight would wait for it."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import numba
 import pytest
 
 from companion.config import mission_from_text
@@ -37,3 +41,28 @@ def test_for_every_mission_it_finds_a_plan_at_once_and_improves_on_it(goals, mon
     warm_up(mission_from_text(text, "mission.yaml"))
     assert [plan.reaches_goal for plan in plans] == [True] * NUM_PLANS
     assert plans[1].flown_cost is not None
+
+
+def test_of_lean_compiled_code_everything_is_read_and_nothing_is_missing(tmp_path):
+    compiled = Path(numba.config.CACHE_DIR)
+    folder = tmp_path / compiled.name
+    shutil.copytree(compiled, folder)
+
+    def files():
+        return {path.relative_to(folder) for path in folder.rglob("*.nbc")}
+
+    def warmed(*more):
+        return subprocess.run(
+            [sys.executable, "-m", "companion", "warm-up", *more, CONFIGS / "first-flight.yaml"],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True, text=True, check=True, timeout=600.0,
+        ).stdout  # fmt: skip
+
+    warmed()
+    full = files()
+    assert "MB of parts that are in others are removed" in warmed("--lean")
+    lean = files()
+    assert lean < full
+    assert len(lean) < len(full) / 2
+    warmed()
+    assert files() == lean

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import MissionConfig, load_mission, mission_from_text
@@ -218,3 +219,9 @@ class Client:
 def autopilot(client: Client) -> Any:
     """The one it is connected to."""
     return client.simulator.autopilot
+
+
+def nearest_m(truth):
+    """Smallest slant distance of the true rows to those of the first threat, which drives at up = 0 [m]."""
+    rows, threat = np.array(truth.path)[:, :4], np.array(truth.dt_path)
+    return float(np.hypot(np.hypot(*(rows[:, 1:3] - threat[:, 1:]).T), rows[:, 3]).min())

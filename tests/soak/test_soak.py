@@ -54,13 +54,14 @@ def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(number, tm
     assert how != "collision"
 
 
-# Flights of earlier versions that met an obstacle: paper-2d, ArduPlane.
+# Flights of earlier versions that met an obstacle: paper-2d, the last two on PX4.
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [243, 471, 999])
+@pytest.mark.parametrize("seed", [243, 471, 999, 484, 670])
 def test_flights_that_once_ended_in_a_wall_do_not(seed, tmp_path):
     """243: into a mission whose first waypoint lay on the other side of the bank. 471: a late repetition
     turned back to a waypoint behind. 999: at the end of three quarters of a circle a leg led past the corner
-    of a wall at nine metres, and was flown twelve metres wide.
+    of a wall at nine metres, and was flown twelve metres wide. 484: from a circle to the last waypoint of a
+    curve, before a wall and across its leg. 670: seen once, never again.
     """
     how, _ = flight(seed - 1, 1, tmp_path)
     assert how == "goal"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.assurance.encounters import Masks, Threatening, encounter_with, standing
 from companion.config.models import MissionConfig
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
@@ -137,6 +138,11 @@ def record(start_s=1000.0):
         ]
     )
     hunter = np.column_stack([flown[:, 0], 1700.0 - 8.0 * line.times_s, 200.0 + 4.0 * line.times_s])
+    threats = [
+        Threatening("hunter", 250.0, np.column_stack([hunter, np.zeros(len(hunter))])),
+        *standing(mission().radar_list, flown),
+    ]
+    masks = Masks(mission().obstacle_list)
     return FlightRecord(
         flown=flown,
         dt_paths=(hunter,),
@@ -158,6 +164,7 @@ def record(start_s=1000.0):
             "autopilot": "<b>",
             "gap_s": float("nan"),
         },
+        encounters=tuple(encounter_with(threat, flown, masks) for threat in threats),
     )
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,8 @@ from matplotlib.image import imread
 
 from companion.ui import charts, style
 from companion.ui.perspective import circle, prism_faces
-from companion.ui.plots import closest_approach, flight_map, plot_mission, plot_plan
+from companion.ui.plots import flight_map, plot_mission, plot_plan
+from companion.ui.threats_met import encounter_table
 from tests.ui.flights import empty_record, mission, path, plan, record, snapshot_of
 
 
@@ -72,19 +74,45 @@ def test_the_map_of_an_empty_record_is_the_world_alone():
     assert "flown path, time marked" not in labels_of(figure)
 
 
-def test_the_closest_approach_by_hand():
-    # The aircraft flies east at 10 m/s; the threat stands 30 m beside its path at 50 m.
-    times = np.arange(11.0)
-    flown = np.column_stack([times, 10.0 * times, *np.zeros((5, 11))])
-    threat = np.array([[0.0, 50.0, 30.0], [10.0, 50.0, 30.0]])
-    stamp, own, other = closest_approach(flown, threat)
-    assert (stamp, own.tolist(), other.tolist()) == (5.0, [50.0, 0.0], [50.0, 30.0])
+def test_map_chart_and_table_tell_of_the_same_approach():
+    """At a slant: the flight is 120 m up and more, the hunter on the ground."""
+    config, flight = mission(), record()
+    closest = flight.encounters[0].closest
+    text = f"{closest.distance_m:.0f} m at {style.clock_text(closest.stamp_s - 1000.0)}"
+    with style.drawing():
+        figures = flight_map(config, snapshot_of(config), flight), charts.encounter_chart(flight, 1000.0)
+    assert all(any(label.endswith(text) for label in labels_of(figure)) for figure in figures)
+    row = next(row for row in encounter_table(flight, 1000.0).split("<tr>") if "hunter" in row)
+    assert f">{closest.distance_m:.0f}</td>" in row
+    assert closest.distance_m > math.dist(closest.own_enu_m[:2], closest.other_enu_m[:2])
 
 
-def test_without_a_common_time_there_is_no_approach():
-    flown = np.zeros((1, 7))
-    assert closest_approach(flown, np.array([[5.0, 0.0, 0.0], [6.0, 0.0, 0.0]])) is None
-    assert closest_approach(np.empty((0, 7)), np.zeros((1, 3))) is None
+def test_the_chart_of_threats_shades_what_was_in_reach_and_in_sight():
+    hunter = record().encounters[0]
+    hunter = replace(hunter, in_sight_s=hunter.in_reach_s + np.array([2.0, -3.0]))
+    with style.drawing():
+        axes = charts.encounter_chart(replace(record(), encounters=(hunter,)), 1000.0).axes[0]
+    reach, sight = axes.collections
+    for bars, stretches in ((reach, hunter.in_reach_s), (sight, hunter.in_sight_s)):
+        corners = [path.vertices for path in bars.get_paths()]
+        drawn = [(east.min(), east.max()) for east in (rows[:, 0] for rows in corners)]
+        np.testing.assert_allclose(drawn, stretches - 1000.0)
+        assert {rows[:, 1].max() for rows in corners} == {hunter.reach_m}
+    assert "8.91 s in reach, 3.91 s in sight" in axes.get_legend().get_texts()[0].get_text()
+
+
+def test_of_many_threats_the_chart_has_the_nearest():
+    flight = record()
+    many = tuple(replace(flight.encounters[0], name=f"hunter {number}") for number in range(9))
+    with style.drawing():
+        figure = charts.encounter_chart(replace(flight, encounters=many), 1000.0)
+    assert [label[:8] for label in labels_of(figure)] == [f"hunter {number}" for number in range(4)]
+
+
+def test_without_moving_threats_the_chart_says_so():
+    with style.drawing():
+        axes = charts.encounter_chart(empty_record(), 0.0).axes[0]
+    assert [text.get_text() for text in axes.texts] == ["no moving threat was known"]
 
 
 def test_a_prism_has_its_walls_and_a_roof():

@@ -2,11 +2,14 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
 
+from companion.assurance.encounters import seconds_of
 from companion.ui.report import write_report
+from companion.ui.style import number_text
 from tests.ui.flights import empty_record, mission, record, snapshot_of
 
 VOID = {"meta", "img", "br", "path", "use", "rect", "image"}
@@ -65,7 +68,7 @@ def test_every_picture_says_what_it_shows(written):
     elements = Page(written[0]).attributes
     pictures = [attributes.get("alt") for tag, attributes in elements if tag == "img"]
     pictures += [attributes.get("aria-label") for tag, attributes in elements if tag == "svg"]
-    assert len(pictures) == 5
+    assert len(pictures) == 6
     assert all(len(text) > 20 for text in pictures)
 
 
@@ -95,6 +98,19 @@ def test_the_summary_has_words_and_units(written):
     assert pairs["gap"] == "–"
 
 
+def test_the_table_of_threats_tells_of_each_and_by_whose_paths(written, tmp_path):
+    cells = Page(written[0]).cells
+    first = cells.index("hunter")
+    assert cells[first + 1] == "250"
+    hunter = record().encounters[0]
+    seconds = [seconds_of(stretches) for stretches in (hunter.in_reach_s, hunter.in_sight_s)]
+    assert cells[first + 2 : first + 4] == [number_text(value) for value in seconds]
+    assert "By the true paths." in written[0]
+    config, known = mission(), replace(record(), dt_paths=())
+    page, _ = write_report(tmp_path, config, snapshot_of(config), known)
+    assert "As known on board." in page.read_text(encoding="utf-8")
+
+
 def test_equal_records_give_equal_pages(written, tmp_path):
     config = mission()
     again, _ = write_report(tmp_path, config, snapshot_of(config), record())
@@ -107,3 +123,4 @@ def test_an_empty_record_is_reported_as_such(tmp_path):
     text = page.read_text(encoding="utf-8")
     assert "No decision was recorded." in text
     assert "Nothing was summed up." in text
+    assert "No threat was met." in text

@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.kernels.arrays import FloatArray, Guide, Limits, Obstacles, Tree
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.jit import kernel
 
-BoolArray = NDArray[np.bool_]
 FIRST_PICK = 8  # column of the draws from which nodes are picked
 PICKS = 8  # nodes compared: the one farthest on is followed
 SPREAD = 0.5  # radius of the disc a sample is drawn from, of the way it lies ahead
@@ -33,32 +31,55 @@ def fill_distance_field(
     there and back until nothing changes (Zhao, "A fast sweeping method for Eikonal equations", 2005, on the
     8-neighbour graph).
     """
+    free = np.zeros(guide.field.shape)
+    fill_free(point, radius, margin, bounds, obstacles, guide, free)
+    fill_distances(point, guide, free)
+
+
+@kernel
+def fill_free(
+    point: FloatArray, radius: float, margin: float, bounds: FloatArray, obstacles: Obstacles, guide: Guide,
+    free: FloatArray,
+) -> None:  # fmt: skip
+    """Which cells of a guide may be passed at the height of ``point`` (≥ 3,): 1 in ``free`` (N, M), else 0.
+
+    The rest as in :func:`fill_distance_field`; ``bounds`` (≥ 4,).
+    """
     x, y, z = point[0], point[1], point[2]
-    field, origin, cell = guide.field, guide.origin, guide.cell
-    free = np.zeros(field.shape, dtype=np.bool_)
-    for i in range(field.shape[0]):
-        for j in range(field.shape[1]):
+    origin, cell = guide.origin, guide.cell
+    for i in range(free.shape[0]):
+        for j in range(free.shape[1]):
+            free[i, j] = 0.0
             cx, cy = origin[0] + i * cell, origin[1] + j * cell
             inside = (cx - x) ** 2 + (cy - y) ** 2 <= (radius + cell) ** 2
             if inside and bounds[0] <= cx <= bounds[1] and bounds[2] <= cy <= bounds[3]:
-                free[i, j] = (
-                    clearance_bound(cx, cy, z, obstacles) >= margin
-                    or clearance(cx, cy, z, obstacles, margin + 1.0) >= margin
-                )
+                near = clearance_bound(cx, cy, z, obstacles) < margin
+                is_free = not near or clearance(cx, cy, z, obstacles, margin + 1.0) >= margin
+                free[i, j] = 1.0 if is_free else 0.0
+
+
+@kernel
+def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
+    """Distance of ``point`` (≥ 2,) over the cells that are ``free`` (N, M), into the guide's field [m].
+
+    The point's own cell is free in any case, and is changed to that.
+    """
+    field, origin, cell = guide.field, guide.origin, guide.cell
+    x, y = point[0], point[1]
     field[:] = np.inf
     i, j = int(round((x - origin[0]) / cell)), int(round((y - origin[1]) / cell))
     if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
         return
-    field[i, j], free[i, j] = 0.0, True
+    field[i, j], free[i, j] = 0.0, 1.0
     while _sweep(field, free, cell, 1) | _sweep(field, free, cell, -1):
         pass
 
 
 @kernel
-def _sweep(field: FloatArray, free: BoolArray, cell: float, step: int) -> bool:
+def _sweep(field: FloatArray, free: FloatArray, cell: float, step: int) -> bool:
     """One sweep over all rows, each crossed both ways; whether anything changed.
 
-    ``field`` (N, M) distances so far [m]; ``free`` (N, M) the cells that may be passed.
+    ``field`` (N, M) distances so far [m]; ``free`` (N, M) 1 where a cell may be passed.
     """
     rows, n = field.shape
     aslant = cell * math.sqrt(2.0)
@@ -69,7 +90,7 @@ def _sweep(field: FloatArray, free: BoolArray, cell: float, step: int) -> bool:
         for turn in range(2):
             for b in range(n):
                 j = b if turn == 0 else n - 1 - b
-                if not free[i, j]:
+                if free[i, j] == 0.0:
                     continue
                 best = field[i, j]
                 if 0 <= behind < rows:

@@ -35,12 +35,16 @@ from companion.kernels.jit import kernel
 from companion.kernels.search.costs import cost_distance, threats_at, threats_when
 from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.intercept import EYE_M
+from companion.kernels.threat.pursuit_game import is_caught
 from companion.kernels.threat.reachability import Estimator, estimate_reachability
 from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import FilterScratch, GrowthScratch, Step, ThreatScene
 
+AVOID = 2  # of ``Search.pursuit``
 DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
 MAX_DESCENT = 8  # children followed where the control towards a sample was tried already
+LEAST_DOMAIN = 0.3  # of DD that threat alone leaves: with less several DTs strangle the search
+LEAST_CLEAR = 1e-12  # p_c that is told from less
 FAR = 1.0e4  # clearance beyond which p_c is 1 anyhow [m]
 
 
@@ -58,7 +62,7 @@ def domain_radius(clear: float, level: float, blocked: int, search: Search) -> f
     if blocked == 1 or p_c < search.certain:
         radius = search.k_clear * p_c * search.domain
     if level > 0.0:
-        radius = min(radius, search.domain / (search.k_threat * level))
+        radius = min(radius, max(search.domain / (search.k_threat * level), LEAST_DOMAIN * search.domain))
     return min(radius, search.domain) if blocked == 1 else radius
 
 
@@ -230,19 +234,34 @@ def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: 
 
 
 @kernel
+def collision_cost(search: Search, clear: float) -> float:
+    """What a node costs more for its p_c, ``clear``: the sum over a path is -log Q of (8), weighed."""
+    if search.cost_collision == 0.0 or clear >= 1.0:
+        return 0.0
+    return -search.cost_collision * math.log(max(clear, LEAST_CLEAR))
+
+
+@kernel
 def grow(
     tree: Tree, scene: Scene, q_n: int, state: FloatArray, control: FloatArray, dt: float, draws: FloatArray,
     scratch: GrowthScratch, stats: IntArray,
 ) -> int:  # fmt: skip
     """Add a node below ``q_n`` and all that is known of it (Algorithm 2, lines 9 to 16).
 
-    Returns its row, or -1 where its threat level passes ``level_max``; ways out of a threat already
-    entered stay open. ``state`` (6,) of the node, reached by ``control`` (3,) a, w, wp, which acts for
-    ``dt`` seconds; ``draws`` (≥ 7,) uniform numbers; ``stats`` (4,): the third counts failed extensions.
+    Returns its row, or -1 where its threat level passes ``level_max``, or a DT could threaten it and such
+    nodes are not grown; ways out of a threat already entered stay open. ``state`` (6,) of the node, reached
+    by ``control`` (3,) a, w, wp, which acts for ``dt`` seconds; ``draws`` (≥ 7,) uniform numbers; ``stats``
+    (4,): the third counts failed extensions.
     """
     search, dimension, normals = scene.search, scene.limits.dimension, scene.tables.normals
     factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
     i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
+    is_caught_here = search.pursuit > 0 and is_caught(scene.game, state[0], state[1], state[2], tree.time[i])
+    tree.caught[i] = 1 if is_caught_here else 0
+    if search.pursuit == AVOID and tree.caught[i] > tree.caught[q_n]:
+        drop_last(tree, q_n)
+        stats[2] += 1
+        return -1
     inherit_threats(tree, i, q_n, scene.pursuers, scene.walls)
     num = estimate_reachability(
         tree, scene.pursuers, i, Estimator(search.estimator, search.p_tid, search.k_pursuer),
@@ -258,5 +277,7 @@ def grow(
         if changed[c] != i:
             assess(tree, changed[c], dimension, search, normals, threats, factor, levels)
     tree.cost[i] = tree.cost[q_n] + cost_distance(tree, q_n, state[0], state[1], state[2], search, threats)
+    tree.cost[i] += search.cost_caught * tree.caught[i] * (tree.time[i] - tree.time[q_n])
+    tree.cost[i] += collision_cost(search, tree.clear[i])
     tree.to_go[i] = distance_to_go(scene.guide, state[0], state[1])
     return i

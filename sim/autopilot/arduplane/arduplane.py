@@ -118,6 +118,11 @@ class ArduPlane(MissionPilot):
         return tuple(self.store.mission)
 
     @property
+    def is_uploading(self) -> bool:
+        """Whether somebody is uploading a list."""
+        return self._transfer.is_receiving
+
+    @property
     def current_sequence(self) -> int:
         """Sequence of the item being flown, or to be resumed."""
         return self.runner.index

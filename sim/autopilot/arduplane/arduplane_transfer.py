@@ -93,6 +93,11 @@ class MissionTransfer:
         self._uploads: dict[MissionKind, _Upload] = {}
         self._now_us = 0
 
+    @property
+    def is_receiving(self) -> bool:
+        """Whether a list is being uploaded."""
+        return bool(self._uploads)
+
     def update(self, now_us: int) -> None:
         """Ask for the items that are due, and give up on those who went silent."""
         self._now_us = now_us

@@ -112,6 +112,11 @@ class Px4(MissionPilot):
         return self._lists[MissionKind.MISSION].items
 
     @property
+    def is_uploading(self) -> bool:
+        """Whether somebody is uploading a list."""
+        return self._transfer.is_receiving
+
+    @property
     def current_sequence(self) -> int:
         """Sequence of the item being flown, or to be resumed."""
         return self.runner.index

@@ -115,6 +115,11 @@ class Px4Transfer:
         """Names of the messages it answers; MISSION_WRITE_PARTIAL_LIST is none of them."""
         return tuple(self._handlers)
 
+    @property
+    def is_receiving(self) -> bool:
+        """Whether a list is being uploaded."""
+        return any(link.state is _State.RECEIVING for link in self._links.values())
+
     def update(self, now_us: int) -> None:
         """Ask again for the item that is due, and give up on those who went silent."""
         self._now_us = now_us
@@ -147,9 +152,6 @@ class Px4Transfer:
         link.ask_us = self._now_us + _REPEAT_US
         channel.send(mavlink.MAVLink_mission_request_int_message(*link.partner, len(link.items), link.kind))
 
-    def _is_receiving(self) -> bool:
-        return any(link.state is _State.RECEIVING for link in self._links.values())
-
     def _count(self, channel: Channel, link: _Link, message: Message) -> None:
         self._owner.forget_reached()
         is_partner = link.partner == _sender(message)
@@ -157,7 +159,7 @@ class Px4Transfer:
             link.heard_us = self._now_us  # a repetition; a count that changed is not looked at
             self._ask(channel, link)
             return
-        if link.state is not _State.IDLE or self._is_receiving():
+        if link.state is not _State.IDLE or self.is_receiving:
             if link.state is _State.RECEIVING and is_partner:
                 link.heard_us = self._now_us
             self._busy(channel, message)

@@ -13,7 +13,7 @@ from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
 from companion.planning.route import assess_route, path_from_route, route_from_tree
-from companion.planning.solver import _through_goals
+from companion.planning.solver import _found
 from companion.types.threat import Radar
 from tests.planning.test_solver import checker_for
 from tests.support.paths import box
@@ -26,7 +26,7 @@ RADARS = [Radar("r", (900.0, 1000.0, 0.0), 400.0)]
 def searched(seed, dimension=2, tracks=(), **changes):
     asked = problem(WALLS, RADARS, tracks, dimension=dimension, seed=seed, **changes)
     exploration = Exploration(asked, np.random.default_rng(seed))
-    reached, route, end = _through_goals(exploration, lambda: False)
+    reached, route, end = _found(exploration, lambda: False)
     assert reached
     return exploration, finished_route(exploration, route, np.array(asked.goals[-1].position_enu_m)), end
 

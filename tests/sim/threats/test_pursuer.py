@@ -11,7 +11,7 @@ from companion.types.threat import Obstacle
 from sim.simulator import Simulator
 from sim.threats.pursuer import CLEARANCE_M, Pursuer, TargetEstimate
 from sim.threats.roads import Roads
-from tests.sim.client import Client, mission_file, plain_mission, route
+from tests.sim.client import Client, mission_file, nearest_m, plain_mission, route
 
 BOUNDS = (0.0, 0.0, 2500.0, 2500.0)
 THREAT = """
@@ -92,7 +92,7 @@ def test_cuts_off_a_straight_flight():
     client.set_current(1)
     client.until(lambda: simulator.autopilot.current_sequence == 2, 120.0)
     # The aircraft passes 100 m above it.
-    assert simulator.truth.min_threat_distance_m < 115.0
+    assert nearest_m(simulator.truth) < 115.0
     path = np.array([row[1:] for row in simulator.truth.dt_path])
     assert np.hypot(*np.diff(path, axis=0).T).max() <= 2.5 + 1e-6
 
@@ -103,7 +103,7 @@ def test_the_pursuer_of_the_paper_keeps_off_the_walls():
     path = np.array([row[1:] for row in simulator.truth.dt_path])
     walls = shapely.unary_union([shapely.Polygon(o.polygon_enu_m) for o in simulator.truth.obstacles])
     assert not shapely.intersects(walls, shapely.linestrings(path))
-    assert simulator.truth.min_threat_distance_m < 250.0
+    assert nearest_m(simulator.truth) < 250.0
 
 
 def test_tracks_come_once_a_second_with_noise_from_a_system_of_their_own():
@@ -133,3 +133,15 @@ def test_a_threat_told_to_stand_stands():
     simulator = Simulator(plain_mission(threat), seed=1)
     simulator.step(10.0)
     assert simulator.truth.dt_path[-1][1:] == [1000.0, -900.0]
+
+
+def test_one_that_drives_a_route_hunts_nobody_and_stops_at_its_end():
+    """Legs of 500 and 300 m at 25 m/s: 32 s, and a moment for the corner."""
+    route = "behaviour: drive, route_enu_m: [[1500, -900], [1500, -600]]"
+    simulator = Simulator(plain_mission(THREAT.replace("speed_m_s: 25", f"speed_m_s: 25, {route}")), seed=1)
+    simulator.step(40.0)
+    rows = np.array(simulator.truth.dt_path)
+    way = shapely.LineString([(1000.0, -900.0), (1500.0, -900.0), (1500.0, -600.0)])
+    assert shapely.distance(way, shapely.points(rows[:, 1:])).max() < 16.0  # its turn radius
+    assert math.dist(rows[-1, 1:], (1500.0, -600.0)) < 3.0
+    assert 31.0 < rows[np.argmax((rows[:, 1:] == rows[-1, 1:]).all(axis=1)), 0] < 36.0

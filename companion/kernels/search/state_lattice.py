@@ -1,0 +1,212 @@
+"""A race against the DTs on a lattice of poses: the earliest way to a goal that they cannot bar.
+
+Where the game of paper 2.3 leaves one narrow way in time, a tree of random samples seldom comes through: its
+branches meander, and whoever comes late is caught. Here the aircraft's own steps are searched by A*, one
+pose a cell of place, direction and turn; since every place is safe until a moment, the earliest arrival in a
+cell is the best. In the plane only.
+
+References
+----------
+Dolgov, Thrun, Montemerlo, Diebel, "Path planning for autonomous vehicles in unknown semi-structured
+environments", IJRR 29(5), 2010 (hybrid A*).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.kernels.aircraft.motion import OK, advance, slowness, state_status, straight_after
+from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Scene, Tree
+from companion.kernels.borrowed import borrowed
+from companion.kernels.geometry.distance_field import distance_to_go
+from companion.kernels.jit import kernel
+from companion.kernels.search.costs import threats_at
+from companion.kernels.search.growth import is_edge_clear
+from companion.kernels.threat.fuzzy_threat import point_threat
+from companion.kernels.threat.pursuit_game import is_caught, pop_least, push
+from companion.kernels.threat.reachability import passes_by
+from companion.kernels.threat.threat_tree import FLIES_ON, threat_trees_of
+from companion.kernels.workspace import PathRows, Workspace
+
+CELLS = 300  # along the longer side of the bounds, of at least a step each
+DIRECTIONS, TURN_STATES = 16, 3
+STRAIGHT_STEPS = 2  # of a piece between which a turn may begin
+CAPACITY = 100_000  # poses looked at
+
+
+class Poses(NamedTuple):
+    """What the search has come to, a row each.
+
+    ``state`` (P, 6); ``parent`` (P,); ``time`` (P,) [s]; ``due`` (P,) by how much later a way as dear by (9)
+    without threats would be here [s]; ``turn``, ``straight`` and ``rate`` (P,) as in
+    :class:`~companion.kernels.arrays.Tree`; ``caught`` (P,) 1 where a DT could threaten it, as one that the
+    aircraft begins in.
+    """
+
+    state: FloatArray
+    parent: IntArray
+    time: FloatArray
+    due: FloatArray
+    turn: IntArray
+    straight: FloatArray
+    rate: FloatArray
+    caught: IntArray
+
+
+@kernel
+def race(
+    tree: Tree, i: int, goal: FloatArray, radius: float, home: Guide, scene: Scene, rows: PathRows,
+    work: Workspace,
+) -> int:  # fmt: skip
+    """Steps from node ``i`` to within ``radius`` of a goal, none of which a DT could threaten by then.
+
+    ``goal`` (3,) [m], ``home`` its distance field. ``rows`` receives the steps, the node's own first; returns
+    how many there are, 0 where no way was found.
+    """
+    scene, work, home = borrowed(scene), borrowed(work), borrowed(home)
+    limits, b = scene.limits, scene.limits.bounds
+    work.points[:] = 0.0
+    cell = max(limits.v_cruise * limits.tau, max(b[1] - b[0], b[3] - b[2]) / CELLS)
+    across = int((b[3] - b[2]) / cell) + 1
+    seen = np.zeros((int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES, dtype=np.bool_)
+    poses = _poses_from(tree, i)
+    keys, waiting = np.empty(CAPACITY + 1), np.empty(CAPACITY + 1, dtype=np.int64)
+    count, size = 1, push(keys, waiting, 0, poses.time[0], 0)
+    while size > 0:
+        at = waiting[0]
+        size = pop_least(keys, waiting, size)
+        place = _cell_of(poses.state[at], poses.turn[at], b, cell, across)
+        if seen[place]:
+            continue
+        seen[place] = True
+        for way in range(-1, 2):
+            before = count
+            count, last = _go_on(poses, count, at, way, goal, radius, home, scene, work)
+            if last < 0:
+                continue
+            if math.hypot(poses.state[last, 0] - goal[0], poses.state[last, 1] - goal[1]) <= radius:
+                return _steps_to(last, poses, rows)
+            if count + int(limits.straight_min) >= CAPACITY:
+                return 0
+            if seen[_cell_of(poses.state[last], poses.turn[last], b, cell, across)]:
+                count = before
+                continue
+            left = distance_to_go(home, poses.state[last, 0], poses.state[last, 1]) / limits.v_cruise
+            size = push(keys, waiting, size, poses.time[last] + poses.due[last] + left, last)
+    return 0
+
+
+@kernel
+def _poses_from(tree: Tree, i: int) -> Poses:
+    """Room for the search, with node ``i`` as its first pose."""
+    poses = Poses(
+        np.empty((CAPACITY, 6)),
+        np.full(CAPACITY, -1),
+        np.empty(CAPACITY),
+        np.zeros(CAPACITY),
+        np.zeros(CAPACITY, dtype=np.int64),
+        np.zeros(CAPACITY),
+        np.zeros(CAPACITY),
+        np.zeros(CAPACITY, dtype=np.int64),
+    )
+    poses.state[0], poses.time[0], poses.caught[0] = tree.state[i], tree.time[i], tree.caught[i]
+    poses.turn[0], poses.straight[0] = tree.turn[i], tree.straight[i]
+    return poses
+
+
+@kernel
+def _go_on(
+    poses: Poses, count: int, at: int, way: int, goal: FloatArray, radius: float, home: Guide, scene: Scene,
+    work: Workspace,
+) -> tuple[int, int]:  # fmt: skip
+    """Steps from pose ``at``: a turn's to the left (1) or right (-1), or as many straight ones as have to be.
+
+    How many poses there are then, and the last of them; -1 where the steps cannot be flown to their end. They
+    end at once within ``radius`` of ``goal`` (3,) [m].
+    """
+    limits, tau, first = scene.limits, scene.limits.tau, count
+    is_straight = poses.straight[at] >= limits.straight_min - 1e-6
+    if way != 0 and poses.turn[at] != way and (poses.turn[at] != 0 or not is_straight):
+        return count, -1
+    steps, last = _steps(poses, at, way, limits), at
+    for _ in range(steps):
+        here, out = poses.state[last], poses.state[count]
+        a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - here[5]) / tau))
+        w = way * min(here[5], here[5] + a * tau) / limits.r_min
+        advance(here, a, w, 0.0, tau, out)
+        if state_status(out, limits) != OK or distance_to_go(home, out[0], out[1]) == math.inf:
+            return first, -1
+        work.stats[0] += 1
+        if not is_edge_clear(here, out, w, scene.obstacles, limits):
+            return first, -1
+        taken = tau * slowness(here, out, limits)
+        time = poses.time[last] + taken
+        caught = 1 if is_caught(scene.game, out[0], out[1], out[2], time) else 0
+        level = _level(out, time, scene, work)
+        if caught > poses.caught[last] or level > scene.search.level_max:
+            return first, -1
+        per_second = scene.search.cost_distance * limits.v_cruise / scene.search.unit
+        poses.due[count] = poses.due[last] + scene.search.cost_threat * level / per_second
+        poses.parent[count], poses.time[count], poses.rate[count] = last, time, w
+        poses.turn[count], poses.straight[count] = straight_after(
+            poses.turn[last], poses.straight[last], w, tau * 0.5 * (out[5] + here[5])
+        )
+        poses.caught[count] = caught
+        last = count
+        count += 1
+        if math.hypot(out[0] - goal[0], out[1] - goal[1]) <= radius:
+            break
+    return count, last
+
+
+@kernel
+def _level(out: FloatArray, time: float, scene: Scene, work: Workspace) -> float:
+    """Threat level of radars, and of aircraft that fly on, to the state ``out`` (6,).
+
+    Those that hunt are kept away from anyhow.
+    """
+    trees = threat_trees_of(scene.pursuers)
+    for d in range(scene.pursuers.count.shape[0]):
+        if scene.pursuers.model[d, 3] == FLIES_ON:
+            passes_by(trees, d, out[0], out[1], out[2], time, work.points)
+    threats = threats_at(scene, work.points, work.growth.threat)
+    mu, nu = point_threat(out[0], out[1], out[2], out[3], out[4], out[5], 0.0, threats)
+    return max(mu - nu, 0.0)
+
+
+@kernel
+def _steps(poses: Poses, at: int, way: int, limits: Limits) -> int:
+    """How many steps are flown at once: no turn begins sooner than ``straight_min`` after another."""
+    if way != 0:
+        return 1
+    flown = 0.0 if poses.turn[at] != 0 else poses.straight[at]
+    left = limits.straight_min - flown
+    return max(STRAIGHT_STEPS, int(math.ceil(left / (poses.state[at, 5] * limits.tau) - 1e-6)))
+
+
+@kernel
+def _cell_of(state: FloatArray, turn: int, b: FloatArray, cell: float, across: int) -> int:
+    """Number of the cell of place, direction and turn in which ``state`` (6,) lies; ``b`` (6,) bounds [m]."""
+    i, j = int((state[0] - b[0]) / cell), int((state[1] - b[2]) / cell)
+    k = int(math.floor((state[3] / (2.0 * math.pi) + 1.0) * DIRECTIONS)) % DIRECTIONS
+    return ((i * across + j) * DIRECTIONS + k) * TURN_STATES + turn + 1
+
+
+@kernel
+def _steps_to(last: int, poses: Poses, rows: PathRows) -> int:
+    """Copy the steps to a pose, the first one first; how many rows, 0 where there is no room for them."""
+    n, at = 0, last
+    while at >= 0:
+        n += 1
+        at = poses.parent[at]
+    if n > rows.times.shape[0]:
+        return 0
+    at = last
+    for k in range(n - 1, -1, -1):
+        rows.states[k], rows.times[k] = poses.state[at], poses.time[at]
+        rows.rates[k, 0], rows.rates[k, 1] = poses.rate[at], 0.0
+        at = poses.parent[at]
+    return n

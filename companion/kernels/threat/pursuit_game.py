@@ -1,0 +1,310 @@
+"""The game of paper 2.3: where a DT that knows the whole path could threaten the aircraft, and from when on.
+
+``T_D(p)`` is a DT's earliest arrival at ``p`` by the shortest way round obstacles; ``C(q)``, the least
+``T_D(p)`` over the places within RD_max of ``q`` with a free line of sight to it, is the earliest moment at
+which ``q`` is under threat. A path that passes all its places before their ``C`` is safe against every
+strategy of that DT. Here both are found on a grid; every rounding errs on the near side, but for walls, whose
+outlines are those of the cells with their centre inside.
+
+Symbols: ``q`` = (x, y, z) a place of the aircraft, ``d`` the DT.
+
+References
+----------
+Zhao, "A fast sweeping method for Eikonal equations", Math. Comp. 74, 2005.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.kernels.arrays import FloatArray, Game, IntArray, Obstacles
+from companion.kernels.geometry.prism_distance import point_in_polygon
+from companion.kernels.jit import kernel
+
+DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
+SHORTENED = 0.98  # sweeping finds ways too long, by less than this
+PACE = 0.94  # eight directions lengthen ways by up to 8 %; most of it is taken off
+SEED_CELLS = 6  # about a DT in which its ways are straight lines
+STANDS_M = 1.0  # higher a wall does not stand on the ground: it is driven under, and hides nothing
+BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
+
+
+@kernel
+def fill_tops(obstacles: Obstacles, plane_up: float, grid: FloatArray, tops: FloatArray) -> None:
+    """Height of the wall over every cell's centre, in place.
+
+    ``grid`` (3,) x0 y0 and the spacing [m]; ``tops`` (NX, NY) receives heights [m], minus infinity where no
+    wall stands. In the plane, at height ``plane_up`` (else NaN), a wall hides whatever its height.
+    """
+    tops[:] = -math.inf
+    is_plane = not math.isnan(plane_up)
+    for o in range(obstacles.heights.shape[0]):
+        base, top, box = obstacles.heights[o, 0], obstacles.heights[o, 1], obstacles.boxes[o]
+        if (base > plane_up or top < plane_up) if is_plane else base > STANDS_M:
+            continue
+        first, last = obstacles.offsets[o], obstacles.offsets[o + 1]
+        for i in range(_cell(box[0], grid[0], grid[2], tops.shape[0]), tops.shape[0]):
+            x = grid[0] + i * grid[2]
+            if x > box[2]:
+                break
+            for j in range(_cell(box[1], grid[1], grid[2], tops.shape[1]), tops.shape[1]):
+                y = grid[1] + j * grid[2]
+                if y > box[3]:
+                    break
+                if point_in_polygon(x, y, obstacles.edges, first, last):
+                    tops[i, j] = math.inf if is_plane else max(tops[i, j], top)
+
+
+@kernel
+def _cell(x: float, origin: float, spacing: float, n: int) -> int:
+    """The cell whose centre is nearest to ``x``, within 0 to ``n - 1``."""
+    return min(n - 1, max(0, int(math.floor((x - origin) / spacing + 0.5))))
+
+
+@kernel
+def fill_arrivals(x: float, y: float, game: Game, d: int) -> None:
+    """``T_D`` of DT ``d``, which is at (x, y), into ``game.arrival[d]`` [s]."""
+    grid, tops, way = game.grid, game.tops, game.arrival[d]
+    stamp, v, nearer = game.hunters[d, 3], game.hunters[d, 4], game.hunters[d, 6]
+    nx, ny = tops.shape
+    way[:] = math.inf
+    a, b = _cell(x, grid[0], grid[2], nx), _cell(y, grid[1], grid[2], ny)
+    for i in range(max(0, a - SEED_CELLS), min(nx, a + SEED_CELLS + 1)):
+        for j in range(max(0, b - SEED_CELLS), min(ny, b + SEED_CELLS + 1)):
+            px, py = grid[0] + i * grid[2], grid[1] + j * grid[2]
+            if tops[i, j] == -math.inf and _is_free(x, y, px, py, grid, tops):
+                way[i, j] = math.hypot(px - x, py - y)
+    way[a, b] = math.hypot(grid[0] + a * grid[2] - x, grid[1] + b * grid[2] - y)
+    if v > 0.0:
+        while _sweep(way, tops, grid[2], 1, 1) | _sweep(way, tops, grid[2], -1, -1):
+            _sweep(way, tops, grid[2], 1, -1)
+            _sweep(way, tops, grid[2], -1, 1)
+    for i in range(nx):
+        for j in range(ny):
+            left = max(0.0, SHORTENED * way[i, j] - nearer - 0.5 * grid[2])
+            if left == 0.0:
+                way[i, j] = stamp
+            else:
+                way[i, j] = stamp + left / v if v > 0.0 else math.inf
+
+
+@kernel
+def _is_free(ax: float, ay: float, bx: float, by: float, grid: FloatArray, tops: FloatArray) -> bool:
+    """Whether no cell between two places holds a wall; ``grid`` (3,) and ``tops`` (NX, NY) as in Game."""
+    steps = int(2.0 * math.hypot(bx - ax, by - ay) / grid[2])
+    for k in range(1, steps + 1):
+        share = k / (steps + 1)
+        i = _cell(ax + share * (bx - ax), grid[0], grid[2], tops.shape[0])
+        j = _cell(ay + share * (by - ay), grid[1], grid[2], tops.shape[1])
+        if tops[i, j] > -math.inf:
+            return False
+    return True
+
+
+@kernel
+def _sweep(way: FloatArray, tops: FloatArray, cell: float, right: int, up: int) -> bool:
+    """One Gauss-Seidel sweep of Godunov's scheme over ``way`` (NX, NY) [m]; whether anything changed.
+
+    ``tops`` (NX, NY) as in Game.
+    """
+    nx, ny = tops.shape
+    changed = False
+    for s in range(nx):
+        i = s if right > 0 else nx - 1 - s
+        for t in range(ny):
+            j = t if up > 0 else ny - 1 - t
+            if tops[i, j] > -math.inf:
+                continue
+            a = min(way[i - 1, j] if i > 0 else math.inf, way[i + 1, j] if i < nx - 1 else math.inf)
+            b = min(way[i, j - 1] if j > 0 else math.inf, way[i, j + 1] if j < ny - 1 else math.inf)
+            least = min(a, b)
+            if least >= way[i, j]:
+                continue
+            found = least + cell
+            if abs(a - b) < cell:
+                found = 0.5 * (a + b + math.sqrt(2.0 * cell * cell - (a - b) ** 2))
+            if found < way[i, j] - 1e-6:
+                way[i, j] = found
+                changed = True
+    return changed
+
+
+@kernel
+def caught_from(game: Game, x: float, y: float, z: float, soon: float, late: float) -> float:
+    """``C(q)``, the earliest moment at which a place is under a DT's threat [s].
+
+    Infinite where it never is. Any moment up to ``soon`` is as good as the earliest, and any after ``late``
+    as good as never: less is looked at.
+    """
+    best = math.inf
+    hunters = game.hunters
+    for d in range(hunters.shape[0]):
+        kind, reach, v = hunters[d, 7], hunters[d, 5], hunters[d, 4]
+        if kind == PASSES_BY:
+            continue
+        flat = math.hypot(x - hunters[d, 0], y - hunters[d, 1])
+        up = z - hunters[d, 2] if game.is_plane == 0 else 0.0
+        if kind == DRIVES and abs(up) > reach:
+            continue
+        radius = math.sqrt(reach * reach - up * up) if kind == DRIVES else reach
+        away = flat if kind == DRIVES else math.hypot(flat, up)
+        left = max(0.0, away - radius - hunters[d, 6] - 0.5 * game.grid[2])
+        soonest = hunters[d, 3]
+        if left > 0.0:
+            soonest = soonest + left / v if v > 0.0 else math.inf
+        if soonest > late or soonest >= best:
+            continue
+        if kind == DRIVES:
+            soonest = _seen_from(game, d, x, y, up, radius, soon)
+        best = min(best, soonest)
+        if best <= soon:
+            break
+    return best
+
+
+@kernel
+def _seen_from(game: Game, d: int, x: float, y: float, up: float, radius: float, soon: float) -> float:
+    """Earliest arrival of DT ``d`` at a place within ``radius`` that sees one ``up`` metres above it [s]."""
+    away = math.hypot(game.hunters[d, 0] - x, game.hunters[d, 1] - y)
+    best = math.inf
+    if away <= radius:  # where it is now, too, lies on one of the lines
+        towards = math.atan2(game.hunters[d, 1] - y, game.hunters[d, 0] - x)
+        best = _seen_along(game, d, x, y, up, towards, away)
+    if best <= soon or game.hunters[d, 4] <= 0.0:
+        return best
+    count = max(16, int(2.0 * math.pi * radius / (BEARING_CELLS * game.grid[2])))
+    for k in range(count):
+        best = min(best, _seen_along(game, d, x, y, up, 2.0 * math.pi * k / count, radius))
+        if best <= soon:
+            break
+    return best
+
+
+@kernel
+def _seen_along(game: Game, d: int, x: float, y: float, up: float, angle: float, length: float) -> float:
+    """:func:`_seen_from` of the places on one line of sight, ``length`` metres long at ``angle``."""
+    grid, tops, ground, cell = game.grid, game.tops, game.hunters[d, 2], game.grid[2]
+    east, north = math.cos(angle), math.sin(angle)
+    best, hidden, r = math.inf, 0.0, 0.0
+    while True:
+        i = int(math.floor((x + r * east - grid[0]) / cell + 0.5))
+        j = int(math.floor((y + r * north - grid[1]) / cell + 0.5))
+        if i < 0 or j < 0 or i >= tops.shape[0] or j >= tops.shape[1]:
+            break
+        top = tops[i, j] - ground
+        if top > -math.inf and r > 0.0:
+            if top >= up:
+                break
+            hidden = max(hidden, r * up / (up - top))
+        elif r >= hidden:
+            best = min(best, game.arrival[d, i, j])
+        if r >= length:
+            break
+        r = min(r + cell, length)
+    return best
+
+
+@kernel
+def is_caught(game: Game, x: float, y: float, z: float, time: float) -> bool:
+    """Whether a DT could threaten a place at a moment, ``game.slack`` taken off."""
+    if game.hunters.shape[0] == 0:
+        return False
+    until = time + game.slack
+    return caught_from(game, x, y, z, until, until) <= until
+
+
+@kernel
+def fill_ways_free(
+    free: FloatArray, origin: FloatArray, cell: float, game: Game, start: tuple[float, float, float, float],
+    speed: float,
+) -> None:  # fmt: skip
+    """Which cells of a grid can be come to before a DT could threaten them, in place.
+
+    Dijkstra's algorithm over eight neighbours, by the clock: ``start`` x y z [m] and time [s], at ``speed``
+    [m/s], ways taken a little short. ``free`` (N, M) is 1 where the aircraft may fly, and stays 1 where it
+    can come to safely; ``origin`` (2,) the first cell's centre and ``cell`` the spacing [m]. Out of a threat
+    that it starts in, every way is as good.
+    """
+    n, m = free.shape
+    a, b = _cell(start[0], origin[0], cell, n), _cell(start[1], origin[1], cell, m)
+    time = np.full((n, m), math.inf)
+    is_in = np.zeros((n, m), dtype=np.bool_)
+    is_done = np.zeros((n, m), dtype=np.bool_)
+    heap_key, heap_cell = np.empty(8 * n * m + 1), np.empty(8 * n * m + 1, dtype=np.int64)
+    time[a, b], is_in[a, b], free[a, b] = (
+        start[3],
+        is_caught(game, start[0], start[1], start[2], start[3]),
+        1.0,
+    )
+    size = push(heap_key, heap_cell, 0, start[3], a * m + b)
+    pace = PACE / speed
+    while size > 0:
+        at = heap_cell[0]
+        size = pop_least(heap_key, heap_cell, size)
+        i, j = at // m, at % m
+        if is_done[i, j]:
+            continue
+        is_done[i, j] = True
+        for u in range(max(0, i - 1), min(n, i + 2)):
+            for w in range(max(0, j - 1), min(m, j + 2)):
+                if is_done[u, w] or free[u, w] == 0.0:
+                    continue
+                due = time[i, j] + pace * cell * (math.sqrt(2.0) if u != i and w != j else 1.0)
+                if due >= time[u, w]:
+                    continue
+                caught = is_caught(game, origin[0] + u * cell, origin[1] + w * cell, start[2], due)
+                if caught and not is_in[i, j]:
+                    continue
+                time[u, w], is_in[u, w] = due, caught
+                size = push(heap_key, heap_cell, size, due, u * m + w)
+    for i in range(n):
+        for j in range(m):
+            if not is_done[i, j]:
+                free[i, j] = 0.0
+
+
+@kernel
+def push(keys: FloatArray, values: IntArray, size: int, key: float, value: int) -> int:
+    """Put an entry into a binary heap of ``keys`` and ``values`` (S,); its new size."""
+    at = size
+    while at > 0 and keys[(at - 1) // 2] > key:
+        keys[at], values[at] = keys[(at - 1) // 2], values[(at - 1) // 2]
+        at = (at - 1) // 2
+    keys[at], values[at] = key, value
+    return size + 1
+
+
+@kernel
+def pop_least(keys: FloatArray, values: IntArray, size: int) -> int:
+    """Take the least entry out of a binary heap of ``keys`` and ``values`` (S,); its new size."""
+    size -= 1
+    key, value, at = keys[size], values[size], 0
+    while 2 * at + 1 < size:
+        child = 2 * at + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[at], values[at] = keys[child], values[child]
+        at = child
+    keys[at], values[at] = key, value
+    return size
+
+
+@kernel
+def caught_rows(states: FloatArray, times: FloatArray, first: int, n: int, game: Game) -> tuple[float, float]:
+    """When a path first comes under threat, and for how long in all [s].
+
+    Of rows ``first`` to ``n - 1`` of ``states`` (N, 6) at ``times`` (N,) [s]; infinite and 0 where it never
+    does.
+    """
+    begins, total = math.inf, 0.0
+    if game.hunters.shape[0] == 0:
+        return begins, total
+    for k in range(first, n):
+        if is_caught(game, states[k, 0], states[k, 1], states[k, 2], times[k]):
+            begins = min(begins, times[k])
+            total += times[k] - times[max(k - 1, 0)]
+    return begins, total

@@ -1,0 +1,101 @@
+"""The measures of a simulated flight, from the true paths: what threatened it, for how long and how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.assurance.encounters import (
+    Masks,
+    Threatening,
+    aggregated_threat,
+    encounter_with,
+    joined,
+    seconds_of,
+    standing,
+    total_threat,
+)
+from companion.types.encounter import Encounter
+from companion.types.threat import DynamicThreat, Radar
+from sim.truth import Truth
+
+NEVER = math.inf
+
+Measures = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FlightMeasures:
+    """What the threats of a flight were to it.
+
+    Parameters
+    ----------
+    dynamic_threats, radars : tuple of Encounter
+        One each, in the mission file's order.
+    """
+
+    dynamic_threats: tuple[Encounter, ...]
+    radars: tuple[Encounter, ...]
+
+    @property
+    def num_threatening(self) -> int:
+        """Of how many dynamic threats the aircraft was in reach and in sight."""
+        return sum(len(entry.in_sight_s) > 0 for entry in self.dynamic_threats)
+
+    def over_all(self) -> Measures:
+        """Measures of all dynamic threats together, then of all radars."""
+        return of_dynamic_threats(self.dynamic_threats) | {
+            "seconds_in_radar": seconds_of(joined(*(entry.in_sight_s for entry in self.radars))),
+            "TTA": total_threat(self.radars),
+            "ATP": aggregated_threat(self.radars),
+        }
+
+    def by_name(self) -> dict[str, Measures]:
+        """Measures of each dynamic threat."""
+        return {entry.name: of_dynamic_threats([entry]) for entry in self.dynamic_threats}
+
+
+def of_dynamic_threats(encounters: Sequence[Encounter]) -> Measures:
+    """The measures of one or several dynamic threats: seconds in which any of them, and the nearest approach.
+
+    Of what never was the value is infinite.
+    """
+    in_sight = joined(*(entry.in_sight_s for entry in encounters))
+    known = [entry.closest for entry in encounters if entry.closest is not None]
+    nearest = min(known, key=lambda closest: closest.distance_m, default=None)
+    return {
+        "seconds_in_reach": seconds_of(joined(*(entry.in_reach_s for entry in encounters))),
+        "seconds_in_reach_and_sight": seconds_of(in_sight),
+        "t_f_s": float(in_sight[0, 0]) if len(in_sight) else NEVER,
+        "miss_distance_m": NEVER if nearest is None else nearest.distance_m,
+        "miss_s": NEVER if nearest is None else nearest.stamp_s,
+        "TDTA": total_threat(encounters),
+        "ADTP": aggregated_threat(encounters),
+    }
+
+
+def measured(truth: Truth, threats: Sequence[DynamicThreat], radars: Sequence[Radar]) -> FlightMeasures:
+    """The measures of a flight.
+
+    Parameters
+    ----------
+    truth : Truth
+        What really happened.
+    threats : sequence of DynamicThreat
+        As the mission file has them; told by their names, at their height.
+    radars : sequence of Radar
+        As the mission file has them, whether or not they were sensed.
+    """
+    flown, masks = np.array(truth.path), Masks(truth.obstacles)
+    moving = []
+    for threat in threats:
+        rows = np.array(truth.threat_paths[threat.name])
+        height = np.full(len(rows), threat.position_enu_m[2])
+        moving.append(Threatening(threat.name, threat.max_threat_radius_m, np.column_stack([rows, height])))
+    return FlightMeasures(
+        tuple(encounter_with(threat, flown, masks) for threat in moving),
+        tuple(encounter_with(radar, flown, masks) for radar in standing(radars, flown)),
+    )

@@ -1,0 +1,103 @@
+"""Races on the lattice of poses, judged by plain Python."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.kernels.geometry.distance_field import fill_distances
+from companion.kernels.search.state_lattice import race
+from companion.kernels.workspace import empty_rows
+from companion.planning.explore import Exploration
+from companion.types.threat import Obstacle, Radar
+from companion.world.pursuit import Pursuit
+from tests.support.worlds import problem, track
+
+pytestmark = pytest.mark.compiled
+
+WALL = Obstacle("wall", np.array([(700.0, 0.0), (760.0, 0.0), (760.0, 1000.0), (700.0, 1000.0)]), 0.0, 300.0)
+
+
+def raced(asked):
+    """Rows of the race to the only goal (N, 6), their times (N,), and the exploration."""
+    exploration = Exploration(asked, np.random.default_rng(1))
+    goal = np.array(asked.goals[0].position_enu_m)
+    home, rows = exploration.guide_home(goal), empty_rows(2048)
+    n = race(exploration.tree, 0, goal, 45.0, home, exploration.scene(), rows, exploration.work)
+    return rows.states[:n], rows.times[:n], exploration
+
+
+def turns_of(states):
+    return np.diff(np.unwrap(states[:, 3]))
+
+
+def test_in_the_open_it_flies_nearly_straight():
+    _, times, _ = raced(problem())
+    straight_s = (math.hypot(1250.0, 1250.0) - 45.0) / 25.0
+    assert straight_s - 0.01 <= times[-1] <= straight_s + 3.0
+
+
+def test_it_keeps_the_turn_radius_the_straight_rule_and_the_margin():
+    states, _, exploration = raced(problem([WALL]))
+    turns, steps = turns_of(states), np.hypot(*np.diff(states[:, :2], axis=0).T)
+    assert len(states) > 40
+    arc = np.abs(turns) > 1e-9
+    chords = 2.0 * exploration.limits.r_min * np.sin(0.5 * np.abs(turns[arc]))
+    assert steps[arc] == pytest.approx(chords, rel=1e-6)
+    since = math.inf
+    last = 0.0
+    for turn, step in zip(turns, steps, strict=True):
+        if abs(turn) > 1e-9:
+            assert math.copysign(1.0, turn) == last or since >= exploration.limits.straight_min - 1e-6
+            last, since = math.copysign(1.0, turn), 0.0
+        else:
+            last, since = 0.0, since + step
+    inside = (states[:, 0] > 700.0 - 15.0) & (states[:, 0] < 775.0) & (states[:, 1] < 1015.0)
+    assert not (inside & (np.hypot(states[:, 0] - 760.0, states[:, 1] - 1000.0) > 15.0)).any()
+
+
+def test_a_dt_that_could_bar_the_way_is_gone_round_and_outrun():
+    slow = problem(tracks=[track(725.0, 725.0, speed=4.0, radius=200.0)])
+    states, times, exploration = raced(slow)
+    assert len(states)
+    game = exploration.chase.game
+    away = np.hypot(states[:, 0] - 725.0, states[:, 1] - 725.0)
+    assert (away - 200.0 > 4.0 * (times + game.slack)).all()  # whatever it does
+    weighed, _, _ = raced(replace(slow, settings=replace(slow.settings, strategies=replace(
+        slow.settings.strategies, plays_game=False))))  # fmt: skip
+    assert (np.hypot(weighed[:, 0] - 725.0, weighed[:, 1] - 725.0) < 200.0).any()
+
+
+def test_where_a_dt_bars_all_ways_there_is_none():
+    states, _, exploration = raced(problem(tracks=[track(1300.0, 1300.0, speed=20.0, radius=200.0)]))
+    assert not len(states)
+    assert exploration.chase.pursuit is Pursuit.AVOIDED
+    speeds = []
+    while exploration.chase.pursuit is Pursuit.AVOIDED:
+        exploration.give_in(lambda: False)
+        speeds.append(exploration.chase.game.hunters[0, 4])
+    assert speeds == pytest.approx([20.0, 16.0, 12.0, 8.0, 4.0, 0.0, 20.0])
+    assert exploration.chase.pursuit is Pursuit.WEIGHED
+    _, _, late = raced(problem(tracks=[track(1300.0, 1300.0, speed=20.0, radius=200.0)]))
+    late.give_in(lambda: True)  # no time is left: weighed at once
+    assert late.chase.pursuit is Pursuit.WEIGHED
+
+
+def test_threat_levels_above_the_limit_are_not_entered():
+    radar = Radar("radar", (725.0, 725.0, 150.0), 300.0)
+    far = replace(problem(radars=[radar], threat_level_max=0.3), seed=2)
+    known = far.snapshot.with_known(np.ones(1, dtype=np.int64))
+    states, _, _ = raced(replace(far, snapshot=known))
+    through, _, _ = raced(replace(problem(radars=[radar]), snapshot=known))
+    nearest = [np.hypot(rows[:, 0] - 725.0, rows[:, 1] - 725.0).min() for rows in (states, through)]
+    assert nearest[0] > nearest[1]
+    assert nearest[0] > 150.0
+
+
+def test_without_a_way_home_nothing_is_found():
+    exploration = Exploration(problem(), np.random.default_rng(1))
+    goal = np.array([1350.0, 1350.0, 150.0])
+    home, rows = exploration.guide_home(goal), empty_rows(2048)
+    fill_distances(goal, home, np.zeros(home.field.shape))
+    assert race(exploration.tree, 0, goal, 45.0, home, exploration.scene(), rows, exploration.work) == 0

@@ -1,0 +1,60 @@
+"""Whether a path that knows how uncertain the aircraft is touches fewer walls than one that does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from companion.campaign.runs import offline_problem, offline_world
+from companion.config import load_mission
+from companion.planning.solver import solve
+from tests.proofs import test_lqg_honesty as honesty
+from tests.sim.client import CONFIGS
+
+NOISE = 3.0  # times that of the mission files: the paper's Q is of about this
+MARGIN_M = 1.0  # so that nothing but p_c keeps away from walls
+SEEDS, FLIGHTS = range(1, 6), 400  # 2,000 flights a side
+
+
+def noisy(mission):
+    """A mission whose aircraft strays, and is known, ``NOISE`` times worse, and is given no margin."""
+    vehicle = mission.vehicle
+    noise = {
+        key: NOISE * float(getattr(vehicle, key)) for key in type(vehicle).model_fields if "_std_" in key
+    }
+    planning = mission.planning.model_copy(update={"clearance_min_m": MARGIN_M})
+    return mission.model_copy(update={"vehicle": vehicle.model_copy(update=noise), "planning": planning})
+
+
+def share_hit(mission, settings):
+    """Of closed-loop flights along a planner's paths the share that touches an obstacle at a node."""
+    hit = total = 0
+    walls = [
+        (shapely.Polygon(block.polygon_enu_m), block.base_m, block.top_m) for block in mission.obstacle_list
+    ]
+    for seed in SEEDS:
+        problem = offline_problem(mission, offline_world(mission), None, seed)
+        chosen = replace(problem, settings=settings(problem.settings))
+        plan = solve(chosen)
+        assert plan.reaches_goal
+        # Both sides are flown by the aircraft as it is, whatever its planner takes it for.
+        flown = honesty.fly(plan.path, problem, mission.dimension, np.random.default_rng(seed), FLIGHTS)
+        touched = np.zeros(FLIGHTS, dtype=bool)
+        for polygon, base_m, top_m in walls:
+            inside = shapely.intersects_xy(polygon, flown[:, :, 0], flown[:, :, 1])
+            touched |= (inside & (flown[:, :, 2] >= base_m) & (flown[:, :, 2] <= top_m)).any(axis=0)
+        hit, total = hit + int(touched.sum()), total + FLIGHTS
+    return hit / total
+
+
+def blind(settings):
+    return replace(settings, strategies=replace(settings.strategies, use_uncertainty=False))
+
+
+@pytest.mark.parametrize("name", ["paper-2d", pytest.param("paper-3d", marks=pytest.mark.slow)])
+def test_of_2000_flights_at_the_papers_noise_a_third_as_many_touch_a_wall(name):
+    mission = noisy(load_mission(CONFIGS / f"{name}.yaml"))
+    ours, blindly = share_hit(mission, lambda settings: settings), share_hit(mission, blind)
+    assert blindly > 0.05
+    assert ours <= blindly / 3.0, f"{ours:.3f} against {blindly:.3f}"
