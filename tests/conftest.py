@@ -17,11 +17,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "seeded"))
 
 
 ROOT = Path(__file__).parents[1]
+REWIRED = (
+    "tests/kernels/search/test_rrt_star.py::test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer"
+)
 # Tests that need compiled kernels, by how their names begin, and why: `make coverage` leaves them
 # out where it runs kernels as Python.
 COMPILED = {
     "tests/kernels/test_borrowed.py": "what is borrowed is compiled code's; as Python nobody counts",
-    "tests/kernels/search/test_rrt_star.py": "takes minutes as Python",
+    **{f"{REWIRED}[{seed}": "two of eight are enough, in half a minute each" for seed in (0, 2, 3)},
     "tests/kernels/threat/test_threat_tree.py": "takes many minutes as Python",
     "tests/kernels/geometry/test_line_of_sight.py::test_lines_agree": "numpy warns where numba goes on",
     "tests/kernels/geometry/test_prism_distance.py::test_boxes_crossed": "numpy warns where numba goes on",

@@ -14,8 +14,6 @@ from companion.types.threat import Obstacle, Radar
 from companion.world.pursuit import Pursuit
 from tests.support.worlds import problem, track
 
-pytestmark = pytest.mark.compiled
-
 WALL = Obstacle("wall", np.array([(700.0, 0.0), (760.0, 0.0), (760.0, 1000.0), (700.0, 1000.0)]), 0.0, 300.0)
 
 
