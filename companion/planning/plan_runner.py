@@ -7,9 +7,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from companion.clock import Clock
+from companion.errors import CompanionError
 
 POLL_S = 0.2  # between looks at whether a plan is due
 NEAR_S = 2.0
+
+
+class PlanBrokenOffError(CompanionError):
+    """Nobody wants the plan any more; the message says why."""
 
 
 class StopRule:
@@ -26,18 +31,25 @@ class StopRule:
         How often it was asked.
     is_stopped : bool
         Whether it said so.
+    is_broken_off : bool
+        Whether nobody wants the plan any more.
     """
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
         self.asked = 0
         self.is_stopped = False
+        self.is_broken_off = False
         self._is_over = is_over
+
+    def break_off(self) -> None:
+        """Have it stop at the next question."""
+        self.is_broken_off = True
 
     def __call__(self) -> bool:
         """Whether to stop."""
         if not self.is_stopped:
             self.asked += 1
-            self.is_stopped = self._is_over(self.asked)
+            self.is_stopped = self.is_broken_off or self._is_over(self.asked)
         return self.is_stopped
 
 
@@ -53,11 +65,19 @@ class PlanTiming:
         Whether it runs in a thread, beside everything else; else in the event loop.
     until_s : float or None
         The clock's reading at which the plan counts as made [s]; None for as soon as it is.
+    was_broken_off : bool or None
+        Whether it was, in the flight that is replayed; None where whoever wants may break it off.
     """
 
     rule: StopRule
     is_threaded: bool = False
     until_s: float | None = None
+    was_broken_off: bool | None = None
+
+    @property
+    def is_broken_off(self) -> bool:
+        """Whether nobody wants what comes of it."""
+        return self.rule.is_broken_off if self.was_broken_off is None else self.was_broken_off
 
 
 class PlanRunner(Protocol):
@@ -121,12 +141,15 @@ class RecordedPlanTiming:
         By the clock.
     due_s, seen_s : float or None
         When it was found to be due, and when the world was seen that it was made in.
+    is_broken_off : bool
+        Whether it was of no use any more before it was made.
     """
 
     stopped_at: int | None
     took_s: float
     due_s: float | None = None
     seen_s: float | None = None
+    is_broken_off: bool = False
 
 
 class RecordedRunner:
@@ -155,7 +178,9 @@ class RecordedRunner:
 
     def timing(self, clock: Clock, budget_s: float, number: int, /) -> PlanTiming:
         """As it was made in flight."""
-        timing = self._taken.get(number, RecordedPlanTiming(None, budget_s))
+        timing = self._taken.get(number)
+        if timing is None:
+            return PlanTiming(StopRule(_never), until_s=clock.now_s() + budget_s)
         last = timing.stopped_at
         rule = StopRule(_never if last is None else lambda asked: asked >= last)
-        return PlanTiming(rule, until_s=clock.now_s() + timing.took_s)
+        return PlanTiming(rule, False, clock.now_s() + timing.took_s, timing.is_broken_off)

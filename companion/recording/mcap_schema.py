@@ -98,7 +98,7 @@ CHANNELS = (
             "start": TABLE, "status": TEXT, "notes": TEXTS, "path": ROWS, "threat_levels": NUMBERS,
             "measures": TABLE, "flown_cost": NUMBER, "flown_threat": NUMBER, "pursuit": TABLE,
             "flown_pursuit": TABLE, "asked": WHOLE,
-            "is_stopped": FLAG, "due_s": NUMBER,
+            "is_stopped": FLAG, "is_broken_off": FLAG, "due_s": NUMBER,
             "seen_s": NUMBER, "begun_s": NUMBER, "took_s": NUMBER, "plan_ms": NUMBER,
         },
         {
@@ -160,6 +160,7 @@ def plan_table(made: PlanRecord) -> dict[str, object]:
         "flown_pursuit": {} if plan.flown_pursuit is None else table_of(plan.flown_pursuit),
         "asked": made.asked,
         "is_stopped": made.is_stopped,
+        "is_broken_off": made.is_broken_off,
         "due_s": made.due_s,
         "seen_s": made.seen_s,
         "begun_s": made.begun_s,

@@ -282,7 +282,8 @@ def _taken_of(document: Document) -> RecordedPlanTiming:
     is_stopped = document.get("is_stopped") is True and asked is not None
     took_s = max(0.0, number(document.get("took_s"), STAMP_MAX_S) or 0.0)
     instants = (number(document.get("due_s"), STAMP_MAX_S), number(document.get("seen_s"), STAMP_MAX_S))
-    return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants)
+    is_broken_off = document.get("is_broken_off") is True
+    return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants, is_broken_off)
 
 
 def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:

@@ -102,7 +102,14 @@ class Handover:
         self._checkpoint.note_flown(key_of(ours), flown.path, flown.carried_until_s)
 
     async def hand_over(
-        self, shaped: ShapedPath, plan_number: int, plan_ms: float, track_s: float, occasion: str
+        self,
+        shaped: ShapedPath,
+        plan_number: int,
+        plan_ms: float,
+        track_s: float,
+        occasion: str,
+        *,
+        is_urgent: bool = False,
     ) -> SwapOutcome:
         """Hand a mission over when the aircraft is where it begins, and tell what came of it.
 
@@ -118,11 +125,15 @@ class Handover:
             When the newest track came that it knew, by the clock [s]; not finite without any.
         occasion : str
             Why it was made.
+        is_urgent : bool
+            Whether it answers a surprise.
         """
         is_acting = self._flight.state.may_act
         enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
-        outcome, reason = await self._unless_withdrawn(self.swap(shaped, enter_s, plan_number))
+        outcome, reason = await self._unless_withdrawn(
+            self.swap(shaped, enter_s, plan_number, is_urgent=is_urgent)
+        )
         self._observer.exchanged(outcome)
         now, mission, places = self._clock.now_s(), self._offered, shaped.waypoints.positions_enu_m
         if mission is not None:
@@ -142,7 +153,9 @@ class Handover:
         self._announcer.decide(kind, text, plan_ms, latency, facts)
         return outcome
 
-    async def swap(self, shaped: ShapedPath, enter_s: float, plan_number: int) -> tuple[SwapOutcome, str]:
+    async def swap(
+        self, shaped: ShapedPath, enter_s: float, plan_number: int, *, is_urgent: bool = False
+    ) -> tuple[SwapOutcome, str]:
         """Store a mission and enter it at an instant; broken off, what was flown stays whole.
 
         Parameters
@@ -153,11 +166,14 @@ class Handover:
             When the aircraft is where the path begins, by the clock [s].
         plan_number : int
             Number of the plan behind it.
+        is_urgent : bool
+            Whether it is entered before, where a way leads in.
         """
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        order = order_for(shaped, layout, plan_number=plan_number, enter_s=enter_s)
+        is_urgent = is_urgent or self._flight.state.flown is None  # nothing checked is left too early then
+        order = order_for(shaped, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent)
         self._offered = order.flown.mission
         self._flight.apply_to_list(after_swap_begun)
         try:

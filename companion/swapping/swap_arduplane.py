@@ -15,7 +15,6 @@ from companion.mission.swap import NO_WAY_IN, MissionLink, SwapOutcome, enter
 from companion.swapping.swap_protocol import Entry, SwapOrder, SwapParts
 from companion.types.mission import Mission, MissionItem
 
-LOOK_S = 0.2  # between looks at whether a way leads in
 LATE_S = 2.0  # that a jump asked for again may be late: a link that does not answer may be a slow one
 FRESH_S = 2.0  # a list read so lately is not read again before it is written to
 
@@ -74,15 +73,10 @@ class ArduPlaneSwap:
         if outcome is not None:
             return outcome, reason
         flight.apply_to_list(after_stored, mission.items, clock.now_s() - begun_s)
-        while clock.now_s() < order.enter_s and not self._is_due(order):
-            await clock.sleep_until(min(order.enter_s, clock.now_s() + LOOK_S))
+        await self._parts.until_due(order)
         flight.apply_to_list(after_asked, order.pending(clock.now_s(), 0))
         entry = Entry(self._parts, order, late_s=LATE_S)
         return await enter(link, mission, entry.sequence, self._parts.may_act)
-
-    def _is_due(self, order: SwapOrder) -> bool:
-        """Whether it is entered before its path begins: nothing of ours is flown, and a way leads in."""
-        return self._parts.flight.state.flown is None and Entry(self._parts, order).sequence() is not None
 
 
 async def store(

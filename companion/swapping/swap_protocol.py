@@ -21,6 +21,8 @@ from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
+LOOK_S = 0.2  # between looks at whether a way leads in
+
 
 @dataclass(frozen=True, slots=True)
 class SwapOrder:
@@ -38,6 +40,8 @@ class SwapOrder:
         The name that a PX4 gives it.
     enter_s : float
         When the aircraft is where it begins, by the clock [s].
+    is_urgent : bool
+        Whether it is entered before, as soon as a way leads in.
     """
 
     flown: FlownPath
@@ -45,13 +49,16 @@ class SwapOrder:
     layout: Layout
     identity: int
     enter_s: float
+    is_urgent: bool = False
 
     def pending(self, asked_s: float, identity: int) -> PendingSwap:
         """What is pending once it was asked for."""
         return PendingSwap(asked_s, self.layout, self.flown, self.waypoints, identity)
 
 
-def order_for(shaped: ShapedPath, layout: Layout, *, plan_number: int, enter_s: float) -> SwapOrder:
+def order_for(
+    shaped: ShapedPath, layout: Layout, *, plan_number: int, enter_s: float, is_urgent: bool = False
+) -> SwapOrder:
     """Put a path into the list as it is laid out.
 
     Parameters
@@ -64,10 +71,12 @@ def order_for(shaped: ShapedPath, layout: Layout, *, plan_number: int, enter_s: 
         The number of the plan behind it.
     enter_s : float
         When the aircraft is where the path begins, by the clock [s].
+    is_urgent : bool
+        Whether it is to be flown as soon as may be.
     """
     mission, after = layout.with_new(layout.items_for(shaped.part), plan_number)
     flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
-    return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s)
+    return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +114,16 @@ class SwapParts:
         if ownship is None or not state.may_act:
             return True
         return may_be_entered(state, ownship, order.flown.path, order.waypoints)
+
+    async def until_due(self, order: SwapOrder, lasts_s: float = 0.0) -> None:
+        """Wait until what is sent now has the aircraft enter where the path begins, ``lasts_s`` later [s].
+
+        Or before, where the order is urgent and a way leads in from where the aircraft will be then.
+        """
+        while (now_s := self.clock.now_s()) < order.enter_s - lasts_s:
+            if order.is_urgent and Entry(self, order, lasts_s).sequence() is not None:
+                return
+            await self.clock.sleep_until(min(order.enter_s - lasts_s, now_s + LOOK_S))
 
     async def read(self) -> tuple[MissionItem, ...]:
         """The autopilot's list; quickly where it is known to be an ArduPlane's."""

@@ -74,7 +74,7 @@ class Px4Swap:
         if not self._parts.may_be_entered(order):
             return NO_WAY_IN
         lasts_s = flight.listed.sending_s(mission)
-        await clock.sleep_until(order.enter_s - lasts_s)
+        await self._parts.until_due(order, lasts_s)
         if flight.listed.suspected:
             return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         begun_s = clock.now_s()

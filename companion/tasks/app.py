@@ -378,6 +378,7 @@ class App:
                 self.recorder.state(now, ownship, tracks, self.situation.threat_at(ownship, tracks))
                 if self.mode is Mode.ACTIVE:
                     self._note_goals(ownship)
+                    self.replanning.look_for_surprise()
             await self._clock.sleep_until(now + STATE_S)
 
     def _note_goals(self, ownship: Ownship) -> None:

@@ -13,7 +13,7 @@ from companion.comms.observer import Observer
 from companion.config.rules import Rules
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, budget_s
-from companion.planning.plan_runner import PlanRunner, StopRule
+from companion.planning.plan_runner import PlanBrokenOffError, PlanRunner, PlanTiming, StopRule
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve
 from companion.recording.recorder import Recorder
@@ -26,10 +26,11 @@ from companion.world.snapshot import Snapshot
 
 Conclusion = TypeVar("Conclusion")
 
-__all__ = ["PlanMaker", "PlanRun", "PlanRunner", "Planner"]
+__all__ = ["PlanBrokenOffError", "PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
 PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
 STALLED_S = 5.0  # beyond its budget
+LOOK_S = 0.1  # between looks at whether a plan is still wanted, where its time is another clock's
 SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
 
 
@@ -193,6 +194,8 @@ class PlanMaker:
         self._observer = observer
         self._num_runs = 0
         self._overdue_s = math.inf
+        self._under_way: PlanTiming | None = None
+        self._unwanted = ""
 
     def is_stalled(self, now_s: float) -> bool:
         """Whether a plan is being made long beyond its budget."""
@@ -207,12 +210,23 @@ class PlanMaker:
         """When to look next whether a plan is due, by the clock [s]."""
         return self._runner.next_look_s(self._clock.now_s())
 
+    @property
+    def may_break_off(self) -> bool:
+        """Whether a plan is being made that takes its time."""
+        return self._under_way is not None and not self._under_way.is_broken_off
+
+    def break_off(self, why: str) -> None:
+        """End the plan that is being made, if :attr:`may_break_off`: who asked for it is told why."""
+        if self._under_way is not None:
+            self._unwanted = why
+            self._under_way.rule.break_off()
+
     async def until_begun(self) -> None:
         """Wait until the next plan is to be made."""
         await self._runner.until_begun(self._clock, self._num_runs + 1)
 
     async def make(
-        self, request: PlanRequest, conclude: Callable[[Plan], Conclusion]
+        self, request: PlanRequest, conclude: Callable[[Plan], Conclusion], *, may_break_off: bool = False
     ) -> tuple[PlanRun, Conclusion]:
         """Make a plan within the mission file's budget, and conclude from it.
 
@@ -224,6 +238,13 @@ class PlanMaker:
             What it is made from.
         conclude : callable
             Takes the plan; what comes of it.
+        may_break_off : bool
+            Whether :meth:`break_off` may end it.
+
+        Raises
+        ------
+        PlanBrokenOffError
+            If it was ended so.
         """
         begun_s = self._clock.now_s()
         allowed_s = budget_s(request.rules, is_urgent=request.is_urgent)
@@ -231,21 +252,30 @@ class PlanMaker:
         self._overdue_s = begun_s + allowed_s + STALLED_S
         self._observer.progress()
         timing = self._runner.timing(self._clock, allowed_s, self._num_runs)
+        self._under_way = timing if may_break_off else None
 
         def work() -> tuple[PlanRun, Conclusion]:
             run = self._planner.run(request, timing.rule)
             return run, conclude(run.plan)
 
         run, concluded = await in_thread(work) if timing.is_threaded else work()
-        if timing.until_s is not None:
-            await self._clock.sleep_until(timing.until_s)
-        self._overdue_s = math.inf
+        await self._until_made(timing)
+        self._under_way, self._overdue_s = None, math.inf
         self._observer.progress()
         self._observer.planned(run.plan, run.plan_ms)
-        self._record(run, request, begun_s)
+        is_broken_off = may_break_off and timing.is_broken_off
+        self._record(run, request, begun_s, is_broken_off=is_broken_off)
+        if is_broken_off:
+            raise PlanBrokenOffError(self._unwanted)
         return run, concluded
 
-    def _record(self, run: PlanRun, request: PlanRequest, begun_s: float) -> None:
+    async def _until_made(self, timing: PlanTiming) -> None:
+        """Wait until a plan counts as made, or is broken off."""
+        until_s, may_end = timing.until_s or -math.inf, timing.was_broken_off is None
+        while (now := self._clock.now_s()) < until_s and not (may_end and timing.is_broken_off):
+            await self._clock.sleep_until(min(until_s, now + LOOK_S) if may_end else until_s)
+
+    def _record(self, run: PlanRun, request: PlanRequest, begun_s: float, *, is_broken_off: bool) -> None:
         """Write a plan down, with why it was made and from where."""
         now, state = self._clock.now_s(), request.start.state
         begin = {
@@ -259,6 +289,6 @@ class PlanMaker:
         made = PlanRecord(
             self._num_runs, self.schedule.occasion, request.purpose, begin, run.plan, run.asked,
             run.is_stopped, self.schedule.due_s, request.snapshot.stamp_s, begun_s, now - begun_s,
-            run.plan_ms,
+            run.plan_ms, is_broken_off,
         )  # fmt: skip
         self._recorder.plan(now, made, request.snapshot)

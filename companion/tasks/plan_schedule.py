@@ -57,6 +57,10 @@ class PlanSchedule:
         self._last_s = -math.inf
         self.occasion = why
 
+    def plan_urgently(self, surprise: str) -> None:
+        """What was planned just now is of no use any more: plan at once, in answer to a surprise."""
+        self.occasion, self.is_urgent = surprise, True
+
     def begin(self, now_s: float) -> None:
         """A plan is being made."""
         self._last_s, self._retry, self._retry_s = now_s, "", math.inf

@@ -24,6 +24,7 @@ from companion.flight.shaping import ShapedPath, conclude
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
 from companion.tasks.plan_maker import (
+    PlanBrokenOffError,
     PlanRequest,
     PlanRun,
     least_threat_request,
@@ -110,6 +111,11 @@ class Replanning:
             ends_soon=flown is not None and flown.carried_s(flown.row) < lead_s(state) + ENDS_S,
         )
 
+    def look_for_surprise(self) -> None:
+        """Break off a plan that is being made where what is flown became worse meanwhile."""
+        if self._maker.may_break_off and (surprise := self._surprises.look(self._clock.now_s())):
+            self._maker.break_off(surprise)
+
     async def plan_once(self) -> ModeEvent | None:
         """One cycle: plan, judge, and swap if it is worth it.
 
@@ -118,6 +124,14 @@ class Replanning:
         ModeEvent or None
             What was found out that decides who flies.
         """
+        try:
+            return await self._plan_once()
+        except PlanBrokenOffError as surprise:
+            self._schedule.plan_urgently(str(surprise))
+            return await self._plan_once()
+
+    async def _plan_once(self) -> ModeEvent | None:
+        """One cycle; the plan that it makes may be broken off."""
         now = self._clock.now_s()
         self._schedule.begin(now)
         if self.freshness.is_blind:
@@ -142,7 +156,7 @@ class Replanning:
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
         self._schedule.knows(known_threats(self._situation, now))
-        self._surprises.knows(snapshot.picture.tracks)
+        self._surprises.knows(snapshot.picture.tracks, now, is_answer=self._schedule.is_urgent)
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
             is_urgent = self._is_urgent(snapshot)
@@ -190,11 +204,16 @@ class Replanning:
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
         state = self._flight.state
-        run, found = await self._maker.make(request, lambda plan: conclude(state, plan, request.start))
+        run, found = await self._maker.make(
+            request,
+            lambda plan: conclude(state, plan, request.start),
+            may_break_off=not request.is_urgent,
+        )
         if self._is_outdated(request):
             return
         if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s)
+            is_urgent = self._schedule.is_urgent
+            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
             return
         if found.is_unflyable:
             self._announcer.count_rejected()
@@ -224,10 +243,10 @@ class Replanning:
         ownship = self._situation.ownship.state(now)
         if ownship is None:
             return
-        may_keep = not (self._schedule.is_urgent or self._surprises.look(now))
+        may_keep = not (self._schedule.is_urgent or self._surprises.look(now, at_once=True))
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
-        self._surprises.knows(snapshot.picture.tracks)
+        self._surprises.knows(snapshot.picture.tracks, now, is_answer=not may_keep)
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
         start = as_of_now(state, start, snapshot)
@@ -243,15 +262,17 @@ class Replanning:
         if found.step in LAST_RESORTS and state.rally_points:
             run, found = await self._by_rally_point(run, found, snapshot)
         if not self._is_outdated(request):
-            await self._take(run, found, track_s)
+            await self._take(run, found, track_s, is_urgent=is_urgent)
 
-    async def _take(self, run: PlanRun, found: EmergencyConclusion, track_s: float) -> None:
+    async def _take(
+        self, run: PlanRun, found: EmergencyConclusion, track_s: float, *, is_urgent: bool
+    ) -> None:
         """Take a step of the emergency strategy, and say so."""
         if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
             found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
         if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s)
+            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
         elif found.step is EmergencyStep.RETURN_TO_LAUNCH:
             await self.handover.return_to_launch()
 
@@ -287,13 +308,16 @@ class Replanning:
             self.emergency = step
             self._announcer.decide(kind, f"{step.value}: {reason}")
 
-    async def _hand_over(self, shaped: ShapedPath, plan_ms: float, track_s: float) -> SwapOutcome:
+    async def _hand_over(
+        self, shaped: ShapedPath, plan_ms: float, track_s: float, *, is_urgent: bool = False
+    ) -> SwapOutcome:
         """Hand a mission over, and see what is flown then."""
         if self.freshness.is_blind:
             return SwapOutcome.REFUSED
         outcome = await self.handover.hand_over(
-            shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion
-        )
+            shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion,
+            is_urgent=is_urgent,
+        )  # fmt: skip
         if outcome is SwapOutcome.FLOWN:
             is_failing = bool(self._flight.state.violations_of(shaped.path))
             self._surprises.judged(shaped.path, is_failing=is_failing)

@@ -19,6 +19,7 @@ from companion.types.threat import TrackState
 RISE = 0.15  # of the threat level: an estimate wanders by less
 SAFE_S, CAUGHT_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
 LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
+FORGOTTEN_S = 10.0  # a vehicle's motion of so long ago is nothing that it could have turned from
 ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
 
 
@@ -68,17 +69,33 @@ class SurpriseWatch:
         self.is_failing = self._was_failing = is_failing
         self._surprise, self._is_safe = "", None
 
-    def knows(self, tracks: Iterable[TrackState]) -> None:
-        """What is planned now goes by vehicles moving like this: one that turns later is a surprise."""
-        self._knew = {track.identity: track for track in tracks}
+    def knows(self, tracks: Iterable[TrackState], now_s: float, *, is_answer: bool) -> None:
+        """What is planned now goes by vehicles moving like this: one that turns later is a surprise.
 
-    def look(self, now_s: float) -> str:
+        Unless it answers a surprise, what is remembered of a vehicle stays for some seconds: it may be about
+        to turn, by half a turn that nobody was surprised at.
+
+        Parameters
+        ----------
+        tracks : iterable of TrackState
+            What the plan knows.
+        now_s : float
+            The clock's reading [s].
+        is_answer : bool
+            Whether it answers a surprise.
+        """
+        kept = {} if is_answer else {k: v for k, v in self._knew.items() if now_s - v.stamp_s < FORGOTTEN_S}
+        self._knew = {track.identity: kept.get(track.identity, track) for track in tracks}
+
+    def look(self, now_s: float, *, at_once: bool = False) -> str:
         """How what is flown has become worse since, in words; '' if it has not.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
+        at_once : bool
+            Whether to judge it anew however short a time ago it was judged last.
         """
         state, situation = self._flight.state, self._situation
         ownship = situation.ownship.state(now_s)
@@ -86,7 +103,7 @@ class SurpriseWatch:
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
         is_same = world == self._seen and state.rules is self._rules
-        if is_same or now_s - self._looked_s < LOOK_S:
+        if is_same or (now_s - self._looked_s < LOOK_S and not at_once):
             return self._surprise
         self._seen, self._rules, self._looked_s = world, state.rules, now_s
         start = begin(state, ownship, self._reader.current, is_urgent=True)

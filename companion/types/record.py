@@ -70,6 +70,8 @@ class PlanRecord:
         Clock reading at which the plan was begun, and how long it took by the same clock [s].
     plan_ms : float
         Time that the computer took [ms].
+    is_broken_off : bool
+        Whether a surprise made it useless before it was made.
     """
 
     number: int
@@ -84,6 +86,7 @@ class PlanRecord:
     begun_s: float
     took_s: float
     plan_ms: float
+    is_broken_off: bool = False
 
 
 @dataclass(frozen=True, slots=True)

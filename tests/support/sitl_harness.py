@@ -39,6 +39,7 @@ class SitlHarness:
         self.recorder = self.flight.recorder
         self.heard = []
         self.is_cut = False
+        self.is_over = False
         self.is_killed = False
         self.apps = []
         self.checkpoint = None
@@ -56,7 +57,7 @@ class SitlHarness:
         return self.flight.app
 
     def fly(self, until_s, on_step=lambda harness: None):
-        """Fly to an instant of simulated time; ``on_step`` acts on the harness after each 20 ms."""
+        """Fly to an instant of simulated time, or until it is over; ``on_step`` acts after each 20 ms."""
         asyncio.run(self._fly(until_s, on_step))
         return self
 
@@ -67,7 +68,7 @@ class SitlHarness:
         await theirs.open()
         running = self._started(ours, clock)
         try:
-            while self.now_s < until_s:
+            while self.now_s < until_s and not self.is_over:
                 await self.flight._step(clock, theirs, running)
                 on_step(self)
                 if self.is_killed:
