@@ -179,6 +179,11 @@ class _Reaction:
             autopilot.store.put(MissionKind.FENCE, circle)
 
 
+def reaction_in(simulator: Simulator, change: str, seed: int) -> _Reaction:
+    """What happens in a flight, at a moment that has nothing to do with the service's plans."""
+    return _Reaction(simulator, change, SETTLED_S + 15.0 * (0.618034 * seed % 1.0))
+
+
 def reaction_s(change: str, dialect: Dialect, seed: int) -> float:
     """Fly once, in real time; how long the answer took [s], infinite where none came.
 
@@ -192,7 +197,7 @@ def reaction_s(change: str, dialect: Dialect, seed: int) -> float:
         Seed of everything random, and of when it happens.
     """
     simulator = Simulator(mission_from_text(MISSION, "reaction.yaml"), seed=seed, dialect=dialect)
-    reaction = _Reaction(simulator, change, SETTLED_S + 15.0 * (0.618034 * seed % 1.0))
+    reaction = reaction_in(simulator, change, seed)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         url = f"tcp://127.0.0.1:{free.getsockname()[1]}"

@@ -11,7 +11,7 @@ from companion.tasks.plan_maker import PlanMaker
 from companion.tasks.replanning import Replanning
 from companion.tasks.surprise_watch import SurpriseWatch
 from companion.types.events import Dialect
-from sim.bench.reaction import MISSION, SETTLED_S, _Reaction
+from sim.bench.reaction import MISSION, reaction_in
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence, flown
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness
@@ -107,7 +107,7 @@ def turn_answered_s(dialect, seed):
     """A known vehicle turns towards the aircraft, as ``companion bench`` has it; when that is answered."""
     text = MISSION.replace("planning: {", "planning: {max_iterations: 12000, ")
     harness = SitlHarness(mission_from_text(text, "turn.yaml"), dialect=dialect, seed=seed)
-    reaction = _Reaction(harness.simulator, "turn", SETTLED_S + 15.0 * (0.618034 * seed % 1.0))
+    reaction = reaction_in(harness.simulator, "turn", seed)
 
     def look(harness):
         harness.is_over = reaction.is_over()
