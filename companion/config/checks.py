@@ -72,6 +72,12 @@ def _vehicle(config: MissionConfig) -> Iterator[Finding]:
     for key in ("airspeed_cruise_m_s", "penetration_speed_m_s"):
         if not low <= getattr(vehicle, key) <= high:
             yield ("vehicle", key), f"between airspeed_min_m_s and airspeed_max_m_s, {low:g} to {high:g}"
+    fast, cruise = vehicle.airspeed_fast_m_s, vehicle.airspeed_cruise_m_s
+    if fast is not None and not cruise <= fast <= high:
+        yield (
+            ("vehicle", "airspeed_fast_m_s"),
+            f"between airspeed_cruise_m_s and airspeed_max_m_s, {cruise:g} to {high:g}",
+        )
     tightest = vehicle.airspeed_cruise_m_s**2 / (_GRAVITY_M_S2 * math.tan(_BANK_MAX_RAD))
     if vehicle.turn_radius_min_m < tightest:
         yield (

@@ -23,6 +23,7 @@ def vehicle_of(mission: MissionConfig) -> VehicleModel:
         airspeed_min_m_s=float(vehicle.airspeed_min_m_s),
         airspeed_max_m_s=float(vehicle.airspeed_max_m_s),
         airspeed_cruise_m_s=float(vehicle.airspeed_cruise_m_s),
+        airspeed_fast_m_s=float(vehicle.airspeed_fast_m_s or vehicle.airspeed_max_m_s),
         acceleration_max_m_s2=float(vehicle.acceleration_max_m_s2),
         turn_radius_min_m=float(vehicle.turn_radius_min_m),
         bank_max_rad=math.radians(vehicle.bank_max_deg),

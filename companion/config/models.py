@@ -94,6 +94,9 @@ class Vehicle(Section):
     """Fastest that is planned."""
     airspeed_cruise_m_s: Speed
     """What missions command."""
+    airspeed_fast_m_s: Speed | None = None
+    """Fastest that missions command, where no slower path is safe from moving threats; left out,
+    airspeed_max_m_s. Turns are then as wide as bank_max_deg makes them."""
     acceleration_max_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
     """Along the path."""
     turn_radius_min_m: Length

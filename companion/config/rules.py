@@ -11,6 +11,7 @@ from companion.config.compose import check_limits_of, exposure_of, goals_of, pla
 from companion.config.models import MissionConfig
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
+from companion.types.state import AutopilotSettings
 from companion.types.threat import Obstacle
 from companion.vehicle.vehicle_model import VehicleModel
 
@@ -70,7 +71,7 @@ class Rules:
 
 
 def rules_of(
-    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), bank_max_deg: float | None = None
+    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), told: AutopilotSettings | None = None
 ) -> Rules:
     """Compose the rules of a flight.
 
@@ -80,12 +81,15 @@ def rules_of(
         The mission file in force.
     fences : tuple of Obstacle
         The autopilot's fences as obstacles.
-    bank_max_deg : float or None
-        As the autopilot tells it; turns are banked no more, whatever the mission file says.
+    told : AutopilotSettings, optional
+        The autopilot's: turns are banked no more and nothing is flown faster, whatever the mission file says.
     """
     vehicle = vehicle_of(mission)
-    if bank_max_deg:
-        vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(bank_max_deg)))
+    if told is not None and told.bank_max_deg:
+        vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(told.bank_max_deg)))
+    if told is not None and told.airspeed_max_m_s:
+        fast = min(vehicle.airspeed_fast_m_s, told.airspeed_max_m_s)
+        vehicle = replace(vehicle, airspeed_fast_m_s=fast)
     limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)

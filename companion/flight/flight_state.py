@@ -323,7 +323,7 @@ def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
 
 def after_settings_told(state: FlightState, settings: AutopilotSettings) -> FlightState:
     """The state after the autopilot told parameters of how it flies; it may bank less than was thought."""
-    rules = rules_of(state.mission, state.rules.fences, settings.bank_max_deg)
+    rules = rules_of(state.mission, state.rules.fences, settings)
     is_same = rules.vehicle == state.rules.vehicle
     return replace(state, settings=settings, rules=state.rules if is_same else rules)
 
@@ -346,7 +346,7 @@ def after_rally_told(state: FlightState, *, holds_any: bool) -> FlightState:
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
-    rules = rules_of(mission, state.rules.fences, state.settings.bank_max_deg)
+    rules = rules_of(mission, state.rules.fences, state.settings)
     goals, next_goal = state.goals, state.next_goal
     if not mission.goals_from_autopilot and rules.goals != goals:
         goals, next_goal = rules.goals, 0
@@ -362,7 +362,7 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
     """The state with the autopilot's fences, to which plans and missions are held from now on."""
-    return replace(state, rules=rules_of(state.mission, fences, state.settings.bank_max_deg))
+    return replace(state, rules=rules_of(state.mission, fences, state.settings))
 
 
 def after_list(state: FlightState, listed: ListState) -> FlightState:

@@ -30,6 +30,7 @@ from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, default_guidance, track_of_circle, track_of_legs
+from companion.vehicle.vehicle_model import VehicleModel
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
@@ -41,6 +42,7 @@ STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 CIRCLED_S = 15.0  # of the circle at the end are looked at
+FASTER_M_S = 0.5  # than cruise: less is how a path settles
 NEAR_M = 5.0  # of the goal's region a path to it ends
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -109,7 +111,7 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
-    part = mission_part(waypoints, state.mission.frame)
+    part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
         plan.path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
     )
@@ -317,10 +319,11 @@ def _carried_in_style(
     In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
     wide as in still air if its track in the wind has.
     """
-    part = path.until(end)
-    usual = _with_circle(state, path, part, style, state.turn_radius_m)
-    narrow = float(state.rules.vehicle.turn_radius_min_m)
-    if not usual[1] or state.turn_radius_m <= narrow:
+    part, cruising = path.until(end), state.rules.vehicle
+    vehicle = cruising.at_speed(commanded_airspeed_m_s(part, cruising))
+    radius, narrow = vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m
+    usual = _with_circle(state, path, part, style, radius)
+    if not usual[1] or radius <= narrow:
         return usual
     waypoints, violations = _with_circle(state, path, part, style, narrow)
     return waypoints, violations or _blown_off(state, part, waypoints)
@@ -339,6 +342,12 @@ def _blown_off(state: FlightState, part: Path, waypoints: Waypoints) -> tuple[Vi
     return state.rules.checker.check_track(track.positions_enu_m, state.rules.checker.limits.margin_m)
 
 
+def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
+    """Cruise, or what a path comes to that is flown faster, before moving threats."""
+    fastest, cruise = float(path.speeds_m_s[-1]), vehicle.airspeed_cruise_m_s
+    return fastest if fastest > cruise + FASTER_M_S else cruise
+
+
 def _with_circle(
     state: FlightState, path: Path, part: Path, style: TurnStyle, radius: float
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
@@ -347,7 +356,7 @@ def _with_circle(
     actions = _actions_along(state, part)
     flown = waypoints_from_path(
         part,
-        float(rules.vehicle.airspeed_cruise_m_s),
+        commanded_airspeed_m_s(part, rules.vehicle),
         flies_by=state.flies_by,
         marked_m=[length for length, _ in actions],
         style=style,

@@ -309,7 +309,7 @@ class MissionPart:
     items : tuple of MissionItem
         The waypoints, the airspeed behind the first, and the operator's DO_ items where they belong.
     speed : MissionItem
-        The airspeed again.
+        The airspeed at cruise.
     loiter : MissionItem
         The circle at the end.
     continues_with_operator_items : bool
@@ -322,11 +322,21 @@ class MissionPart:
     continues_with_operator_items: bool
 
 
-def mission_part(waypoints: Waypoints, frame: LocalFrame) -> MissionPart:
-    """Waypoints as mission items."""
+def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | None = None) -> MissionPart:
+    """Waypoints as mission items.
+
+    Parameters
+    ----------
+    waypoints : Waypoints
+        What is flown to.
+    frame : LocalFrame
+        Where they are.
+    cruise_m_s : float, optional
+        True airspeed that the operator's items behind them are flown at [m/s]; left out, the waypoints'.
+    """
     return MissionPart(
         path_items(waypoints, frame),
-        speed_item(waypoints, frame),
+        speed_item(replace(waypoints, airspeed_m_s=cruise_m_s or waypoints.airspeed_m_s), frame),
         loiter_item(waypoints, frame),
         waypoints.continues_with_operator_items,
     )

@@ -28,6 +28,7 @@ _TADDRRT = Strategies(
 
 METHODS: dict[str, Strategies] = {
     "safe-rrt": Strategies(),
+    "safe-rrt-cruise": Strategies(may_hurry=False),  # an ablation: at cruise, whatever pursues
     "safe-rrt-rs": _PRINTED,  # an ablation: without the game of 2.3
     "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,

@@ -10,7 +10,7 @@ import numpy as np
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
-from companion.kernels.arrays import FloatArray, Guide, IntArray, Scene, Tree, empty_tree
+from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.branches import activate
 from companion.kernels.search.costs import threats_at
@@ -80,15 +80,11 @@ class Exploration:
         problem, settings = self.problem, self.problem.settings
         snapshot = problem.snapshot
         self.plane_up_m = problem.start.position_enu_m[2] if snapshot.dimension == 2 else None
-        self.limits = problem.vehicle.limits(
-            snapshot.dimension,
-            snapshot.bounds,
-            settings.clearance_min_m,
-            settings.tau_s,
-            snapshot.wind_enu_m_s,
-        )
+        self.limits = self._limits_at(problem.vehicle.airspeed_cruise_m_s)
         still = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
         wind = math.hypot(*snapshot.wind_enu_m_s)
+        self._faster = problem.vehicle.faster_m_s if settings.strategies.may_hurry else ()
+        self._left = list(self._faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
@@ -165,7 +161,9 @@ class Exploration:
     @property
     def given_up(self) -> list[str]:
         """What had to be given up on the way, before the DTs too."""
-        return [note for note in (*self.notes, self.chase.note) if note]
+        speed, cruise = self.limits.v_cruise, self.problem.vehicle.airspeed_cruise_m_s
+        hurry = f"flown at {speed:.0f} m/s, before moving threats" if speed > cruise else ""
+        return [note for note in (*self.notes, hurry, self.chase.note) if note]
 
     @property
     def iterations(self) -> int:
@@ -301,6 +299,37 @@ class Exploration:
             self.ways = ways
         return guide_home(goal, ways)
 
+    def hurry(self, should_stop: ShouldStop) -> bool:
+        """Start afresh, flying faster, where DTs at full speed bar the way; whether that can be tried.
+
+        Speed costs energy: at cruise it is tried first, and before slower DTs it is flown again.
+
+        Parameters
+        ----------
+        should_stop : callable
+            Whether the budget has ended.
+        """
+        if not (self._left and self.chase.plays_in_full) or self._dear_races or should_stop():
+            return False
+        self._start_afresh(self._left.pop(0))
+        return True
+
+    def _limits_at(self, airspeed_m_s: float) -> Limits:
+        """What can be flown at an airspeed of at least the cruise's [m/s]."""
+        snapshot, settings = self.problem.snapshot, self.problem.settings
+        return self.problem.vehicle.at_speed(airspeed_m_s).limits(
+            snapshot.dimension,
+            snapshot.bounds,
+            settings.clearance_min_m,
+            settings.tau_s,
+            snapshot.wind_enu_m_s,
+        )
+
+    def _start_afresh(self, airspeed_m_s: float) -> None:
+        self.limits = self._limits_at(airspeed_m_s)
+        self.ways, self._scene, self._is_barred = None, None, False
+        self.reset_tree()
+
     def give_in(self, should_stop: ShouldStop) -> None:
         """Start afresh with less asked of the path before the DTs; where time is short, with little.
 
@@ -310,8 +339,8 @@ class Exploration:
             Whether the budget has ended.
         """
         self.chase.give_in(is_late=self._dear_races >= DEAR_RACES or should_stop())
-        self.ways, self._scene, self._is_barred = None, None, False
-        self.reset_tree()
+        self._left = list(self._faster)
+        self._start_afresh(self.problem.vehicle.airspeed_cruise_m_s)
 
     def nearest_to_go(self, point: FloatArray) -> int:
         """The searched node with the least distance to go to a point, round obstacles.

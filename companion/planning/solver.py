@@ -40,6 +40,7 @@ from companion.world.pursuer_trees import grown_trees
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
 NUM_SECONDARY = 10
+LEAST_ITERATIONS = 2_000  # of a search: a quarter of a second
 
 
 def never() -> bool:
@@ -209,9 +210,17 @@ def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[b
     """What :func:`_through_goals` finds, with no more given up before the DTs than has to be."""
     reached, route, end = _through_goals(exploration, should_stop)
     while not reached and exploration.chase.is_avoided:
-        exploration.give_in(should_stop)
-        reached, route, end = _through_goals(exploration, should_stop)
+        if not exploration.hurry(should_stop):
+            exploration.give_in(should_stop)
+        patient = should_stop if exploration.chase.is_avoided else _patient(exploration, should_stop)
+        reached, route, end = _through_goals(exploration, patient)
     return reached, route, end
+
+
+def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Callable[[], bool]:
+    """The stopping rule, but not before a search that races left no time for has had its chance."""
+    enough = exploration.iterations + LEAST_ITERATIONS
+    return lambda: exploration.iterations >= enough and should_stop()
 
 
 def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:

@@ -177,9 +177,11 @@ class Replanning:
     def _is_urgent(self, snapshot: Snapshot) -> bool:
         """Whether the plan is to be flown as soon as may be.
 
-        With a pursuer about, seconds flown as the operator's mission leads are seconds lost.
+        With a pursuer about, seconds flown as the operator's mission leads are seconds lost: at first, since
+        where nothing was found in a hurry, more time is needed.
         """
-        return self._schedule.is_urgent or (snapshot.is_pursued and not self._flight.state.flies_to_goal)
+        is_first = self._flight.state.flown is None and self.emergency is None
+        return self._schedule.is_urgent or (snapshot.is_pursued and is_first)
 
     def _is_too_windy(self, now_s: float) -> bool:
         """Whether nothing is planned in the wind there is; then that is said, and looked at again."""

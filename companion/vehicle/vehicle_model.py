@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from companion.kernels.arrays import Limits
 
 GRAVITY_M_S2 = 9.80665
 WIND_RESERVE = 1.1  # of the wind is reckoned with, where more of it allows less
+FASTER_SHARES = (0.5, 1.0)  # of what the aircraft could fly faster than at cruise
+FASTER_MIN_M_S = 1.0  # less is not worth a search
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +20,8 @@ class VehicleModel:
     """Constraints and noise of the aircraft (paper 2.2).
 
     Speeds are true airspeeds [m/s]; ``straight_length_min_m`` is flown between two turns; the
-    climb rate of change is bounded by ``pitch_rate_max_rad_s``. Noise values are standard deviations:
+    climb rate of change is bounded by ``pitch_rate_max_rad_s``. Faster than cruise, up to
+    ``airspeed_fast_m_s``, is flown only before moving threats. Noise values are standard deviations:
     process noise enters with the control, measurement noise with position, course and climb angle. A turn
     is banked by ``bank_max_rad`` at most, which in strong wind makes it wider.
     """
@@ -26,6 +29,7 @@ class VehicleModel:
     airspeed_min_m_s: float = 12.5
     airspeed_max_m_s: float = 37.5
     airspeed_cruise_m_s: float = 25.0
+    airspeed_fast_m_s: float = 37.5
     acceleration_max_m_s2: float = 0.5
     turn_radius_min_m: float = 125.0
     straight_length_min_m: float = 125.0
@@ -56,6 +60,22 @@ class VehicleModel:
         fastest = self.airspeed_cruise_m_s + WIND_RESERVE * wind_m_s
         banked = fastest**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad))
         return max(self.turn_radius_min_m, banked) if wind_m_s > 0.0 else self.turn_radius_min_m
+
+    @property
+    def faster_m_s(self) -> tuple[float, ...]:
+        """Airspeeds above cruise that are worth trying, the slowest first [m/s]."""
+        gained = min(self.airspeed_fast_m_s, self.airspeed_max_m_s) - self.airspeed_cruise_m_s
+        if gained < FASTER_MIN_M_S:
+            return ()
+        return tuple(self.airspeed_cruise_m_s + share * gained for share in FASTER_SHARES)
+
+    def at_speed(self, airspeed_m_s: float) -> VehicleModel:
+        """The same aircraft, cruising faster: with wider turns where ``bank_max_rad`` allows no others."""
+        banked = airspeed_m_s**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad))
+        if airspeed_m_s <= self.airspeed_cruise_m_s:
+            return self
+        radius = max(self.turn_radius_min_m, banked)
+        return replace(self, airspeed_cruise_m_s=airspeed_m_s, turn_radius_min_m=radius)
 
     def slope_in(self, angle_rad: float, wind_m_s: float) -> float:
         """Slope over the ground that a climb angle in the air comes to at least, flown downwind [rad].

@@ -64,6 +64,11 @@ class Chase:
         return self.pursuit is Pursuit.AVOIDED
 
     @property
+    def plays_in_full(self) -> bool:
+        """Whether DTs are played against as fast as they can be, and avoided."""
+        return self.is_avoided and self.game.hunters[:, 4].max() >= self.full.hunters[:, 4].max()
+
+    @property
     def note(self) -> str:
         """What had to be given up, in words; '' where nothing had to."""
         return self._rung

@@ -77,7 +77,9 @@ class _Reaction:
     _known: set[tuple[int, int]] = field(default_factory=set)
     _is_of_before: bool = False
     _vehicle: Place | None = None
+    _drives_m_s: Place = (0.0, 0.0)
     _sighted_s: float = -math.inf
+    _due_s: float = -math.inf
 
     def __post_init__(self) -> None:
         self._known = self._places()
@@ -129,19 +131,19 @@ class _Reaction:
             self._fence(self._beside(AHEAD_M, 0.0))
         elif self.change == "pop_up":
             self._vehicle = self._beside(AHEAD_M, 0.0)
-        self._sighted_s = -math.inf
+        self._due_s = -math.inf  # seen at once
 
     def _report(self, now_s: float) -> None:
         """A surveillance source reports the vehicle, if there is one."""
         if self.change == "turn" and self._vehicle is None and self.begun_s < math.inf:
             self._vehicle = self._beside(KNOWN_AHEAD_M + 25.0 * self.wait_s, -KNOWN_ASIDE_M)
-        if self._vehicle is None or now_s < self._sighted_s + PERIOD_S:
+        if self._vehicle is None or now_s < self._due_s:
             return
-        east_m_s, north_m_s = self._velocity()
-        if self._sighted_s > -math.inf:
-            east, north = self._vehicle
-            self._vehicle = east + PERIOD_S * east_m_s, north + PERIOD_S * north_m_s
-        self._sighted_s = now_s
+        driven_s = now_s - self._sighted_s if math.isfinite(self._sighted_s) else 0.0
+        east, north = self._vehicle
+        self._vehicle = east + driven_s * self._drives_m_s[0], north + driven_s * self._drives_m_s[1]
+        east_m_s, north_m_s = self._drives_m_s = self._velocity()
+        self._sighted_s, self._due_s = now_s, now_s + PERIOD_S
         autopilot = self.simulator.autopilot
         latitude, longitude = autopilot.projection.degrees(*self._vehicle)
         course = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0

@@ -37,9 +37,16 @@ def by_levels(text):
     return yaml.safe_dump(document, sort_keys=False)
 
 
+def at_cruise(text):
+    """The service plays the game at cruise."""
+    document = yaml.safe_load(text)
+    document["planning"]["method"] = "safe-rrt-cruise"
+    return yaml.safe_dump(document, sort_keys=False)
+
+
 # Mission file of the service, made of the game's, by planner. If it names no moving threat, reports of
 # them do not get through to the service either.
-PLANNERS = {"ours": unchanged, "rs": by_levels, "blind": without_threats}
+PLANNERS = {"ours": unchanged, "cruise": at_cruise, "rs": by_levels, "blind": without_threats}
 
 
 @dataclass(frozen=True)

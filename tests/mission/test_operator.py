@@ -205,6 +205,11 @@ def test_a_mission_that_reaches_the_goal_runs_on_into_the_landing():
     layout = whole()
     mission, _ = layout.with_new(layout.items_for(mission_part(ON_TO_THE_LANDING, FRAME)), 3)
     assert [entry.command for entry in mission.items][4:] == [16, 178, 16, *(178,) * 13, 189, 31, 21]
+    fast = mission_part(replace(ON_TO_THE_LANDING, airspeed_m_s=35.0), FRAME, 25.0)
+    mission, _ = layout.with_new(layout.items_for(fast), 3)
+    speeds = [entry.parameters[1] for entry in mission.items if entry.command == Command.DO_CHANGE_SPEED]
+    assert speeds[0] == pytest.approx(35.0, rel=0.06)  # equivalent airspeed at that height
+    assert speeds[1:] == pytest.approx([speeds[0] * 25.0 / 35.0] * 13, abs=0.1)  # into the landing at cruise
     alone = whole(tail=False)
     ours = alone.items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert ours[-1].command == Command.NAV_LOITER_UNLIM

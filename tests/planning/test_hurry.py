@@ -1,0 +1,106 @@
+"""Flown faster than at cruise where nothing slower is safe from a pursuer; beside plans at cruise."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.campaign.runs import offline_problem, offline_world
+from companion.config import mission_from_text
+from companion.config.rules import rules_of
+from companion.errors import ConfigError
+from companion.flight.shaping import commanded_airspeed_m_s
+from companion.planning.solver import solve
+from companion.types.plan import PlanStatus
+from companion.types.state import AutopilotSettings
+from companion.vehicle.vehicle_model import VehicleModel
+from tests.games.generator import random_game
+from tests.games.oracle import first_caught_s, game_of
+from tests.support.worlds import problem
+
+pytestmark = pytest.mark.compiled
+SEEDS = (6, 12)  # of games that the oracle wins by a faster flight alone
+
+
+def mission_of(seed, **vehicle):
+    text = random_game(seed, "speed")
+    for key, value in vehicle.items():
+        text = text.replace("vehicle:\n", f"vehicle:\n  {key}: {value}\n")
+    return mission_from_text(text, "game.yaml")
+
+
+def planned(mission, method="safe-rrt"):
+    return solve(offline_problem(mission, offline_world(mission), method, 1))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_who_may_fly_faster_is_safe_and_who_may_not_is_caught(seed):
+    mission = mission_of(seed)
+    game, ours, cruising = game_of(mission), planned(mission), planned(mission, "safe-rrt-cruise")
+    for plan, is_safe in ((ours, True), (cruising, False)):
+        rows = np.column_stack([plan.path.times_s, plan.path.positions_enu_m[:, :2]])
+        assert math.isinf(first_caught_s(rows, game)) is is_safe
+        assert (plan.pursuit.total_s == 0.0) is is_safe
+    assert cruising.path.speeds_m_s.max() == pytest.approx(25.0)
+    assert "flown at 31 m/s, before moving threats" in ours.notes
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_faster_path_keeps_what_the_aircraft_can_do(seed):
+    mission = mission_of(seed)
+    path, rules = planned(mission).path, rules_of(mission)
+    steps_s = np.diff(path.times_s)
+    assert 25.0 < path.speeds_m_s.max() <= 37.5
+    assert (np.abs(np.diff(path.speeds_m_s)) <= 0.5 * steps_s + 1e-6).all()
+    lengths = np.hypot(*np.diff(path.positions_enu_m[:, :2], axis=0).T)
+    mean = 0.5 * (path.speeds_m_s[1:] + path.speeds_m_s[:-1])
+    assert lengths == pytest.approx(mean * steps_s, rel=0.02)
+    found = rules.checker.check_path(path)
+    assert [str(violation) for violation in found if violation.rule != "threat"] == []
+
+
+def test_what_is_safe_at_cruise_is_flown_at_cruise():
+    assert planned(mission_from_text(random_game(9, "route"), "g")).path.speeds_m_s.max() < 25.0 + 1e-6
+    assert solve(problem()).path.speeds_m_s.max() < 25.0 + 1e-6
+
+
+def test_no_faster_than_the_mission_file_and_the_autopilot_allow():
+    allowed = mission_of(6, airspeed_fast_m_s=25)
+    assert planned(allowed).path.speeds_m_s.max() == pytest.approx(25.0)
+    told = rules_of(mission_of(6), told=AutopilotSettings(airspeed_max_m_s=30.0))
+    assert told.vehicle.faster_m_s == pytest.approx((27.5, 30.0))
+    assert rules_of(mission_of(6)).vehicle.faster_m_s == pytest.approx((31.25, 37.5))
+    with pytest.raises(
+        ConfigError, match=r"airspeed_fast_m_s.*between airspeed_cruise_m_s and airspeed_max_m_s"
+    ):
+        mission_of(6, airspeed_fast_m_s=40)
+
+
+def test_faster_the_turns_are_wider_by_hand():
+    """At 37.5 m/s and 40° of bank: 37.5² / (9.80665 · tan 40°) = 170.9 m; at 30 m/s it is below 125 m."""
+    vehicle = VehicleModel()
+    assert vehicle.at_speed(37.5).turn_radius_min_m == pytest.approx(170.9, abs=0.05)
+    assert vehicle.at_speed(30.0).turn_radius_min_m == 125.0
+    assert vehicle.at_speed(20.0) is vehicle
+    assert replace(vehicle, airspeed_fast_m_s=25.9).faster_m_s == ()
+
+
+def test_the_mission_commands_the_speed_and_gives_it_back():
+    mission = mission_of(6)
+    path, vehicle = planned(mission).path, rules_of(mission).vehicle
+    assert commanded_airspeed_m_s(path, vehicle) == pytest.approx(31.25)
+    slow = replace(path, speeds_m_s=np.full(len(path), 25.3))
+    assert commanded_airspeed_m_s(slow, vehicle) == 25.0
+
+
+def test_races_that_use_up_the_time_leave_some_for_a_search():
+    """Once aircraft circled for ever: each plan, made in a hurry, spent its time on races that it lost."""
+    mission = mission_from_text(random_game(6, "speed"), "game.yaml")
+    asked = offline_problem(mission, offline_world(mission), "safe-rrt", 1)
+    late = solve(asked, lambda: True)
+    assert late.status is PlanStatus.EXACT
+    assert "no way that moving threats could not bar" in late.notes
+    assert solve(replace(asked, settings=replace(asked.settings, max_iterations=0)), lambda: True).status is (
+        PlanStatus.APPROXIMATE
+    )
