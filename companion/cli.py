@@ -326,6 +326,19 @@ def campaign(
     campaign_from_file(spec, jobs=jobs, resumes=resume, folder=out, console=console)
 
 
+@app.command()
+def results(
+    folder: Annotated[
+        Path,
+        typer.Argument(exists=True, file_okay=False, help="A campaign's folder; it may still be running."),
+    ],
+) -> None:
+    """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
+    from companion.evidence.evidence_commands import results_in
+
+    results_in(folder, console)
+
+
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
     """The error of a command that needs what is not installed."""
     return ConfigError(

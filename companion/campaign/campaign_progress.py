@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections import defaultdict
 from collections.abc import Sequence
@@ -44,7 +45,7 @@ _SHOWN = {
 
 @dataclass(slots=True)
 class _Tally:
-    """What is known of a method so far."""
+    """What is known so far of a method on a mission, under whatever settings."""
 
     num_runs: int = 0
     num_errors: int = 0
@@ -58,18 +59,21 @@ class _Tally:
             self.num_errors += 1
             return
         told = json.loads(over.outcome.measures) | json.loads(over.outcome.timings)
-        self.num_successes += bool(told.get("success"))
+        if told.get("success") is not True:
+            return
+        self.num_successes += 1
         for name, value in told.items():
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self.values[name].append(float(value))
 
 
 class _Display:
-    """The bar, and below it a line a method."""
+    """The bar, and below it a line a method on each mission."""
 
     def __init__(self, campaign: Campaign, done: int) -> None:
         self._shown = _SHOWN[campaign.config.kind]
-        self._tallies = {method: _Tally() for method in campaign.config.methods}
+        named = itertools.product(campaign.texts, campaign.config.methods)
+        self._tallies = {name: _Tally() for name in named}
         self._bar = Progress(
             TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
         )
@@ -77,19 +81,21 @@ class _Display:
 
     def add(self, over: Finished) -> None:
         """Count a run."""
-        self._tallies[over.run.method].add(over)
+        self._tallies[over.run.mission, over.run.method].add(over)
         self._bar.advance(self._task)
 
     def __rich__(self) -> Group:
         return Group(self._bar, self.table())
 
     def table(self) -> Table:
-        """What was made now, a line a method: runs, successes, errors and medians."""
-        table = Table("method", "runs", "success", "errors", *(entry.heading for entry in self._shown))
-        for method, tally in self._tallies.items():
+        """What was made now: runs, successes, errors, and medians of what reached the goal."""
+        table = Table(
+            "mission", "method", "runs", "success", "errors", *(entry.heading for entry in self._shown)
+        )
+        for (mission, method), tally in self._tallies.items():
             share = f"{tally.num_successes / tally.num_runs:.0%}" if tally.num_runs else "–"
             medians = (_median(tally.values[entry.name], entry.factor) for entry in self._shown)
-            table.add_row(method, str(tally.num_runs), share, str(tally.num_errors), *medians)
+            table.add_row(mission, method, str(tally.num_runs), share, str(tally.num_errors), *medians)
         return table
 
 

@@ -118,9 +118,12 @@ class Campaign:
         return hashlib.sha256(self.texts[mission].encode()).hexdigest()
 
     def identity(self) -> dict[str, object]:
-        """What makes this campaign this one and no other, fit for JSON."""
-        told = self.config.model_dump(mode="json", exclude={"description", "missions"})
-        return told | {"missions": {name: self.digest(name) for name in self.texts}}
+        """What makes this campaign this one and no other, fit for JSON; in lists, for the order counts."""
+        told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
+        return told | {
+            "missions": [[name, self.digest(name)] for name in self.texts],
+            "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
+        }
 
 
 def load_campaign(path: Path) -> Campaign:

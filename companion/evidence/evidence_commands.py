@@ -8,6 +8,9 @@ from rich.console import Console
 
 from companion.campaign.campaign_progress import run_campaign
 from companion.campaign.campaign_spec import load_campaign
+from companion.campaign.run_store import RunStore
+from companion.errors import ConfigError
+from companion.evidence.samples import evidence_of
 
 RESULTS = Path("results")
 
@@ -29,3 +32,28 @@ def campaign_from_file(
         f"{done.num_rows} runs, {done.num_made} of them made now, {done.num_errors} of these errors: {where}"
     )
     console.print(told, markup=False, highlight=False, soft_wrap=True)
+
+
+def results_in(folder: Path, console: Console) -> None:
+    """Write what a campaign's rows say beside them, as tables, a page and figures for other programs.
+
+    Raises
+    ------
+    CompanionError
+        If there are no rows, or nothing can be written there.
+    """
+    from companion.evidence.results import write_results  # noqa: PLC0415 - its drawings are an extra
+
+    store = RunStore.to_read(folder)
+    try:
+        evidence = evidence_of(store)
+    finally:
+        store.close()
+    try:
+        written = write_results(folder, evidence)
+    except OSError as error:
+        raise ConfigError(
+            str(folder), None, "FOLDER", error.strerror or str(error), "a folder to write to"
+        ) from None
+    for file in written:
+        console.print(file, markup=False, highlight=False, soft_wrap=True)
