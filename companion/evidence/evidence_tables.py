@@ -42,6 +42,8 @@ def number_text(value: float) -> str:
     """A number as tables have it: in three digits, or to the unit."""
     if not math.isfinite(value):
         return NONE
+    if 0.0 < abs(value) < 1e-3:
+        return f"{value:.2e}"
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
@@ -115,7 +117,9 @@ def markdown(table: ResultTable) -> str:
         *(" | ".join(cell.text for cell in row) for row in table.rows),
     ]
     body = "\n".join(f"| {line} |" for line in lines)
-    return f"### {table.title}\n\n{body}\n" + (f"\n{table.note}\n" if table.note else "")
+    words = "; ".join(f"{name}: {words}" for name, words in table.columns if words)
+    below = " ".join([f"{words}."] * bool(words) + [table.note] * bool(table.note))
+    return f"### {table.title}\n\n{body}\n" + (f"\n{below}\n" if below else "")
 
 
 def csv_text(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
@@ -168,9 +172,7 @@ def _samples(evidence: Evidence) -> Iterator[tuple[Case, str, Sample]]:
 
 
 def _note(group: Group) -> str:
-    words = "; ".join(f"{measure.name}: {measure.words}" for measure in group.measures)
-    only = " Of runs that reach the goal." if any(measure.of_success for measure in group.measures) else ""
-    return f"{words}.{only}"
+    return "Of runs that reach the goal." if any(measure.of_success for measure in group.measures) else ""
 
 
 def _name(text: str) -> Cell:

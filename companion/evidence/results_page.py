@@ -24,7 +24,8 @@ th[aria-sort=ascending] button::after { content: " \\25B2"; }
 th[aria-sort=descending] button::after { content: " \\25BC"; }
 td { white-space: nowrap; }
 thead th { vertical-align: bottom; }
-th small { display: block; font-weight: 400; color: var(--muted); white-space: normal; line-height: 1.25; }
+th small { display: block; font-weight: 400; color: var(--muted); white-space: normal; line-height: 1.25;
+           min-width: 6.5rem; }
 td.value { text-align: right; }
 th.value { text-align: right; }
 tr.reproduced td.verdict { color: #0d7a3f; font-weight: 600; }

@@ -121,20 +121,24 @@ def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
 
 
 def counts_table(every: list[Judged]) -> ResultTable:
-    """How many orderings of each of the paper's tables hold."""
-    counted = Counter((entry.case.title, entry.ordering.table, entry.verdict) for entry in every)
-    places = dict.fromkeys((entry.case.title, entry.ordering.table) for entry in every)
+    """How many orderings of each of the paper's tables hold, by the method that stands for the paper's."""
+    keys = [(entry.case.title, entry.ordering.table, _ours(entry.ordering)) for entry in every]
+    counted = Counter((*key, entry.verdict) for key, entry in zip(keys, every, strict=True))
     subjects = {table.number: table.subject for table in TABLES}
-    columns = ("mission, settings", ""), ("table", "of the paper"), ("which compares", "")
+    columns = ("mission, settings", ""), ("table", "of the paper"), ("which compares", ""), ("ours", "")
     heads = *columns, *((one.value, "") for one in Verdict)
     rows = tuple(
         (
             Cell(title, title),
             Cell(str(table), float(table)),
             Cell(subjects[table], subjects[table]),
-            *(Cell(str(counted[title, table, one]), float(counted[title, table, one])) for one in Verdict),
+            Cell(ours, ours),
+            *(
+                Cell(str(counted[title, table, ours, one]), float(counted[title, table, ours, one]))
+                for one in Verdict
+            ),
         )
-        for title, table in places
+        for title, table, ours in dict.fromkeys(keys)
     )
     return ResultTable("The paper's orderings, counted", heads, rows)
 
@@ -147,6 +151,11 @@ def _standing_for(ordering: Ordering, case: Case) -> Iterator[Ordering]:
             yield ordering._replace(less=name)
         elif name in case.samples and ordering.more == OURS:
             yield ordering._replace(more=name)
+
+
+def _ours(ordering: Ordering) -> str:
+    """Which of our methods stands for the paper's in an ordering."""
+    return next((name for name in (OURS, *OURS_PRINTED) if name in ordering), "comparators alone")
 
 
 def _has_rows(case: Case, method: str) -> bool:

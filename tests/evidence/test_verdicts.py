@@ -104,7 +104,9 @@ def test_counts_add_up_and_each_ordering_has_its_line():
     known = case(safe_rrt=sample("PC", [1.0, 2.0] * 10), taddrrt=sample("PC", [5.0, 6.0] * 10))
     every = list(judged(evidence(known)))
     counts = counts_table(every)
-    assert sum(cell.value for row in counts.rows for cell in row[3:]) == len(every)
+    assert sum(cell.value for row in counts.rows for cell in row[4:]) == len(every)
+    by_ours = {row[3].text: sum(cell.value for cell in row[4:]) for row in counts.rows if row[1].value == 1.0}
+    assert by_ours == {"safe-rrt": 3 * 7, "comparators alone": 3 * 7}
     lines = verdicts_table(every, "all").rows
     assert len(lines) == len(every)
     line = next(row for row in lines if [cell.text for cell in row[1:4]] == ["PC", "safe-rrt", "taddrrt"])
