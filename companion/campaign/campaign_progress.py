@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 
 from companion.campaign.campaign_spec import Campaign, Run
 from companion.campaign.process_engine import Finished, ProcessEngine
@@ -89,9 +89,8 @@ class _Display:
 
     def table(self) -> Table:
         """What was made now: runs, successes, errors, and medians of what reached the goal."""
-        table = Table(
-            "mission", "method", "runs", "success", "errors", *(entry.heading for entry in self._shown)
-        )
+        names = Column("mission", no_wrap=True), Column("method", no_wrap=True)
+        table = Table(*names, "runs", "success", "errors", *(entry.heading for entry in self._shown))
         for (mission, method), tally in self._tallies.items():
             share = f"{tally.num_successes / tally.num_runs:.0%}" if tally.num_runs else "–"
             medians = (_median(tally.values[entry.name], entry.factor) for entry in self._shown)

@@ -105,6 +105,7 @@ class RunStore:
                 found = "a campaign that is running"
                 raise ConfigError(str(folder), None, "--out", found, "a folder nobody writes to") from None
             with _told(folder / DATABASE):
+                open_to_write(folder / DATABASE, append=True).close()  # with our permissions, through no link
                 connection = sqlite3.connect(folder / DATABASE, timeout=_BUSY_S, isolation_level=None)
             store = cls(folder, connection, lock)
             undone.callback(connection.close)
@@ -126,9 +127,12 @@ class RunStore:
             raise ConfigError(
                 str(folder), None, "FOLDER", "nothing of a campaign", f"a folder with {DATABASE}"
             )
-        with _told(file):
-            store = cls(folder, sqlite3.connect(file, timeout=_BUSY_S))
+        with _told(file), contextlib.ExitStack() as undone:
+            connection = sqlite3.connect(file, timeout=_BUSY_S)
+            undone.callback(connection.close)
+            store = cls(folder, connection)
             store.identity()
+            undone.pop_all()
         return store
 
     def close(self) -> None:
@@ -219,7 +223,7 @@ def _told(file: Path) -> Iterator[None]:
         if getattr(error, "sqlite_errorcode", None) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE):
             advice = "; what was written before is whole: make room, and go on with --resume"
         raise RecordError(f"{file}: {error}{advice}") from None
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, OSError) as error:
         raise RecordError(f"{file}: {error}") from None
 
 

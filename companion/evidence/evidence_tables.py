@@ -37,6 +37,10 @@ class ResultTable:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
 
+    def is_figure(self, column: int) -> bool:
+        """Whether a column has figures, which stand to the right."""
+        return any(isinstance(row[column].value, float) for row in self.rows)
+
 
 def number_text(value: float) -> str:
     """A number as tables have it: in three digits, or to the unit."""
@@ -113,7 +117,7 @@ def markdown(table: ResultTable) -> str:
     """A table as Markdown."""
     lines = [
         " | ".join(head for head, _ in table.columns),
-        " | ".join("---" if n == 0 else "---:" for n in range(len(table.columns))),
+        " | ".join("---:" if table.is_figure(n) else "---" for n in range(len(table.columns))),
         *(" | ".join(cell.text for cell in row) for row in table.rows),
     ]
     body = "\n".join(f"| {line} |" for line in lines)

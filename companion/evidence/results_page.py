@@ -158,8 +158,7 @@ def _kind(table: ResultTable, column: int) -> str:
     """The class of a column: figures stand to the right, and verdicts are coloured."""
     if table.columns[column][0] == "verdict":
         return ' class="verdict"'
-    is_figure = any(isinstance(row[column].value, float) for row in table.rows)
-    return ' class="value"' if is_figure else ""
+    return ' class="value"' if table.is_figure(column) else ""
 
 
 def _sorted_by(cell: Cell) -> str:

@@ -88,7 +88,9 @@ def judge(case: Case, ordering: Ordering) -> Judged:
     if len(one) >= RUNS_MIN and difference.excludes_zero:
         verdict = Verdict.REPRODUCED if difference.high < 0.0 else Verdict.NOT_REPRODUCED
         return Judged(case, ordering, verdict, difference, len(one), "")
-    return Judged(case, ordering, Verdict.UNDECIDED, difference, len(one), _remark(one - other, measure))
+    seeds = case.samples[ordering.less].rows.keys() & case.samples[ordering.more].rows.keys()
+    remark = _remark(one - other, measure, len(seeds) / len(one))
+    return Judged(case, ordering, Verdict.UNDECIDED, difference, len(one), remark)
 
 
 def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
@@ -162,15 +164,19 @@ def _has_rows(case: Case, method: str) -> bool:
     return method in case.samples and bool(case.samples[method].rows)
 
 
-def _remark(differences: np.ndarray[tuple[int], np.dtype[np.float64]], measure: Measure) -> str:
-    """How many runs would decide; ``differences`` has shape (N,)."""
+def _remark(
+    differences: np.ndarray[tuple[int], np.dtype[np.float64]], measure: Measure, runs_a_pair: float
+) -> str:
+    """How many runs would decide; ``differences``, shape (N,), has one for every so many runs."""
     if not differences.any():
         return "no difference in any pair"
     needed = None if len(differences) < 2 else runs_to_decide(differences)
     if needed is None:
-        return "the mean difference is zero" if len(differences) > 1 else f"{RUNS_MIN} runs at least"
+        fewest = math.ceil(runs_a_pair * RUNS_MIN)
+        return "the mean difference is zero" if len(differences) > 1 else f"{fewest} runs at least"
+    needed = math.ceil(runs_a_pair * max(needed, RUNS_MIN, len(differences) + 1))
     if needed > RUNS_MAX:
         return f"more than {RUNS_MAX:,} runs would decide"
     # Of shares that many pairs may still be too few for an interval that counts half a pair more a cell.
     least = "about " if measure == FAILURE else ""
-    return f"{least}{max(needed, RUNS_MIN, len(differences) + 1):,} runs would decide"
+    return f"{least}{needed:,} runs would decide"

@@ -181,12 +181,11 @@ def started(file, folder, place):
 
 def num_rows(folder):
     try:
-        connection = sqlite3.connect(f"file:{folder / DATABASE}?mode=ro", uri=True, timeout=5.0)
-        number = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+        file = f"file:{folder / DATABASE}?mode=ro"
+        with contextlib.closing(sqlite3.connect(file, uri=True, timeout=5.0)) as connection:
+            return connection.execute("SELECT count(*) FROM runs").fetchone()[0]
     except sqlite3.OperationalError:
         return 0  # it is not made yet
-    connection.close()
-    return number
 
 
 def killed_after(process, folder, rows, only_parent):

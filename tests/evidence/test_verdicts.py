@@ -63,6 +63,18 @@ def test_few_runs_decide_nothing():
     assert (one.verdict, one.remark) == (Verdict.UNDECIDED, "10 runs at least")
 
 
+def test_runs_that_give_no_pair_are_counted_in():
+    successes = [n % 3 == 0 for n in range(30)]  # a third: of 30 runs 10 pairs
+    ours = sample("PC", [10.0 + (-1) ** n for n in range(30)])
+    theirs = sample("PC", [10.0] * 30, successes=successes)
+    found = judge(case(safe_rrt=ours, taddrrt=theirs), PC)
+    assert (found.num_pairs, found.difference.value) == (10, 0.0)
+    assert found.remark == "the mean difference is zero"
+    ours = sample("PC", [10.1 + (-1) ** n for n in range(30)])
+    # (2.8016 · 1.0541 / 0.1)² = 872.1 pairs, of three runs each
+    assert judge(case(safe_rrt=ours, taddrrt=theirs), PC).remark == "2,619 runs would decide"
+
+
 def test_no_difference_at_all_is_told():
     found = judge(case(safe_rrt=sample("PC", [1.0] * 20), taddrrt=sample("PC", [1.0] * 20)), PC)
     assert (found.verdict, found.remark) == (Verdict.UNDECIDED, "no difference in any pair")
