@@ -27,7 +27,12 @@ def campaign_from_file(
     """
     campaign = load_campaign(spec)
     where = RESULTS / campaign.config.name if folder is None else folder
-    done = run_campaign(campaign, where, jobs=jobs, resumes=resumes, console=console)
+    try:
+        done = run_campaign(campaign, where, jobs=jobs, resumes=resumes, console=console)
+    except KeyboardInterrupt:
+        kept = f"stopped; what was made is kept, and --resume goes on: {where}"
+        console.print(kept, markup=False, highlight=False, soft_wrap=True)
+        raise
     told = (
         f"{done.num_rows} runs, {done.num_made} of them made now, {done.num_errors} of these errors: {where}"
     )

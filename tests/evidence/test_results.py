@@ -1,14 +1,17 @@
 """From a campaign's rows to what is written of them."""
 
+import contextlib
 import csv
 import io
 import re
+import sqlite3
 from html.parser import HTMLParser
 
 import pytest
 from rich.console import Console
 
 from companion.campaign import run_places
+from companion.campaign.run_store import DATABASE
 from companion.evidence.evidence_commands import campaign_from_file, results_in
 from tests.sim.client import CONFIGS
 
@@ -123,7 +126,41 @@ def test_the_curves_end_at_the_share_that_has_a_value(folder):
     assert text.count("data-value=") > 100
 
 
-def test_an_unfinished_campaign_says_so_and_an_empty_folder_too(tmp_path, companion_command):
+def test_who_stops_a_campaign_is_told_how_to_go_on(tmp_path, monkeypatch, companion_command):
+    def stopped(*_arguments, **_named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("companion.evidence.evidence_commands.run_campaign", stopped)
+    file = tmp_path / "spec.yaml"
+    file.write_text(SPEC, encoding="utf-8")
+    done = companion_command("campaign", file, "--out", tmp_path / "out")
+    assert done.code == 130
+    assert "stopped; what was made is kept, and --resume goes on" in done.out
+
+
+def test_an_unfinished_campaign_says_so(folder, tmp_path):
+    with contextlib.closing(sqlite3.connect(folder / DATABASE)) as rows:
+        rows.execute("VACUUM INTO ?", (str(tmp_path / DATABASE),))
+    with contextlib.closing(sqlite3.connect(tmp_path / DATABASE)) as rows:
+        rows.execute("DELETE FROM runs WHERE number >= 50")
+        rows.execute("UPDATE runs SET commit_id = 'another' WHERE number = 0")
+        rows.commit()
+    results_in(tmp_path, Console(file=io.StringIO()))
+    text = (tmp_path / "results.md").read_text(encoding="utf-8")
+    assert "50 of 72 plans. The campaign is not finished" in text
+    assert "Commit another, " in text
+    assert "More than one commit made these rows." in text
+
+
+def test_a_folder_without_a_campaign_and_one_without_a_row_are_told(folder, tmp_path, companion_command):
     done = companion_command("results", tmp_path)
     assert done.code == 2
     assert "nothing of a campaign" in done.err
+    with contextlib.closing(sqlite3.connect(folder / DATABASE)) as rows:
+        rows.execute("VACUUM INTO ?", (str(tmp_path / DATABASE),))
+    with contextlib.closing(sqlite3.connect(tmp_path / DATABASE)) as rows:
+        rows.execute("DELETE FROM runs")
+        rows.commit()
+    done = companion_command("results", tmp_path)
+    assert done.code == 2
+    assert "a campaign without a row" in done.err
