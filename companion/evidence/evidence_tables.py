@@ -176,7 +176,7 @@ def _samples(evidence: Evidence) -> Iterator[tuple[Case, str, Sample]]:
 
 
 def _note(group: Group) -> str:
-    return "Of runs that reach the goal." if any(measure.of_success for measure in group.measures) else ""
+    return "Of runs that reach the goal." if all(measure.of_success for measure in group.measures) else ""
 
 
 def _name(text: str) -> Cell:

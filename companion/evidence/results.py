@@ -23,9 +23,13 @@ from companion.ui import style
 
 HOW = (
     "Means with 95 % percentile intervals of 2,000 seeded resamples (medians are in the CSV, and on the page "
-    "where the mouse rests); success with Wilson's interval. Search measures are of all runs, those of "
-    "a path of runs that reach the goal. Differences are paired by seed."
+    "where the mouse rests); of fewer than ten values they are too narrow. Success with Wilson's interval. "
+    "Differences are paired by seed."
 )
+OF_WHICH = {
+    "plans": "Search measures are of all runs, those of a path of runs that reach the goal.",
+    "flights": "The time until the goal is of flights that reach it, all else of all flights.",
+}
 ORDERINGS = (
     "Every pair of different values in a column of the paper's tables. An ordering is reproduced, or not, "
     "where the 95 % interval of the paired difference excludes zero; no correction is made for how many they "
@@ -75,8 +79,9 @@ def _leads(evidence: Evidence) -> list[str]:
     if evidence.num_rows < evidence.num_wanted:
         runs += " The campaign is not finished: companion campaign --resume goes on."
     commits = ", ".join(evidence.commits)
+    told = f"{HOW} {OF_WHICH[evidence.kind]}"
     several = " More than one commit made these rows." if len(evidence.commits) > 1 else ""
-    return [runs, f"Commit {commits}.{several} {'; '.join(evidence.machines)}.", HOW]
+    return [runs, f"Commit {commits}.{several} {'; '.join(evidence.machines)}.", told]
 
 
 def _verdict_tables(every: list[Judged]) -> list[ResultTable]:
