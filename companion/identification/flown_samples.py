@@ -109,7 +109,7 @@ def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
     told.listen(recording)
     plans = _plans_flown(log.with_suffix(".mcap"))
     found = [_deviations(told, path, begin_s, end_s) for path, begin_s, end_s in plans]
-    kept = tuple(entry for entry, _ in found if len(entry.times_s))
+    kept = tuple(entry for entry, _ in found if len(entry.times_s) > 1)
     return Flown(str(source), mission, kept, told.errors(), sum(left_out for _, left_out in found))
 
 
