@@ -339,6 +339,28 @@ def results(
     results_in(folder, console)
 
 
+@app.command()
+def identify(
+    recordings: Annotated[
+        list[Path], typer.Argument(exists=True, help="Flights' folders, or tlogs: of one aircraft.")
+    ],
+    mission: Annotated[
+        Path | None, typer.Option(help="The mission file flown, where a tlog does not say.")
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Tell an aircraft's noise from its flights, as keys of a mission file; exit 1 if there is too little."""
+    from companion.identification import identify_command as identifying
+
+    flights, found = identifying.identify(recordings, mission)
+    if json_file is not None:
+        write_json(json_file, identifying.document_of(flights, found))
+    if json_file is None or str(json_file) != "-":
+        identifying.show(flights, found, console)
+    if not found.known:
+        raise typer.Exit(EXIT_FAILED)
+
+
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
     """The error of a command that needs what is not installed."""
     return ConfigError(

@@ -58,6 +58,7 @@ class Strategies:
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
     plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
+    races: bool = True  # in the plane these are avoided by a race; else by the tree, in space, too
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
 
