@@ -7,6 +7,11 @@ _.log_message  # http.server
 _.collect  # prometheus_client
 _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _._entrypoint, _._cmd  # getattr
 
+_.results  # typer
+
+# Loaded by the place that is told of them.
+_.FlightRunner, _.driven
+
 # Read by the library that the object belongs to.
 _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pymavlink
 _.debug_lvl  # jsbsim

@@ -311,6 +311,56 @@ def report(
     )
 
 
+@app.command()
+def campaign(
+    spec: Annotated[Path, typer.Argument(help="A campaign's file, as in campaigns.")],
+    jobs: Annotated[int, typer.Option(min=1, help="Processes that make runs at once.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where it was stopped.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the rows; else results, and the campaign's name.")
+    ] = None,
+) -> None:
+    """Plan or fly by the thousand: methods by missions, settings and seeds, each run a row."""
+    from companion.evidence.evidence_commands import campaign_from_file
+
+    campaign_from_file(spec, jobs=jobs, resumes=resume, folder=out, console=console)
+
+
+@app.command()
+def results(
+    folder: Annotated[
+        Path,
+        typer.Argument(exists=True, file_okay=False, help="A campaign's folder; it may still be running."),
+    ],
+) -> None:
+    """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
+    from companion.evidence.evidence_commands import results_in
+
+    results_in(folder, console)
+
+
+@app.command()
+def identify(
+    recordings: Annotated[
+        list[Path], typer.Argument(exists=True, help="Flights' folders, or tlogs: of one aircraft.")
+    ],
+    mission: Annotated[
+        Path | None, typer.Option(help="The mission file flown, where a tlog does not say.")
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Tell an aircraft's noise from its flights, as keys of a mission file; exit 1 if there is too little."""
+    from companion.identification import identify_command as identifying
+
+    flights, found = identifying.identify(recordings, mission)
+    if json_file is not None:
+        write_json(json_file, identifying.document_of(flights, found))
+    if json_file is None or str(json_file) != "-":
+        identifying.show(flights, found, console)
+    if not found.known:
+        raise typer.Exit(EXIT_FAILED)
+
+
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
     """The error of a command that needs what is not installed."""
     return ConfigError(

@@ -1,4 +1,5 @@
-"""Offline plans, one or many, with the measures of the paper's tables beside the paper's own figures.
+"""Plans and flights by the thousand, each a row with the measures of the paper's tables.
 
-Plans from mission files alone: no link, no clock but to time a plan, no files but those that are named.
+Made from mission files alone: no link, no clock but to time a plan, no files but those that are named.
+Flights and pursuers are the simulator's, which offers them.
 """

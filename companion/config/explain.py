@@ -53,7 +53,7 @@ def unit_of(key: str) -> str | None:
     return next((unit for suffix, unit in _UNITS if key.endswith(suffix)), None)
 
 
-def explained(document: Document, findings: list[Any]) -> ConfigError:
+def explained(document: Document, findings: list[Any], model: type[BaseModel] = MissionConfig) -> ConfigError:
     """Error worth showing first.
 
     A misspelt key is reported both as unknown and as missing: the unknown one says more, so it
@@ -65,6 +65,8 @@ def explained(document: Document, findings: list[Any]) -> ConfigError:
         The file.
     findings : list of dict
         ``ValidationError.errors()`` of pydantic.
+    model : type of BaseModel
+        What the file was to be, whose keys an unknown one is compared with.
     """
     ranks = {"extra_forbidden": 0, "missing": 2}
 
@@ -74,7 +76,7 @@ def explained(document: Document, findings: list[Any]) -> ConfigError:
     first = min(findings, key=order)
     path: KeyPath = tuple(first["loc"])
     if first["type"] == "extra_forbidden":
-        return document.error(path, _nearest(path), value="a key that is not known")
+        return document.error(path, _nearest(path, model), value="a key that is not known")
     return document.error(path, _expected(first, path))
 
 
@@ -106,8 +108,8 @@ def _named(path: KeyPath) -> str:
     return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 
-def _nearest(path: KeyPath) -> str:
-    known = dict(_sections(MissionConfig))
+def _nearest(path: KeyPath, model: type[BaseModel]) -> str:
+    known = dict(_sections(model))
     section = ".".join(part for part in path[:-1] if isinstance(part, str))
     wanted = str(path[-1])
     score, near, place = max(

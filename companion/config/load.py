@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from companion.config.checks import findings
 from companion.config.explain import explained
 from companion.config.models import MissionConfig
-from companion.config.source import SIZE_MAX, parse
+from companion.config.source import SIZE_MAX, Document, parse
 from companion.errors import ConfigError
 from companion.safe_files import read_file
 
@@ -59,7 +59,17 @@ def mission_from_text(text: str, file: str) -> MissionConfig:
     ConfigError
         For the first thing wrong with it.
     """
-    document = parse(text, file)
+    return mission_from_document(parse(text, file))
+
+
+def mission_from_document(document: Document) -> MissionConfig:
+    """Read a mission from what stands in a file, or in one with some values changed.
+
+    Raises
+    ------
+    ConfigError
+        For the first thing wrong with it.
+    """
     try:
         config = MissionConfig.model_validate(document.data)
     except ValidationError as error:

@@ -85,8 +85,14 @@ class Goal(Section):
     """Nearer than this it counts as reached."""
 
 
+PAPER_NOISE = 3.0  # times that of a small aircraft: the paper's path qualities are of about this
+
+
 class Vehicle(Section):
-    """What the aircraft can do, and how well its motion and state are known (one sigma)."""
+    """What the aircraft can do, and how well its motion and state are known (one sigma).
+
+    `companion identify` tells the noise, the keys with `std` in them, of recorded flights.
+    """
 
     airspeed_min_m_s: Speed
     """Slowest that is planned, true airspeed."""
@@ -111,6 +117,9 @@ class Vehicle(Section):
     """Steepest climb."""
     descent_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
     """Steepest descent."""
+    noise: Literal["usual", "paper"] = "usual"
+    """What the keys with `std` are that are left out: `usual`, the defaults below, those of a small aircraft
+    with GNSS; or `paper`, three times these: with a margin of 1 m Q is then about as low as the paper's."""
     acceleration_std_m_s2: Annotated[float, Field(ge=0.0, le=20.0)] = 0.3
     """How far the aircraft strays from the commanded acceleration."""
     course_rate_std_rad_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.02
@@ -127,6 +136,14 @@ class Vehicle(Section):
     """How well it knows its climb angle."""
     initial_position_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
     """At the start of an offline plan."""
+
+
+def _with_noise(given: object) -> object:
+    """An aircraft as written, with the noise of a preset filled in."""
+    if not isinstance(given, dict) or given.get("noise") != "paper":
+        return given
+    usual = {key: field.default for key, field in Vehicle.model_fields.items() if "_std_" in key}
+    return {key: PAPER_NOISE * default for key, default in usual.items()} | given
 
 
 class PlanningConfig(Section):
@@ -367,7 +384,7 @@ class MissionConfig(Section):
     """Where an offline plan and the simulator begin."""
     goals: Annotated[tuple[Goal, ...], Field(max_length=1_000), BeforeValidator(_goals)]
     """A list, reached in its order, or `from_autopilot`: the waypoints of the mission in the autopilot."""
-    vehicle: Vehicle
+    vehicle: Annotated[Vehicle, BeforeValidator(_with_noise)]
     """What the aircraft can do."""
     planning: PlanningConfig
     """How plans are made and replaced."""

@@ -15,15 +15,24 @@ from companion.planning.settings import (
 
 _PRINTED = Strategies(plays_game=False)  # the paper's: DTs are kept away from by threat levels alone
 
-_TADDRRT = Strategies(
-    plays_game=False,
+# What is no comparator's subject it shares with Safe-RRT: samples that follow the distance field, the
+# connection to the goal and restarts. Their budgets are larger: a race's collision checks are of no
+# iteration, so that Safe-RRT has some 130,000 more of these, and a tree in whose cost threats are higher
+# takes more samples. One that gives in step by step has a budget for each try.
+SUB_TASK_ITERATIONS, STALL_ITERATIONS = 3_000, 1_200
+ITERATIONS_SHARE = 4
+STAR_ITERATIONS = 800  # of RRT* where it is the whole method: its gain has levelled off by then
+
+_TADDRRT = replace(
+    _PRINTED, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
+)
+
+_RRT_STAR = replace(
+    _PRINTED,
+    use_dynamic_domain=False,
     use_uncertainty=False,
     use_goal_zoom=False,
-    follow_field=False,
-    connect_straight=False,
-    use_k_near=False,
-    use_safety_adjustment=True,
-    optimiser=Optimiser.NONE,
+    use_safety_adjustment=False,
 )
 
 METHODS: dict[str, Strategies] = {
@@ -32,7 +41,10 @@ METHODS: dict[str, Strategies] = {
     "safe-rrt-rs": _PRINTED,  # an ablation: without the game of 2.3
     "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,
-    "nfz-ddrrt": replace(_TADDRRT, dts_are_no_fly=True),
+    # DTs are no-fly, by the RS of ours.
+    "nfz-ddrrt": replace(_TADDRRT, plays_game=True, races=False, may_hurry=False),
+    "nfz-ddrrt-printed": replace(_TADDRRT, dts_are_no_fly=True),  # by the threat trees, however fast DTs are
+    "rrt-star": _RRT_STAR,  # what is dear by (9) alone
     "edbm": replace(_PRINTED, sub_goal=SubGoalRule.EUCLIDEAN),
     "probabilistic": replace(_PRINTED, certainty=Certainty.PROBABILISTIC),
     "rrt-reach": replace(_PRINTED, estimator=Estimator.RRT_REACH),
@@ -60,7 +72,7 @@ def settings_for(
     strategies = METHODS[method]
     if strategies.certainty is not Certainty.PROBABILISTIC:
         strategies = replace(strategies, certainty=certainty)
-    return PlannerSettings(
+    chosen = PlannerSettings(
         strategies=strategies,
         method=method,
         clearance_min_m=clearance_min_m,
@@ -68,4 +80,18 @@ def settings_for(
         max_iterations=max_iterations,
         threat_level_max=threat_level_max,
         quality_min=quality_min,
+    )
+    return chosen if method.startswith("safe-rrt") else _as_comparator(chosen)
+
+
+def _as_comparator(chosen: PlannerSettings) -> PlannerSettings:
+    """The settings with the budgets of comparators."""
+    star = STAR_ITERATIONS if chosen.method == "rrt-star" else chosen.optimise_iterations
+    share = 1 if chosen.strategies.plays_game else ITERATIONS_SHARE
+    return replace(
+        chosen,
+        sub_task_iterations=SUB_TASK_ITERATIONS,
+        stall_iterations=STALL_ITERATIONS,
+        max_iterations=share * chosen.max_iterations,
+        optimise_iterations=star,
     )

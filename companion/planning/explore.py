@@ -23,6 +23,7 @@ from companion.planning.guides import (
     distances_to_go,
     guide_home,
     guide_to,
+    has_way,
     raced,
     ways_before,
     ways_clear,
@@ -97,14 +98,13 @@ class Exploration:
         )
         plays = settings.strategies.plays_game
         full_game = pursuit_game(
-            snapshot.tracks if plays else (),
-            snapshot.walls,
-            self.plane_up_m,
-            snapshot.bounds,
+            snapshot.tracks if plays else (), snapshot.walls, self.plane_up_m, snapshot.bounds,
             settings.pursuit_slack_s,
-        )
-        self.chase = Chase(full_game, settings.pursuit_shares, settings.pursuit_slack_min_s)
+        )  # fmt: skip
+        is_by_tree = not settings.strategies.races
+        self.chase = Chase(full_game, settings.pursuit_shares, settings.pursuit_slack_min_s, is_by_tree)
         self._is_barred, self._dear_races = False, 0
+        self._budget_end = settings.max_iterations
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))
         self.work = scratch._replace(stats=self.stats)
@@ -172,9 +172,7 @@ class Exploration:
 
     def is_spent(self, should_stop: ShouldStop) -> bool:
         """Whether the budget has ended, or DTs that are to be avoided bar the way."""
-        if self._is_barred:
-            return True
-        return self.iterations >= self.problem.settings.max_iterations or should_stop()
+        return self._is_barred or self.iterations >= self._budget_end or should_stop()
 
     def sense(self, centre: FloatArray) -> None:
         """Static threats about a sub task's centre become known, and stay so.
@@ -339,6 +337,8 @@ class Exploration:
             Whether the budget has ended.
         """
         self.chase.give_in(is_late=self._dear_races >= DEAR_RACES or should_stop())
+        if self.chase.is_by_tree:  # races take nothing of the budget: so each try has the whole of it
+            self._budget_end = self.iterations + self.problem.settings.max_iterations
         self._left = list(self._faster)
         self._start_afresh(self.problem.vehicle.airspeed_cruise_m_s)
 
@@ -387,9 +387,10 @@ class Exploration:
         end, in_a_row = root, 0
         used: list[FloatArray] = []
         settings, home = self.problem.settings, self.guide_home(goal, root)
-        if self.chase.is_avoided:
+        if self.chase.is_avoided and settings.strategies.races:
             node = self._raced(goal, radius_m, root, home)
             return node >= 0, max(node, root)
+        self._is_barred = self._has_no_way(home, root)
         while not self.is_spent(should_stop):
             centre = self.tree.state[end, :3].copy()
             sub_goal = self._next_sub_goal(end, centre, goal, home, used)
@@ -445,6 +446,12 @@ class Exploration:
             self.sub_goals.append(goal)
             self.centres.append(self.tree.state[root, :3].copy())
         return node
+
+    def _has_no_way(self, home: Guide, root: int) -> bool:
+        """Whether DTs that are avoided in the plane bar all ways from a node; ``home`` leads to the goal."""
+        if not self.chase.is_avoided or self.limits.dimension == 3:
+            return False
+        return not has_way(home, self.tree.state[root])
 
     def _log_risk(self, node: int) -> float:
         """-log Q of (8) over the branch to a node."""

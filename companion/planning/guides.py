@@ -182,6 +182,19 @@ def distances_to_go(guide: Guide, places: FloatArray) -> FloatArray:
     return guide.field[index[:, 0], index[:, 1]]
 
 
+def has_way(guide: Guide, state: FloatArray) -> bool:
+    """Whether a field leads from somewhere to where it belongs to.
+
+    Parameters
+    ----------
+    guide : Guide
+        The distance field.
+    state : ndarray, shape (≥ 2,)
+        East and north first [m].
+    """
+    return math.isfinite(distance_to_go(guide, state[0], state[1]))
+
+
 def raced(
     tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
     rng: np.random.Generator,
@@ -207,7 +220,7 @@ def raced(
     rng : numpy.random.Generator
         The source of what the estimator of reachable nodes draws.
     """
-    if not math.isfinite(distance_to_go(home, tree.state[root, 0], tree.state[root, 1])):
+    if not has_way(home, tree.state[root]):
         return -1
     rows = empty_rows(MAX_RACE)
     n = race(tree, root, goal, RACE_SHARE * goal[3], home, scene, rows, work)

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import base64
-import io
 import math
-import re
 from pathlib import Path
-
-from matplotlib.figure import Figure
 
 from companion.config.models import MissionConfig
 from companion.plain_text import in_page
@@ -99,7 +95,7 @@ def write_report(
         altitude, threat = altitude_chart(mission, snapshot, record, start_s), threat_chart(record, start_s)
         charts = [
             (
-                _svg(
+                style.inline_svg(
                     decision_chart(record, start_s),
                     "decisions",
                     "Timeline of the decisions, one row a kind, over flight time",
@@ -107,15 +103,17 @@ def write_report(
                 "When something was decided; the table below says what and why.",
             ),
             (
-                _svg(altitude, "altitude", "Altitude over flight time, between floor and ceiling"),
+                style.inline_svg(
+                    altitude, "altitude", "Altitude over flight time, between floor and ceiling"
+                ),
                 "Height along the flown path.",
             ),
             (
-                _svg(threat, "threat", "Threat level along the flown path over flight time"),
+                style.inline_svg(threat, "threat", "Threat level along the flown path over flight time"),
                 "How exposed the aircraft was to radars and moving threats together; 0 is unseen.",
             ),
             (
-                _svg(
+                style.inline_svg(
                     encounter_chart(record, start_s),
                     "encounters",
                     "Distance to each moving threat over flight time, its reach and the closest approach",
@@ -123,7 +121,9 @@ def write_report(
                 "How near the moving threats were, at a slant. Light: in reach; dark: in sight, too.",
             ),
             (
-                _svg(latency_chart(record), "latency", "Computing time of every plan in milliseconds"),
+                style.inline_svg(
+                    latency_chart(record), "latency", "Computing time of every plan in milliseconds"
+                ),
                 "How long each plan took to compute, in the order they were made.",
             ),
         ]
@@ -288,27 +288,3 @@ def _why(decision: Decision) -> str:
 
 def _milliseconds(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.0f}"
-
-
-def _svg(figure: Figure, name: str, text: str) -> str:
-    """Return a figure as an SVG element to stand inside a page.
-
-    Parameters
-    ----------
-    figure : Figure
-        What is drawn.
-    name : str
-        Put before every name defined in the drawing: names are unique within a page, not a drawing.
-    text : str
-        Description for readers that do not see the figure.
-    """
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    drawing = buffer.getvalue()
-    drawing = drawing[drawing.index("<svg") :]
-    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
-    drawing = re.sub(r'href="#|url\(#', lambda found: f"{found.group()}{name}-", drawing)
-    # Width and height in points would fix its size; the view box alone lets the page scale it.
-    for side in ("width", "height"):
-        drawing = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", drawing, count=1)
-    return drawing.replace("<svg", f'<svg role="img" aria-label="{in_page(text)}"', 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from companion.frames import FloatArray
-from companion.plain_text import printable
+from companion.plain_text import in_page, printable
 from companion.safe_files import SHARED, replace_file
 
 INK: Final = "#1d2733"
@@ -78,6 +79,30 @@ def drawing() -> Iterator[None]:
     """Apply the house style while a figure is built and saved."""
     with mpl.rc_context(SETTINGS):
         yield
+
+
+def inline_svg(figure: Figure, name: str, text: str) -> str:
+    """Return a figure as an SVG element to stand inside a page.
+
+    Parameters
+    ----------
+    figure : Figure
+        What is drawn.
+    name : str
+        Put before every name defined in the drawing: names are unique within a page, not a drawing.
+    text : str
+        Description for readers that do not see the figure.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    drawing = buffer.getvalue()
+    drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub(r'href="#|url\(#', lambda found: f"{found.group()}{name}-", drawing)
+    # Width and height in points would fix its size; the view box alone lets the page scale it.
+    for side in ("width", "height"):
+        drawing = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", drawing, count=1)
+    return drawing.replace("<svg", f'<svg role="img" aria-label="{in_page(text)}"', 1)
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:

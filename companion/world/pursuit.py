@@ -46,15 +46,19 @@ class Chase:
         Parts of their speed, against which is played where, with all the slack, all ways are barred.
     slack_min_s : float
         By which a place has to be passed before it is under threat, where no way leaves more [s].
+    is_by_tree : bool
+        Whether a tree keeps away from where they could be, which it can in space, too.
     """
 
     full: Game
     shares: tuple[float, ...]
     slack_min_s: float
+    is_by_tree: bool = False
 
     def __post_init__(self) -> None:
         hunts = bool((self.full.hunters[:, 7] != PASSES_BY).any())
-        avoided = Pursuit.AVOIDED if self.full.is_plane else Pursuit.WEIGHED  # in space there is no race
+        can_avoid = self.full.is_plane or self.is_by_tree  # in space there is no race
+        avoided = Pursuit.AVOIDED if can_avoid else Pursuit.WEIGHED
         self.pursuit = avoided if hunts else Pursuit.IGNORED
         self.game, self._rung, self._left = self.full, "", list(self.shares)
 

@@ -124,21 +124,21 @@ class Pursuer:
 
         What a point sees does not change with time, and missions change seldom: it is remembered.
         """
-        lengths, exits = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
         if len(to_corner) == 0:
-            return lengths, exits
+            return np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
         if len(self._visible) > 4000:
             self._visible.clear()
+        seen = np.empty((len(points), len(to_corner)))
         for index, point in enumerate(points):
             key = (round(float(point[0]), 1), round(float(point[1]), 1))
             known = self._visible.get(key)
             if known is None:
                 known = (target.revision, self._roads.distances(point, self._roads.corners))
                 self._visible[key] = known
-            totals = to_corner + known[1]
-            exits[index] = int(np.argmin(totals))
-            lengths[index] = totals[exits[index]]
-        return lengths, exits
+            seen[index] = known[1]
+        totals = to_corner + seen
+        exits = np.argmin(totals, axis=1)
+        return totals[np.arange(len(points)), exits], exits
 
     def _drive(self, duration_s: float) -> None:
         """Follow the way by pure pursuit."""

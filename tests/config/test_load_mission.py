@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from companion.config import load_mission, mission_from_text, source
+from companion.config.load import text_of
 from companion.errors import ConfigError
 
 CONFIGS = Path(__file__).parents[2] / "mission_configs"
@@ -51,6 +52,22 @@ def test_defaults_of_keys_left_out():
     assert config.link.track_sources is None
     assert config.authority.resume == "auto"
     assert not config.authority.allow_rtl
+
+
+def test_the_papers_noise_is_three_times_the_usual_but_for_what_is_written():
+    usual = mission_from_text(GOOD, "m.yaml").vehicle
+    text = changed("vehicle:\n", "vehicle:\n  noise: paper\n  altitude_std_m: 4.5\n")
+    paper = mission_from_text(text, "m.yaml").vehicle
+    noise = [key for key in type(usual).model_fields if "_std_" in key]
+    assert len(noise) == 8
+    assert paper.altitude_std_m == 4.5
+    for key in noise:
+        if key != "altitude_std_m":
+            assert getattr(paper, key) == pytest.approx(3.0 * getattr(usual, key)), key
+    again = mission_from_text(text_of(mission_from_text(text, "m.yaml")), "m.yaml")
+    assert again.vehicle == paper
+    error = fault(changed("vehicle:\n", "vehicle:\n  noise: large\n"))
+    assert (error.key, error.value, error.expected) == ("vehicle.noise", "large", "'usual' or 'paper'")
 
 
 def test_optional_sections_are_read():

@@ -1,0 +1,197 @@
+"""Runs of a campaign in processes of this computer, which stay, one run after the other.
+
+A run's fault becomes its outcome. One whose process dies is tried once more, for that can be somebody
+else's doing (the computer was short of memory, the whole campaign is being killed); when it dies again,
+that is the outcome.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import signal
+import time
+import traceback
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from companion.campaign.campaign_spec import Campaign, Run
+from companion.campaign.runners import Packed, Runner, packed, runner_at
+from companion.errors import CompanionError
+
+ATTEMPTS_MAX = 2
+ERROR_CHARACTERS = 2_000
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A run that is over.
+
+    Parameters
+    ----------
+    run : Run
+        Which.
+    outcome : Packed
+        What came of it.
+    started : datetime
+        When it was handed to a process, in UTC.
+    duration_s : float
+        From then until its outcome was here [s].
+    attempts : int
+        How many processes it took.
+    """
+
+    run: Run
+    outcome: Packed
+    started: datetime
+    duration_s: float
+    attempts: int
+
+
+@dataclass(slots=True)
+class _Worker:
+    """A process, and the run that it is at: none while it warms up or waits."""
+
+    process: BaseProcess
+    connection: Connection
+    run: Run | None = None
+    started: datetime = datetime.min
+    began_s: float = 0.0
+
+    def begin(self, run: Run) -> None:
+        """Hand it a run."""
+        self.run, self.started, self.began_s = run, datetime.now(UTC), time.perf_counter()
+        self.connection.send(run)
+
+    def rest(self) -> None:
+        """Have no run any more."""
+        self.run = None
+
+    def end(self) -> None:
+        """End the process, whatever it is at."""
+        self.connection.close()
+        self.process.kill()
+        self.process.join()
+
+
+class ProcessEngine:
+    """Makes runs in processes that are started anew, and so share nothing with this one.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    places : dict
+        Places of the code that makes runs, by kind.
+    jobs : int
+        How many processes.
+    """
+
+    def __init__(self, campaign: Campaign, places: dict[str, str], jobs: int) -> None:
+        self._campaign, self._places, self._jobs = campaign, places, jobs
+        self._workers: list[_Worker] = []
+        self._attempts: dict[int, int] = {}
+
+    def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
+        """Make the runs, and tell of each as it is over; in no particular order.
+
+        Raises
+        ------
+        CompanionError
+            If no process comes as far as its first run.
+        """
+        waiting = deque(runs)
+        try:
+            # One alone, so that what is compiled is compiled once.
+            self._start(waiting)
+            while len(self._workers) < min(self._jobs, len(runs)):
+                self._start(waiting)
+            while any(worker.run is not None for worker in self._workers):
+                busy = {worker.connection: worker for worker in self._workers if worker.run is not None}
+                for connection in wait(list(busy)):
+                    over = self._taken(busy[connection], waiting)  # type: ignore[index]
+                    if over is not None:
+                        yield over
+        finally:
+            for worker in self._workers:
+                worker.end()
+
+    def _start(self, waiting: deque[Run]) -> None:
+        """Start a process, wait until it is warm, and give it a run if there is one."""
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(
+            target=_work, args=(theirs, self._campaign, self._places), daemon=True, name="campaign"
+        )
+        process.start()
+        theirs.close()
+        worker = _Worker(process, ours)
+        self._workers.append(worker)
+        try:
+            fault = ours.recv()
+        except (EOFError, OSError):
+            process.join()
+            fault = f"it {_end_of(process)}"
+        if fault:
+            raise CompanionError(f"a process could not get ready for the campaign: {fault}")
+        if waiting:
+            worker.begin(waiting.popleft())
+
+    def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
+        """What a process has to tell; None where its run is to be tried again."""
+        run, started, began_s = worker.run, worker.started, worker.began_s
+        assert run is not None
+        attempts = self._attempts.get(run.number, 0) + 1
+        self._attempts[run.number] = attempts
+        try:
+            outcome: Packed = worker.connection.recv()
+        except (EOFError, OSError):
+            self._workers.remove(worker)
+            worker.process.join()
+            outcome = Packed(error=f"the process that made it {_end_of(worker.process)}")
+            worker.end()
+            is_over = attempts >= ATTEMPTS_MAX
+            if not is_over:
+                waiting.appendleft(run)
+            duration_s = time.perf_counter() - began_s
+            self._start(waiting)
+            return Finished(run, outcome, started, duration_s, attempts) if is_over else None
+        duration_s = time.perf_counter() - began_s
+        worker.rest()
+        if waiting:
+            worker.begin(waiting.popleft())
+        return Finished(run, outcome, started, duration_s, attempts)
+
+
+def _end_of(process: BaseProcess) -> str:
+    """How a process ended, in words."""
+    code = process.exitcode
+    return f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with code {code}"
+
+
+def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) -> None:
+    """Make runs until there are no more, or the campaign's own process is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign's own process ends this one
+    logging.disable(logging.CRITICAL)
+    runner = runner_at(places[campaign.config.kind], campaign, places)
+    runner.warm_up()
+    try:
+        connection.send("")
+        while True:
+            connection.send(_outcome(runner, connection.recv()))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+
+
+def _outcome(runner: Runner, run: Run) -> Packed:
+    """What comes of a run, its faults included."""
+    try:
+        return packed(runner.outcome(run))
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{place.filename.rpartition('/')[2]}, {place.name}"
+        return Packed(error=f"{type(error).__name__}: {error} ({where})"[:ERROR_CHARACTERS])

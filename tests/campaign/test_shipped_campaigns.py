@@ -1,0 +1,51 @@
+"""The campaigns that come with the project: each is valid, and one run of each kind works."""
+
+import re
+import sqlite3
+
+import pytest
+
+from companion.campaign.campaign_spec import load_campaign
+from companion.campaign.run_store import DATABASE
+from tests.sim.client import CONFIGS
+
+CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))
+NUM_RUNS = {"ablations": 3000, "flights": 360, "paper": 5400, "small": 72, "wind": 180}
+
+
+@pytest.mark.parametrize("file", CAMPAIGNS, ids=lambda file: file.stem)
+def test_each_is_valid_and_named_as_its_file(file):
+    campaign = load_campaign(file)
+    assert campaign.config.name == file.stem
+    assert len(campaign.runs) == NUM_RUNS[file.stem]
+
+
+def smallest(file, tmp_path):
+    """The same file with one seed, and the first mission, method and settings only."""
+    text = file.read_text(encoding="utf-8")
+    first = load_campaign(file).runs[0]
+    text = re.sub(r"^seeds: \d+", "seeds: 1", text, flags=re.M)
+    text = re.sub(r"^missions: .*$", f"missions: [{CONFIGS / first.mission}.yaml]", text, flags=re.M)
+    text = re.sub(r"^methods:(.*\n(  .*\n)*)", "methods: [edbm]\n", text, flags=re.M)
+    text = re.sub(r"^settings:\n(  .*\n)((  .*\n)*)", r"settings:\n\1", text, flags=re.M)
+    small = tmp_path / file.name
+    small.write_text(text, encoding="utf-8")
+    return small
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("file", CAMPAIGNS, ids=lambda file: file.stem)
+def test_a_run_of_each_has_its_measures_and_results(file, tmp_path, companion_command):
+    small = smallest(file, tmp_path)
+    assert len(load_campaign(small).runs) == 1
+    done = companion_command("campaign", small, "--out", tmp_path / "out")
+    assert (done.code, "0 of these errors" in done.out) == (0, True), done.out + done.err
+    with sqlite3.connect(tmp_path / "out" / DATABASE) as connection:
+        ((measures, paths),) = connection.execute("SELECT measures, length(paths) FROM runs").fetchall()
+    connection.close()
+    wanted = {"plans": ("PC", "TDTA", "RRS"), "flights": ("seconds_in_reach_and_sight", "is_safe")}
+    assert all(f'"{name}"' in measures for name in wanted[load_campaign(small).config.kind])
+    assert paths > 100
+    assert companion_command("results", tmp_path / "out").code == 0
+    assert "edbm" in (tmp_path / "out" / "results.md").read_text(encoding="utf-8")

@@ -1,0 +1,110 @@
+"""The comparators by name on the paper's maps: they find the goal, and are what they are said to be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.campaign.runs import offline_problem, offline_world
+from companion.config import load_mission
+from companion.planning.comparators import METHODS, SUB_TASK_ITERATIONS
+from companion.planning.explore import Exploration
+from companion.planning.route import pursuit_risk, route_from_path
+from companion.planning.settings import Optimiser, Strategies
+from companion.planning.solver import solve
+from tests.planning.test_solver import checker_for
+from tests.sim.client import CONFIGS
+from tests.support.worlds import problem, track
+
+pytestmark = pytest.mark.compiled
+OURS = Strategies()
+PAPERS = ("taddrrt", "nfz-ddrrt", "rrt-star", "edbm", "probabilistic", "rrt-reach", "rrt")
+
+
+def asked_of(name, method, seed=1):
+    mission = load_mission(CONFIGS / f"{name}.yaml")
+    return offline_problem(mission, offline_world(mission), method, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["paper-2d", "paper-3d"])
+@pytest.mark.parametrize("method", PAPERS)
+def test_every_comparator_solves_the_papers_maps(method, name, seed):
+    plan = solve(asked_of(name, method, seed))
+    assert plan.reaches_goal, plan.notes
+    assert plan.method == method
+
+
+@pytest.mark.parametrize("method", PAPERS)
+def test_no_comparator_is_denied_what_is_not_its_subject(method):
+    strategies = METHODS[method]
+    assert strategies.follow_field
+    assert strategies.connect_straight
+    chosen, ours = asked_of("paper-2d", method).settings, asked_of("paper-2d", "safe-rrt").settings
+    assert chosen.sub_task_iterations == SUB_TASK_ITERATIONS > ours.sub_task_iterations
+    assert chosen.stall_iterations > ours.stall_iterations
+    assert chosen.max_iterations >= ours.max_iterations
+    assert chosen.optimise_iterations >= ours.optimise_iterations
+    kept = ("clearance_min_m", "sensing_horizon_m", "weights_cost", "tree_capacity", "smooth_iterations")
+    assert [getattr(chosen, key) for key in kept] == [getattr(ours, key) for key in kept]
+
+
+def test_a_comparator_differs_from_ours_by_its_subject_only():
+    plain = replace(OURS, plays_game=False)
+    assert METHODS["taddrrt"] == replace(
+        plain, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
+    )
+    assert METHODS["nfz-ddrrt"] == replace(METHODS["taddrrt"], plays_game=True, races=False)
+    star = METHODS["rrt-star"]
+    assert star.optimiser is Optimiser.RRT_STAR
+    assert (star.use_dynamic_domain, star.use_uncertainty, star.use_goal_zoom) == (False, False, False)
+    assert METHODS["safe-rrt"] == OURS
+
+
+def no_fly(asked, **changes):
+    strategies = replace(METHODS["nfz-ddrrt"], **changes)
+    return replace(asked, settings=replace(asked.settings, strategies=strategies))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_where_dts_could_be_in_time_is_no_fly_in_space_too(dimension):
+    slow = track(800.0, 700.0, speed=2.0, radius=250.0)
+    asked = problem(tracks=[slow], dimension=dimension, seed=2)
+    plan = solve(no_fly(asked))
+    assert plan.reaches_goal
+    assert plan.pursuit.total_s == 0.0
+    assert checker_for(asked).check_path(plan.path) == ()
+    through = solve(no_fly(asked, plays_game=False))
+    assert through.reaches_goal
+    judge = Exploration(no_fly(asked), np.random.default_rng(1))
+    risk = pursuit_risk(judge, route_from_path(judge, through.path))
+    assert risk.total_s > 0.0  # of the same search, to which the DT is only dear
+
+
+def test_the_no_fly_area_is_given_up_step_by_step_by_the_rs_of_ours():
+    """Where a fast DT bars all ways, slower ones are kept away from, as by Safe-RRT; and as is said."""
+    asked = no_fly(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], seed=1))
+    plan = solve(asked)
+    assert plan.reaches_goal
+    note = next(note for note in plan.notes if note.startswith("safe from moving threats of"))
+    share = float(note.split(" of ")[1].split(" %")[0]) / 100.0
+    assert share < 1.0
+    exploration = Exploration(asked, np.random.default_rng(1))
+    while exploration.chase.note != note:
+        exploration.give_in(lambda: False)
+    assert pursuit_risk(exploration, route_from_path(exploration, plan.path)).total_s == 0.0
+    ours = solve(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], seed=1))
+    assert any(entry.startswith("safe from moving threats of") for entry in ours.notes)
+
+
+def test_each_try_has_a_budget_of_its_own():
+    asked = no_fly(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], max_iterations=500))
+    exploration = Exploration(asked, np.random.default_rng(1))
+    exploration.stats[3] = 500
+    assert exploration.is_spent(lambda: False)
+    exploration.give_in(lambda: False)
+    assert not exploration.is_spent(lambda: False)
+    assert exploration.chase.is_avoided
+    exploration.give_in(lambda: True)  # out of time: nothing but weighing them is left
+    assert not exploration.chase.is_avoided
