@@ -314,13 +314,9 @@ class Exploration:
 
     def _limits_at(self, airspeed_m_s: float) -> Limits:
         """What can be flown at an airspeed of at least the cruise's [m/s]."""
-        snapshot, settings = self.problem.snapshot, self.problem.settings
+        asked, world = self.problem.settings, self.problem.snapshot
         return self.problem.vehicle.at_speed(airspeed_m_s).limits(
-            snapshot.dimension,
-            snapshot.bounds,
-            settings.clearance_min_m,
-            settings.tau_s,
-            snapshot.wind_enu_m_s,
+            world.dimension, world.bounds, asked.clearance_min_m, asked.tau_s, world.wind_enu_m_s
         )
 
     def _start_afresh(self, airspeed_m_s: float) -> None:
