@@ -251,8 +251,16 @@ def replay(
 ) -> None:
     """Feed a recorded flight through the same code: the same missions, or what would be decided instead."""
     from companion.config import load_mission
-    from companion.replay.comparison import document_of, first_difference
-    from companion.replay.replay_command import beside, flown_in, remarks, replayable, replayed, show
+    from companion.replay.replay_command import (
+        beside,
+        document_of,
+        first_difference,
+        flown_in,
+        remarks,
+        replayable,
+        replayed,
+        show,
+    )  # fmt: skip
 
     recording, config = replayable(log), load_mission(mission)
     expected = None if expect is None else flown_in(expect)

@@ -19,9 +19,13 @@ from companion.errors import ConfigError, RecordError
 from companion.plain_text import printable
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import TLOG, versions_now
-from companion.replay.comparison import Difference
+from companion.replay.comparison import Difference, document_of, first_difference
 from companion.replay.engine import Replay, Replayed, flown_uploads
 from companion.types.record import Decision
+
+__all__ = [
+    "beside", "document_of", "first_difference", "flown_in", "remarks", "replayable", "replayed", "show"
+]  # fmt: skip
 
 DECISIONS_SHOWN = 60
 

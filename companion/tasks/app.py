@@ -291,7 +291,7 @@ class App:
         while True:
             self._begin_round()
             if self._may_plan() and self.mode is Mode.ACTIVE:
-                event = await self.replanning.plan_once()
+                event = await self.replanning.plan()
                 if event is not None:
                     self.change(event)
             elif self._may_plan() and self.mode in (Mode.DEPARTING, Mode.SUSPENDED):

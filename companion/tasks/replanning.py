@@ -116,8 +116,8 @@ class Replanning:
         if self._maker.may_break_off and (surprise := self._surprises.look(self._clock.now_s())):
             self._maker.break_off(surprise)
 
-    async def plan_once(self) -> ModeEvent | None:
-        """One cycle: plan, judge, and swap if it is worth it.
+    async def plan(self) -> ModeEvent | None:
+        """Plan once, and once more where a surprise breaks that off.
 
         Returns
         -------
@@ -125,13 +125,19 @@ class Replanning:
             What was found out that decides who flies.
         """
         try:
-            return await self._plan_once()
+            return await self.plan_once()
         except PlanBrokenOffError as surprise:
             self._schedule.plan_urgently(str(surprise))
-            return await self._plan_once()
+            return await self.plan_once()
 
-    async def _plan_once(self) -> ModeEvent | None:
-        """One cycle; the plan that it makes may be broken off."""
+    async def plan_once(self) -> ModeEvent | None:
+        """One cycle: plan, judge, and swap if it is worth it; its event is that of :meth:`plan`.
+
+        Raises
+        ------
+        PlanBrokenOffError
+            If a surprise made the plan useless; one that answers a surprise is not broken off.
+        """
         now = self._clock.now_s()
         self._schedule.begin(now)
         if self.freshness.is_blind:

@@ -51,7 +51,8 @@ def test_it_is_passed_well_clear_without_an_emergency(dialect):
     assert "emergency" not in {kind for kind, _ in told}
 
 
-@pytest.mark.parametrize("dialect", [Dialect.ARDUPILOT, pytest.param(Dialect.PX4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@BOTH
 def test_taken_for_a_hunter_it_leaves_no_way(dialect, monkeypatch):
     monkeypatch.setattr(threat_assigner, "COOPERATIVE", frozenset())
     _, told = crossed(dialect)

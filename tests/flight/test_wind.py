@@ -7,13 +7,12 @@ import pytest
 
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import Dialect
-from tests.flight.test_geofences import BOTH
 from tests.support.sitl_harness import SitlHarness
 from tests.torture.harness import NARROW
 from tests.torture.wind import MEDIAN_MAX_S, windy_flight
 
 
-@BOTH
+@pytest.mark.parametrize("dialect", [Dialect.ARDUPILOT, pytest.param(Dialect.PX4, marks=pytest.mark.slow)])
 def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect, monkeypatch):
     case = ("paper-2d", dialect, 10, 135, 1)
     _, how, errors_s = windy_flight(case)

@@ -55,7 +55,7 @@ def test_a_comparator_differs_from_ours_by_its_subject_only():
     assert METHODS["taddrrt"] == replace(
         plain, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
     )
-    assert METHODS["nfz-ddrrt"] == replace(METHODS["taddrrt"], plays_game=True, races=False)
+    assert METHODS["nfz-ddrrt"] == replace(METHODS["taddrrt"], plays_game=True, races=False, may_hurry=False)
     star = METHODS["rrt-star"]
     assert star.optimiser is Optimiser.RRT_STAR
     assert (star.use_dynamic_domain, star.use_uncertainty, star.use_goal_zoom) == (False, False, False)

@@ -17,7 +17,9 @@ from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import FIRST_FLIGHT
 
 
-@pytest.mark.parametrize("name", ["first-flight", "paper-2d", "paper-3d"])
+@pytest.mark.parametrize(
+    "name", ["first-flight", "paper-2d", pytest.param("paper-3d", marks=pytest.mark.slow)]
+)
 def test_a_flight_compiles_nothing(name):
     done = subprocess.run(
         [sys.executable, "-m", "tests.support.signatures", CONFIGS / f"{name}.yaml"],

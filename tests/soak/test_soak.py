@@ -44,7 +44,7 @@ def test_a_flight_of_the_soak_ends(tmp_path):
 @pytest.mark.parametrize(
     "number",
     [
-        pytest.param(242, id="out of a holding circle"),
+        pytest.param(242, id="out of a holding circle", marks=pytest.mark.slow),
         pytest.param(470, id="an entry asked for again, 2 s late, turned the aircraft back"),
     ],
 )

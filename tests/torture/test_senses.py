@@ -2,10 +2,17 @@
 
 import pytest
 
-from tests.torture.senses import SENSES, TOLD_S, sensed_flight
+from tests.torture.senses import SENSES, TOLD_S, Phantoms, sensed_flight
 
 
-@pytest.mark.parametrize("number", range(32, 32 + len(SENSES)), ids=[kind.__name__ for kind in SENSES])
+def kinds():
+    """A flight of each, the longest among the slow tests."""
+    for number, kind in enumerate(SENSES, 32):
+        marks = [pytest.mark.slow] if kind is Phantoms else []
+        yield pytest.param(number, id=kind.__name__, marks=marks)
+
+
+@pytest.mark.parametrize("number", kinds())
 def test_a_flight_without_one_of_its_senses_ends_in_no_obstacle(number):
     _, how, waited_s = sensed_flight(number)
     assert how == "goal"
