@@ -12,7 +12,7 @@ def kinds():
         yield pytest.param(number, id=kind.__name__, marks=marks)
 
 
-@pytest.mark.parametrize("number", kinds())
+@pytest.mark.parametrize("number", list(kinds()))
 def test_a_flight_without_one_of_its_senses_ends_in_no_obstacle(number):
     _, how, waited_s = sensed_flight(number)
     assert how == "goal"
