@@ -101,7 +101,13 @@ def rules_of(
         vehicle=vehicle,
         settings=settings,
         replan_settings=replace(settings, max_iterations=int(REPLAN_SHARE * settings.max_iterations)),
-        least_threat_settings=replace(settings, threat_level_max=1.0, weights_cost=LEAST_THREAT_WEIGHTS),
+        least_threat_settings=replace(
+            settings,
+            threat_level_max=1.0,
+            weights_cost=LEAST_THREAT_WEIGHTS,
+            # No time for races at other speeds: in an emergency any path is better than a circle.
+            strategies=replace(settings.strategies, may_hurry=False),
+        ),
         checker=Checker(obstacles, limits, exposure),
         exposure=exposure,
     )

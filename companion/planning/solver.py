@@ -40,7 +40,7 @@ from companion.world.pursuer_trees import grown_trees
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
 NUM_SECONDARY = 10
-LEAST_ITERATIONS = 2_000  # of a search: a quarter of a second
+LEAST_ITERATIONS = 8_000  # of a search: most of a second
 
 
 def never() -> bool:
