@@ -16,6 +16,7 @@ from companion.types.threat import Obstacle
 from companion.vehicle.vehicle_model import VehicleModel
 
 REPLAN_SHARE = 0.3  # of a first plan's iterations
+LEAST_ITERATIONS = 8_000  # most of a second
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
 
 
@@ -105,7 +106,8 @@ def rules_of(
             settings,
             threat_level_max=1.0,
             weights_cost=LEAST_THREAT_WEIGHTS,
-            # No time for races at other speeds: in an emergency any path is better than a circle.
+            # In an emergency any path is better than a circle: no races at other speeds, but a search.
+            least_iterations=LEAST_ITERATIONS,
             strategies=replace(settings.strategies, may_hurry=False),
         ),
         checker=Checker(obstacles, limits, exposure),

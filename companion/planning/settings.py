@@ -115,6 +115,7 @@ class PlannerSettings:
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
+    least_iterations: int = 1_000  # of a search that races left no time for
     optimise_iterations: int = 80
     smooth_iterations: int = 200
     flown_meanwhile_s: float = 0.0

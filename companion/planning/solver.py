@@ -40,7 +40,6 @@ from companion.world.pursuer_trees import grown_trees
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
 NUM_SECONDARY = 10
-LEAST_ITERATIONS = 8_000  # of a search: most of a second
 
 
 def never() -> bool:
@@ -219,7 +218,7 @@ def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[b
 
 def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Callable[[], bool]:
     """The stopping rule, but not before a search that races left no time for has had its chance."""
-    enough = exploration.iterations + LEAST_ITERATIONS
+    enough = exploration.iterations + exploration.problem.settings.least_iterations
     return lambda: exploration.iterations >= enough and should_stop()
 
 
