@@ -260,7 +260,7 @@ def replay(
         replayable,
         replayed,
         show,
-    )  # fmt: skip
+    )
 
     recording, config = replayable(log), load_mission(mission)
     expected = None if expect is None else flown_in(expect)

@@ -85,10 +85,10 @@ def rules_of(
     told : AutopilotSettings, optional
         The autopilot's: turns are banked no more and nothing is flown faster, whatever the mission file says.
     """
-    vehicle = vehicle_of(mission)
-    if told is not None and told.bank_max_deg:
+    vehicle, told = vehicle_of(mission), told or AutopilotSettings()
+    if told.bank_max_deg:
         vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(told.bank_max_deg)))
-    if told is not None and told.airspeed_max_m_s:
+    if told.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, told.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
     limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from companion.evidence.evidence_tables import Cell, ResultTable
 from companion.plain_text import in_page
-from companion.ui.report import STYLE_SHEET
+from companion.ui.report import STYLE_SHEET, html_page
 
 STYLE = (
     STYLE_SHEET
@@ -81,29 +81,8 @@ def results_page(title: str, leads: Sequence[str], parts: Sequence[Part]) -> str
     links = "\n".join(f'<a href="#part-{n}">{in_page(part.heading)}</a>' for n, part in enumerate(parts))
     told = "\n".join(f'<p class="lead">{in_page(lead)}</p>' for lead in leads)
     bodies = "\n".join(_part(n, part) for n, part in enumerate(parts))
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{in_page(title)}</title>
-<style>{STYLE}</style>
-</head>
-<body>
-<main>
-<header>
-<h1>{in_page(title)}</h1>
-{told}
-<nav>
-{links}
-</nav>
-</header>
-{bodies}
-</main>
-<script>{SCRIPT}</script>
-</body>
-</html>
-"""
+    head = f"{told}\n<nav>\n{links}\n</nav>"
+    return html_page(title, head, bodies, STYLE, after=f"<script>{SCRIPT}</script>\n")
 
 
 def _part(number: int, part: Part) -> str:

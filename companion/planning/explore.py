@@ -300,7 +300,7 @@ class Exploration:
     def hurry(self, should_stop: ShouldStop) -> bool:
         """Start afresh, flying faster, where DTs at full speed bar the way; whether that can be tried.
 
-        Speed costs energy: at cruise it is tried first, and before slower DTs it is flown again.
+        Speed costs energy: cruise is tried first, and flown where only slower DTs can be avoided.
 
         Parameters
         ----------

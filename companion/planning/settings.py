@@ -58,8 +58,8 @@ class Strategies:
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
     plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
-    may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
     races: bool = True  # in the plane these are avoided by a race; else by the tree, in space, too
+    may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
 

@@ -220,8 +220,7 @@ class Replanning:
         if self._is_outdated(request):
             return
         if found.shaped is not None:
-            is_urgent = self._schedule.is_urgent
-            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
+            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=request.is_urgent)
             return
         if found.is_unflyable:
             self._announcer.count_rejected()

@@ -131,6 +131,41 @@ def write_report(
     return page, picture
 
 
+def html_page(title: str, head: str, body: str, style_sheet: str, *, after: str = "") -> str:
+    """Page of HTML that needs nothing else.
+
+    Parameters
+    ----------
+    title : str
+        Title as plain text, and the heading, too.
+    head, body : str
+        HTML below the heading, and of the rest.
+    style_sheet : str
+        CSS.
+    after : str
+        HTML behind all that is seen.
+    """
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{in_page(title)}</title>
+<style>{style_sheet}</style>
+</head>
+<body>
+<main>
+<header>
+<h1>{in_page(title)}</h1>
+{head}
+</header>
+{body}
+</main>
+{after}</body>
+</html>
+"""
+
+
 def _page(
     mission: MissionConfig,
     record: FlightRecord,
@@ -143,22 +178,9 @@ def _page(
     figures = "\n".join(
         f"<figure><div>{svg}</div><figcaption>{in_page(text)}</figcaption></figure>" for svg, text in charts
     )
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{in_page(title)}</title>
-<style>{STYLE_SHEET}</style>
-</head>
-<body>
-<main>
-<header>
-<h1>{in_page(title)}</h1>
-<p class="lead">{in_page(_lead(mission, record, start_s))}</p>
-{f'<p class="lead">{in_page(record.note)}</p>' if record.note else ""}
-</header>
-<h2>Summary</h2>
+    head = f"""<p class="lead">{in_page(_lead(mission, record, start_s))}</p>
+{f'<p class="lead">{in_page(record.note)}</p>' if record.note else ""}"""
+    body = f"""<h2>Summary</h2>
 {_summary(record)}
 <h2>Threats</h2>
 {encounter_table(record, start_s)}
@@ -173,11 +195,8 @@ def _page(
 <h2>Who flew</h2>
 {who_flew_table(record.decisions, _end_s(record), start_s)}
 <h2>Decisions</h2>
-{_decisions(record, start_s)}
-</main>
-</body>
-</html>
-"""
+{_decisions(record, start_s)}"""
+    return html_page(title, head, body, STYLE_SHEET)
 
 
 def _lead(mission: MissionConfig, record: FlightRecord, start_s: float) -> str:

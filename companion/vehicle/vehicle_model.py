@@ -58,8 +58,11 @@ class VehicleModel:
             Speed of the wind; :data:`WIND_RESERVE` more is reckoned with.
         """
         fastest = self.airspeed_cruise_m_s + WIND_RESERVE * wind_m_s
-        banked = fastest**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad))
-        return max(self.turn_radius_min_m, banked) if wind_m_s > 0.0 else self.turn_radius_min_m
+        return self._radius_at(fastest) if wind_m_s > 0.0 else self.turn_radius_min_m
+
+    def _radius_at(self, speed_m_s: float) -> float:
+        """``turn_radius_min_m``, or that of ``bank_max_rad`` at a speed, where it is larger [m]."""
+        return max(self.turn_radius_min_m, speed_m_s**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad)))
 
     @property
     def faster_m_s(self) -> tuple[float, ...]:
@@ -71,11 +74,11 @@ class VehicleModel:
 
     def at_speed(self, airspeed_m_s: float) -> VehicleModel:
         """The same aircraft, cruising faster: with wider turns where ``bank_max_rad`` allows no others."""
-        banked = airspeed_m_s**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad))
         if airspeed_m_s <= self.airspeed_cruise_m_s:
             return self
-        radius = max(self.turn_radius_min_m, banked)
-        return replace(self, airspeed_cruise_m_s=airspeed_m_s, turn_radius_min_m=radius)
+        return replace(
+            self, airspeed_cruise_m_s=airspeed_m_s, turn_radius_min_m=self._radius_at(airspeed_m_s)
+        )
 
     def slope_in(self, angle_rad: float, wind_m_s: float) -> float:
         """Slope over the ground that a climb angle in the air comes to at least, flown downwind [rad].
