@@ -34,7 +34,8 @@ def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | No
     name = method or mission.planning.method
     if name not in METHODS:
         raise ConfigError(mission.name, None, "method", name, "one of " + ", ".join(sorted(METHODS)))
-    vehicle = vehicle_of(mission)
+    vehicle, settings = vehicle_of(mission), planner_settings_of(mission, name)
+    world = snapshot if settings.strategies.minds_dts else snapshot.with_tracks(0.0, ())
     std = float(mission.vehicle.initial_position_std_m)
     start = StartState(
         stamp_s=0.0,
@@ -45,7 +46,7 @@ def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | No
         error_covariance=initial_covariances(vehicle, std, std),
         estimate_covariance=np.zeros((6, 6)),
     )
-    return Problem(start, goals_of(mission), snapshot, vehicle, planner_settings_of(mission, name), seed)
+    return Problem(start, goals_of(mission), world, vehicle, settings, seed)
 
 
 def offline_world(mission: MissionConfig) -> Snapshot:

@@ -2,7 +2,8 @@
 
 Theory of operation. The rules of :data:`_RULES` are asked in their order; the first that has an answer
 decides. On its way each notes the numbers that it went by, for the record. No dithering: beside a flown path
-that is sound, a new one has to be cheaper by the mission file's ``swap_gain``.
+that is sound, a new one has to be cheaper by the mission file's ``swap_gain``; and beside one that is safe
+from moving threats that know it, by more: what they did not do so far is no promise.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from companion.types.plan import Plan, PursuitRisk
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
+SAFE_GAIN = 0.15  # by which a path is cheaper for which one that is safe from moving threats is left
 CAUGHT_SHARE, CAUGHT_S = 0.75, 1.0  # of the flown path's seconds that a DT could threaten, and less
 
 
@@ -102,11 +104,12 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class SwapDecision:
-    """What is said of a plan, in words why, and the numbers that led to it."""
+    """What is said of a plan, in words why, the numbers that led to it; whether the flown path is held."""
 
     verdict: Verdict
     text: str
     why: Mapping[str, object] = field(default_factory=dict)
+    holds_flown: bool = False
 
 
 def carried_s(state: FlightState, start: Start) -> float:
@@ -150,6 +153,17 @@ class _Case:
     def flown_risk(self) -> PursuitRisk:
         """What moving threats could do to what is flown."""
         return self.plan.flown_pursuit or PursuitRisk()
+
+    @cached_property
+    def holds_flown(self) -> bool:
+        """Whether the flown path leads to the goal, safe from moving threats that know it."""
+        rest, flown = self.start.rest, self.plan.flown_pursuit
+        if rest is None or flown is None or flown.total_s > 0.0 or not self.state.goals:
+            return False
+        goal = self.state.goals[-1]
+        away = math.dist(rest.positions_enu_m[-1], goal.position_enu_m)
+        is_hunted = any(not track.flies_on for track in self.state.picture.tracks)
+        return is_hunted and away <= goal.acceptance_radius_m
 
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
@@ -223,7 +237,8 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     gain = 1.0 - cost / flown_cost if flown_cost > 0.0 and cost < math.inf else 0.0
     why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
     is_riskier = case.plan.pursuit.total_s > case.flown_risk.total_s + CAUGHT_S
-    if gain < float(case.state.mission.planning.swap_gain) or is_riskier:
+    swap_gain = float(case.state.mission.planning.swap_gain)
+    if gain < (max(SAFE_GAIN, swap_gain) if case.holds_flown else swap_gain) or is_riskier:
         return None
     instead = f" instead of {flown_cost:.1f}"
     if flown_cost == math.inf:
@@ -275,5 +290,5 @@ def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
     for rule in _RULES:
         answer = rule(case, why)
         if answer is not None:
-            return SwapDecision(*answer, why)
+            return SwapDecision(*answer, why, case.holds_flown)
     raise AssertionError("the table's last row always answers")

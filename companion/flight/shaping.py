@@ -41,6 +41,8 @@ SLOWEST_M_S = 3.0  # over the ground, of a circle in strong wind
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
+RUN_ON_M = (0.0, 100.0, 200.0, 300.0, 400.0)  # beyond the goal, where it has no room for a circle
+RUN_ON_STEP_M = 25.0
 CIRCLED_S = 15.0  # of the circle at the end are looked at
 FASTER_M_S = 0.5  # than cruise: less is how a path settles
 NEAR_M = 5.0  # of the goal's region a path to it ends
@@ -107,13 +109,16 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     decision = judge(state, plan, start)
     if not decision.verdict.is_swap or plan.path is None:
         return Conclusion(decision)
-    waypoints, carried_s, violations = waypoints_of(state, plan.path, state.mission_list.max_waypoints)
+    path = plan.path
+    if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
+        path = start.rest
+    waypoints, carried_s, violations = waypoints_of(state, path, state.mission_list.max_waypoints)
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
-        plan.path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
+        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
     )
     return Conclusion(decision, shaped)
 
@@ -178,8 +183,7 @@ def waypoints_of(
     first_wrong: tuple[Violation, ...] = ()
     exposed: list[tuple[Waypoints, float]] = []
     for end, waypoints, violations in _carried_to_rows(state, path, row):
-        num_items = len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
-        if violations or num_items > max_waypoints:
+        if violations or _num_items(waypoints) > max_waypoints:
             first_wrong = first_wrong or violations
             continue
         until_s = float(path.times_s[end])
@@ -188,7 +192,52 @@ def waypoints_of(
         exposed.append((waypoints, until_s))
     if exposed:
         return *exposed[0], ()
-    return waypoints, float(path.times_s[last]), first_wrong or (NO_ROOM,)
+    return _carried_otherwise(state, path, max_waypoints, (waypoints, first_wrong or (NO_ROOM,)))
+
+
+def _num_items(waypoints: Waypoints) -> int:
+    """How much room waypoints take in the autopilot's list, and the operator's items among them."""
+    return len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
+
+
+def _carried_otherwise(
+    state: FlightState, path: Path, max_waypoints: int, failed: tuple[Waypoints, tuple[Violation, ...]]
+) -> tuple[Waypoints, float, tuple[Violation, ...]]:
+    """The whole path where no row has room for the circle at the end of a part; if that fails, too, what did.
+
+    At cruise where it was faster, since slower circles are narrower; and, where nothing of the operator's
+    follows the goal, straight on beyond it, to where there is room.
+    """
+    vehicle, until_s = state.rules.vehicle, float(path.times_s[-1])
+    airspeeds = sorted({commanded_airspeed_m_s(path, vehicle), vehicle.airspeed_cruise_m_s}, reverse=True)
+    for metres in RUN_ON_M if state.tail_enu_m is None else RUN_ON_M[:1]:
+        whole = _run_on(path, metres) if metres > 0.0 else path
+        for style in _styles(state):
+            for airspeed in airspeeds:
+                waypoints, violations = _with_some_circle(state, whole, whole, style, airspeed)
+                if not violations and _num_items(waypoints) <= max_waypoints:
+                    return waypoints, until_s, ()
+    return failed[0], until_s, failed[1]
+
+
+def _run_on(path: Path, metres: float) -> Path:
+    """The path and so much straight and level flight behind it."""
+    course, steps = float(path.courses_rad[-1]), np.arange(1.0 + math.ceil(metres / RUN_ON_STEP_M))
+    along = np.array([math.sin(course), math.cos(course), 0.0])
+    made_good = speed_made_good(course, float(path.speeds_m_s[-1]), path.wind_enu_m_s)
+    count = len(steps)
+    ahead = Path(
+        times_s=path.times_s[-1] + steps * RUN_ON_STEP_M / made_good,
+        positions_enu_m=path.positions_enu_m[-1] + steps[:, None] * RUN_ON_STEP_M * along,
+        courses_rad=np.full(count, course),
+        climb_angles_rad=np.zeros(count),
+        speeds_m_s=np.full(count, path.speeds_m_s[-1]),
+        position_covariances_m2=np.repeat(path.position_covariances_m2[-1:], count, axis=0),
+        collision_free=np.ones(count),
+        threat_levels=np.full(count, path.threat_levels[-1]),
+        wind_enu_m_s=path.wind_enu_m_s,
+    )
+    return path.followed_by(ahead)
 
 
 def _carried_to_rows(
@@ -316,17 +365,33 @@ def _carried_in_style(
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
     """As :func:`carried`, with turns in one style.
 
+    A part that is flown faster than at cruise ends in a wider circle.
+    """
+    part = path.until(end)
+    return _with_some_circle(state, path, part, style, commanded_airspeed_m_s(part, state.rules.vehicle))
+
+
+def _with_some_circle(
+    state: FlightState, path: Path, part: Path, style: TurnStyle, airspeed_m_s: float
+) -> tuple[Waypoints, tuple[Violation, ...]]:
+    """As :func:`_with_circle`, at a commanded airspeed.
+
     In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
     wide as in still air if its track in the wind has.
     """
-    part, cruising = path.until(end), state.rules.vehicle
-    vehicle = cruising.at_speed(commanded_airspeed_m_s(part, cruising))
+    vehicle = state.rules.vehicle.at_speed(_airspeed_at_end(part, state.rules.vehicle, airspeed_m_s))
     radius, narrow = vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m
-    usual = _with_circle(state, path, part, style, radius)
+    usual = _with_circle(state, path, part, style, radius, airspeed_m_s)
     if not usual[1] or radius <= narrow:
         return usual
-    waypoints, violations = _with_circle(state, path, part, style, narrow)
+    waypoints, violations = _with_circle(state, path, part, style, narrow, airspeed_m_s)
     return waypoints, violations or _blown_off(state, part, waypoints)
+
+
+def _airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> float:
+    """What is left at the end of a part of the speed that it begins with, where less is commanded [m/s]."""
+    slowed = float(part.speeds_m_s[0]) ** 2 - 2.0 * vehicle.acceleration_max_m_s2 * part.length_m
+    return max(commanded_m_s, math.sqrt(max(slowed, 0.0)))
 
 
 def _blown_off(state: FlightState, part: Path, waypoints: Waypoints) -> tuple[Violation, ...]:
@@ -349,14 +414,14 @@ def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
 
 
 def _with_circle(
-    state: FlightState, path: Path, part: Path, style: TurnStyle, radius: float
+    state: FlightState, path: Path, part: Path, style: TurnStyle, radius: float, airspeed_m_s: float
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
     """Waypoints of a part of a path, a circle of a radius at their end, and what is wrong with them."""
     rules = state.rules
     actions = _actions_along(state, part)
     flown = waypoints_from_path(
         part,
-        commanded_airspeed_m_s(part, rules.vehicle),
+        airspeed_m_s,
         flies_by=state.flies_by,
         marked_m=[length for length, _ in actions],
         style=style,

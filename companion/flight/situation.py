@@ -89,6 +89,8 @@ class Situation:
     def observe(self, event: Event, now_s: float) -> None:
         """Take one event."""
         if isinstance(event, TrackReport):
+            if not self._rules.settings.strategies.minds_dts:
+                return
             self.reports[event.source.partition(" ")[0]] += 1
             self.tracker.observe(event, now_s)
             self.newest_track_s = now_s

@@ -65,7 +65,8 @@ class Limits(NamedTuple):
     """Constraints of motion (paper 2.2), and the box the aircraft stays in.
 
     ``bounds`` (6,) x_min x_max y_min y_max z_min z_max [m]. ``wind_x``, ``wind_y``: velocity of the air over
-    the ground [m/s]; ``r_min`` and the climb angles are those over the ground in it.
+    the ground [m/s]; ``r_min`` at cruise and the climb angles are those over the ground in it.
+    ``sideways_max`` is the acceleration in a turn as tight as the bank allows [m/s²].
     """
 
     v_min: float
@@ -73,6 +74,7 @@ class Limits(NamedTuple):
     v_cruise: float
     a_max: float
     r_min: float
+    sideways_max: float
     straight_min: float
     climb_max: float
     descent_max: float

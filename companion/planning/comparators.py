@@ -37,8 +37,13 @@ _RRT_STAR = replace(
 
 METHODS: dict[str, Strategies] = {
     "safe-rrt": Strategies(),
-    "safe-rrt-cruise": Strategies(may_hurry=False),  # an ablation: at cruise, whatever pursues
-    "safe-rrt-rs": _PRINTED,  # an ablation: without the game of 2.3
+    # Ablations: blind to DTs, at cruise whatever pursues, without the game of 2.3, without uncertainty, and
+    # without anything that improves a path which reaches the goal.
+    "safe-rrt-blind": Strategies(minds_dts=False),
+    "safe-rrt-cruise": Strategies(may_hurry=False),
+    "safe-rrt-rs": _PRINTED,
+    "safe-rrt-certain": Strategies(use_uncertainty=False),
+    "safe-rrt-first": Strategies(optimiser=Optimiser.NONE),
     "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,
     # DTs are no-fly, by the RS of ours.

@@ -35,7 +35,6 @@ from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import Chase, pursuit_game
 
 ShouldStop = Callable[[], bool]
-DEAR_CHECKS, DEAR_RACES = 20_000, 2  # collision checks of a race lost; so many, and no more are run
 RACED_ASIDE = (3.0, 2.0)  # deviations that a race keeps from walls where one along them is too risky
 RISK_RACED = 0.05  # of -log Q
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
@@ -64,7 +63,9 @@ class Exploration:
     num_nodes : int
         Nodes of trees that were started afresh.
     ways : Ways or None
-        While DTs are avoided: where none of them could bar the way to the present goal.
+        Where no DT could bar the way to the present goal; before a race that weighs them, how dear it is.
+    airspeeds_m_s : tuple of float
+        Airspeeds that may be flown, cruise first.
     """
 
     problem: Problem
@@ -84,26 +85,22 @@ class Exploration:
         self.limits = self._limits_at(problem.vehicle.airspeed_cruise_m_s)
         still = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
         wind = math.hypot(*snapshot.wind_enu_m_s)
-        self._faster = problem.vehicle.faster_m_s if settings.strategies.may_hurry else ()
-        self._left = list(self._faster)
+        faster = problem.vehicle.faster_m_s if settings.strategies.may_hurry else ()
+        self.airspeeds_m_s = (problem.vehicle.airspeed_cruise_m_s, *faster)
+        self._left = list(faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
-            snapshot.tracks,
-            snapshot.walls,
-            self.plane_up_m,
-            snapshot.bounds,
-            snapshot.threat_trees,
+            snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
             with_corners=settings.strategies.uses_corners,
-        )
-        plays = settings.strategies.plays_game
-        full_game = pursuit_game(
-            snapshot.tracks if plays else (), snapshot.walls, self.plane_up_m, snapshot.bounds,
-            settings.pursuit_slack_s,
         )  # fmt: skip
+        hunters = snapshot.tracks if settings.strategies.plays_game else ()
+        full_game = pursuit_game(
+            hunters, snapshot.walls, self.plane_up_m, snapshot.bounds, settings.pursuit_slack_s
+        )
         is_by_tree = not settings.strategies.races
         self.chase = Chase(full_game, settings.pursuit_shares, settings.pursuit_slack_min_s, is_by_tree)
-        self._is_barred, self._dear_races = False, 0
+        self._is_barred = False
         self._budget_end = settings.max_iterations
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))
@@ -292,24 +289,26 @@ class Exploration:
         """
         ways, tree = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), self.tree
         self.ways = None
-        if self.chase.is_avoided:
-            ways = ways_before(ways, self.chase.game, tree.state[root], float(tree.time[root]), self.limits)
-            self.ways = ways
+        if self.chase.is_avoided or self.chase.is_raced:
+            settings, unit_m = self.problem.settings, self.problem.snapshot.unit_m
+            dear = 0.0 if self.chase.is_avoided else settings.times_as_dear(self.limits.v_cruise, unit_m)
+            state, stamp_s = tree.state[root], float(tree.time[root])
+            self.ways = ways = ways_before(ways, self.chase.game, state, stamp_s, self.limits, dear)
         return guide_home(goal, ways)
 
     def hurry(self, should_stop: ShouldStop) -> bool:
-        """Start afresh, flying faster, where DTs at full speed bar the way; whether that can be tried.
+        """Start afresh, flying faster, where DTs bar the way; whether that can be tried.
 
-        Speed costs energy: cruise is tried first, and flown where only slower DTs can be avoided.
+        Speed costs energy: cruise is tried first.
 
         Parameters
         ----------
         should_stop : callable
             Whether the budget has ended.
         """
-        if not (self._left and self.chase.plays_in_full) or self._dear_races or should_stop():
+        if not (self._left and self.chase.is_avoided) or should_stop():
             return False
-        self._start_afresh(self._left.pop(0))
+        self.start_afresh(self._left.pop(0))
         return True
 
     def _limits_at(self, airspeed_m_s: float) -> Limits:
@@ -319,24 +318,25 @@ class Exploration:
             world.dimension, world.bounds, asked.clearance_min_m, asked.tau_s, world.wind_enu_m_s
         )
 
-    def _start_afresh(self, airspeed_m_s: float) -> None:
+    def start_afresh(self, airspeed_m_s: float) -> None:
+        """Search again from the start, at an airspeed of :attr:`airspeeds_m_s`."""
         self.limits = self._limits_at(airspeed_m_s)
         self.ways, self._scene, self._is_barred = None, None, False
         self.reset_tree()
 
     def give_in(self, should_stop: ShouldStop) -> None:
-        """Start afresh with less asked of the path before the DTs; where time is short, with little.
+        """Start afresh at cruise with less asked of the path before the DTs, with little if time is short.
 
         Parameters
         ----------
         should_stop : callable
             Whether the budget has ended.
         """
-        self.chase.give_in(is_late=self._dear_races >= DEAR_RACES or should_stop())
+        self.chase.give_in(is_late=should_stop())
         if self.chase.is_by_tree:  # races take nothing of the budget: so each try has the whole of it
             self._budget_end = self.iterations + self.problem.settings.max_iterations
-        self._left = list(self._faster)
-        self._start_afresh(self.problem.vehicle.airspeed_cruise_m_s)
+        self._left = list(self.airspeeds_m_s[1:])
+        self.start_afresh(self.airspeeds_m_s[0])
 
     def nearest_to_go(self, point: FloatArray) -> int:
         """The searched node with the least distance to go to a point, round obstacles.
@@ -383,7 +383,7 @@ class Exploration:
         end, in_a_row = root, 0
         used: list[FloatArray] = []
         settings, home = self.problem.settings, self.guide_home(goal, root)
-        if self.chase.is_avoided and settings.strategies.races:
+        if self.chase.is_raced:
             node = self._raced(goal, radius_m, root, home)
             return node >= 0, max(node, root)
         self._is_barred = self._has_no_way(home, root)
@@ -425,10 +425,9 @@ class Exploration:
             The goal's distance field.
         """
         self.sense(self.tree.state[root, :3])
-        checked, region, tree = int(self.stats[0]), np.append(goal, radius_m), self.tree
+        region, tree = np.append(goal, radius_m), self.tree
         node = raced(tree, root, region, home, self.scene(), self.work, rng=self.rng)
         self._is_barred = node < 0
-        self._dear_races += node < 0 and int(self.stats[0]) - checked > DEAR_CHECKS
         for deviations in RACED_ASIDE if self.problem.settings.weight_collision > 0.0 else ():
             if node < 0 or self._log_risk(node) < RISK_RACED:
                 break

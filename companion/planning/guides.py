@@ -32,7 +32,7 @@ class Ways:
     Parameters
     ----------
     free : ndarray, shape (N, M)
-        1 for each cell of a grid that it may pass, else 0.
+        How many times its length each cell of a grid counts that it may pass, else 0.
     origin : ndarray, shape (2,)
         The first cell's centre, east and north [m].
     cell : float
@@ -54,7 +54,7 @@ class Ways:
         Returns
         -------
         ndarray, shape (N, M)
-            1 or 0; 0 outside the bounds.
+            0 outside the bounds.
         """
         num, across = self.free.shape
         rows, columns = (
@@ -84,8 +84,10 @@ def ways_clear(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Ways:
     return Ways(free, guide.origin, guide.cell)
 
 
-def ways_before(ways: Ways, game: Game, state: FloatArray, stamp_s: float, limits: Limits) -> Ways:
-    """Those of the ways that can be flown before a DT could threaten them.
+def ways_before(
+    ways: Ways, game: Game, state: FloatArray, stamp_s: float, limits: Limits, dear: float = 0.0
+) -> Ways:
+    """Those of the ways that can be flown before a DT could threaten them; or all, the others ``dear``.
 
     Parameters
     ----------
@@ -99,11 +101,13 @@ def ways_before(ways: Ways, game: Game, state: FloatArray, stamp_s: float, limit
         When it is there [s].
     limits : Limits
         The aircraft's speed, and the wind.
+    dear : float
+        How many times their length others count; 0 if they are none.
     """
     free = ways.free.copy()
     speed = max(limits.v_cruise, state[5]) + math.hypot(limits.wind_x, limits.wind_y)
     start = (float(state[0]), float(state[1]), float(state[2]), stamp_s)
-    fill_ways_free(free, ways.origin, ways.cell, game, start, speed)
+    fill_ways_free(free, ways.origin, ways.cell, game, start, speed, dear)
     return Ways(free, ways.origin, ways.cell)
 
 

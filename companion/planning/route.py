@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
+from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import air_time, path_cost, retime
@@ -15,10 +16,12 @@ from companion.kernels.threat.pursuit_game import caught_rows
 from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem
+from companion.planning.settings import PlannerSettings
 from companion.types.path import Path
 from companion.types.plan import PursuitRisk
 
 FLOWN_SLACK_S = 0.5  # what is flown may have lost of the slack that it was planned with
+HURRY_FREE = 0.05  # of the energy at cruise: as speeds settle
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,10 +202,43 @@ def assess_route(
 
 
 def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
-    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``; by default over all."""
-    last = len(route) if end is None else end
+    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``, by default over all.
+
+    With what speed above cruise costs: drag, and so the energy a metre, grows with its square.
+    """
+    last, problem = len(route) if end is None else end, exploration.problem
     delta = float(exploration.tree.delta[0])
-    return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
+    cost = float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
+    places, speeds = route.states[first - 1 : last, :3], route.states[first - 1 : last, 5]
+    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1) / problem.snapshot.unit_m
+    ratios = 0.5 * (speeds[1:] + speeds[:-1]) / problem.vehicle.airspeed_cruise_m_s
+    return cost + problem.settings.weights_cost[0] * float(lengths @ _hurry(ratios, problem.settings))
+
+
+def _hurry(ratios: FloatArray, settings: PlannerSettings) -> FloatArray:
+    """What a metre costs more in (9) than at cruise, in metres (N,); ``ratios`` (N,) of speed to cruise."""
+    return settings.cost_hurry * np.maximum(ratios**2 - 1.0 - HURRY_FREE, 0.0)
+
+
+def least_cost(exploration: Exploration, airspeed_m_s: float) -> float:
+    """What a way to the first goal costs at least by (9) at an airspeed, seconds under threat weighed.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        Starts afresh at that airspeed.
+    airspeed_m_s : float
+        One of those that may be flown.
+    """
+    exploration.start_afresh(airspeed_m_s)
+    settings, problem = exploration.problem.settings, exploration.problem
+    goal = np.array(problem.goals[0].position_enu_m)
+    to_go = distance_to_go(exploration.guide_home(goal), *problem.start.position_enu_m[:2])
+    settling = abs(airspeed_m_s**2 - problem.start.airspeed_m_s**2) / (2.0 * exploration.limits.a_max)
+    settled = max(float(np.linalg.norm(goal - problem.start.position_enu_m)) - settling, 0.0)
+    ratio = airspeed_m_s / problem.vehicle.airspeed_cruise_m_s
+    hurried = settled * float(_hurry(np.array([ratio]), settings)[0])
+    return settings.weights_cost[0] * (to_go + hurried) / problem.snapshot.unit_m
 
 
 def pursuit_risk(

@@ -59,6 +59,7 @@ class Strategies:
     estimator: Estimator = Estimator.EX_RRT
     plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
     races: bool = True  # in the plane these are avoided by a race; else by the tree, in space, too
+    minds_dts: bool = True  # else nothing is heard of them
     may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
@@ -109,6 +110,7 @@ class PlannerSettings:
     quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
     cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
     cost_caught: float = 2.0  # of a second that a DT could threaten, in (9): four seconds of straight flight
+    cost_hurry: float = 0.2  # of the energy that speed above cruise takes, in (9), as if it were way
     pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
     pursuit_slack_min_s: float = 0.5  # where no way leaves more
     pursuit_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)  # of DTs' speed, with that slack
@@ -140,6 +142,10 @@ class PlannerSettings:
         if pursuit is Pursuit.AVOIDED:
             return COST_AVOIDED
         return self.cost_caught if pursuit is Pursuit.WEIGHED else 0.0
+
+    def times_as_dear(self, airspeed_m_s: float, unit_m: float) -> float:
+        """How many times its length a way counts in (9) on which a DT could threaten."""
+        return 1.0 + self.cost_caught * unit_m / (self.weights_cost[0] * airspeed_m_s)
 
     @property
     def weight_collision(self) -> float:

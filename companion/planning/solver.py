@@ -23,6 +23,7 @@ from companion.planning.route import (
     Route,
     assess_route,
     cost_between,
+    least_cost,
     path_from_route,
     pursuit_risk,
     route_along,
@@ -40,6 +41,8 @@ from companion.world.pursuer_trees import grown_trees
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
 NUM_SECONDARY = 10
+
+Found = tuple[bool, Route, int]  # whether all goals were passed, the route, and the node at its end
 
 
 def never() -> bool:
@@ -205,15 +208,41 @@ def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bo
     return math.exp(-risk) < settings.quality_min, cost
 
 
-def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:
+def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
     """What :func:`_through_goals` finds, with no more given up before the DTs than has to be."""
-    reached, route, end = _through_goals(exploration, should_stop)
-    while not reached and exploration.chase.is_avoided:
+    found = _through_goals(exploration, should_stop)
+    chase = exploration.chase
+    while not found[0] and chase.may_give_in:
         if not exploration.hurry(should_stop):
             exploration.give_in(should_stop)
-        patient = should_stop if exploration.chase.is_avoided else _patient(exploration, should_stop)
-        reached, route, end = _through_goals(exploration, patient)
-    return reached, route, end
+        if chase.is_avoided:
+            found = _through_goals(exploration, should_stop)
+        elif chase.is_raced:
+            found = _weighed(exploration, should_stop, found)
+        else:
+            found = _through_goals(exploration, _patient(exploration, should_stop))
+    return found
+
+
+def _weighed(exploration: Exploration, should_stop: Callable[[], bool], failed: Found) -> Found:
+    """The cheapest way by (9), seconds under threat weighed, at any airspeed; what failed where none is.
+
+    An airspeed at which no way can be as cheap as one that was found is not tried.
+    """
+    bounds = {airspeed: least_cost(exploration, airspeed) for airspeed in exploration.airspeeds_m_s}
+    cheapest, best, found = math.inf, exploration.limits.v_cruise, failed
+    for airspeed in sorted(bounds, key=bounds.__getitem__):
+        if math.isfinite(cheapest) and (bounds[airspeed] >= cheapest or should_stop()):
+            break
+        exploration.start_afresh(airspeed)
+        another = _through_goals(exploration, never)
+        cost = weighed_between(exploration, another[1]) if another[0] else math.inf
+        if cost < cheapest:
+            cheapest, best, found = cost, airspeed, another
+    if best != exploration.limits.v_cruise:  # of trees the last is kept
+        exploration.start_afresh(best)
+        found = _through_goals(exploration, never)
+    return found
 
 
 def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Callable[[], bool]:
@@ -222,7 +251,7 @@ def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Calla
     return lambda: exploration.iterations >= enough and should_stop()
 
 
-def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> tuple[bool, Route, int]:
+def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
     """Whether all goals were passed in order; the route there or the one that passed the most; its end.
 
     A goal can be reached in a pose from which the next one cannot be; then the search starts afresh.

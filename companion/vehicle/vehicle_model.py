@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.kernels.aircraft.motion import WIND_RESERVE
 from companion.kernels.arrays import Limits
 
 GRAVITY_M_S2 = 9.80665
-WIND_RESERVE = 1.1  # of the wind is reckoned with, where more of it allows less
 FASTER_SHARES = (0.5, 1.0)  # of what the aircraft could fly faster than at cruise
 FASTER_MIN_M_S = 1.0  # less is not worth a search
 
@@ -55,7 +55,7 @@ class VehicleModel:
         Parameters
         ----------
         wind_m_s : float
-            Speed of the wind; :data:`WIND_RESERVE` more is reckoned with.
+            Speed of the wind; :data:`~companion.kernels.aircraft.motion.WIND_RESERVE` more is reckoned with.
         """
         fastest = self.airspeed_cruise_m_s + WIND_RESERVE * wind_m_s
         return self._radius_at(fastest) if wind_m_s > 0.0 else self.turn_radius_min_m
@@ -88,7 +88,7 @@ class VehicleModel:
         angle_rad : float
             Climb or descent angle in still air, positive.
         wind_m_s : float
-            Speed of the wind; :data:`WIND_RESERVE` more is reckoned with.
+            Speed of the wind; :data:`~companion.kernels.aircraft.motion.WIND_RESERVE` more is reckoned with.
         """
         if wind_m_s == 0.0:
             return angle_rad
@@ -121,6 +121,7 @@ class VehicleModel:
             v_cruise=self.airspeed_cruise_m_s,
             a_max=self.acceleration_max_m_s2,
             r_min=self.turn_radius_in(wind),
+            sideways_max=GRAVITY_M_S2 * math.tan(self.bank_max_rad),
             straight_min=self.straight_length_min_m,
             climb_max=self.slope_in(self.climb_angle_max_rad, wind),
             descent_max=self.slope_in(self.descent_angle_max_rad, wind),

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from companion.frames import FloatArray
+from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Limits
 from companion.types.threat import Obstacle
 
@@ -96,20 +97,16 @@ def way_out(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits) ->
 
 def _flown(state: FloatArray, turn: float, limits: Limits) -> FloatArray:
     """States (N, 6) of a turn by so much, then straight on, from ``state`` (6,)."""
-    step = state[5] * limits.tau
+    step, radius = state[5] * limits.tau, turn_radius(state[5], limits)
     num = int(LENGTH_MAX_M / step)
     along = step * np.arange(num + 1)
-    angle = np.minimum(along / limits.r_min, abs(turn))
+    angle = np.minimum(along / radius, abs(turn))
     side = math.copysign(1.0, turn)
     theta = state[3] + side * angle
-    straight = along - angle * limits.r_min
+    straight = along - angle * radius
     rows = np.empty((num + 1, 6))
-    rows[:, 0] = (
-        state[0] + side * limits.r_min * (np.sin(theta) - math.sin(state[3])) + straight * np.cos(theta)
-    )
-    rows[:, 1] = (
-        state[1] - side * limits.r_min * (np.cos(theta) - math.cos(state[3])) + straight * np.sin(theta)
-    )
+    rows[:, 0] = state[0] + side * radius * (np.sin(theta) - math.sin(state[3])) + straight * np.cos(theta)
+    rows[:, 1] = state[1] - side * radius * (np.cos(theta) - math.cos(state[3])) + straight * np.sin(theta)
     low, high = limits.bounds[4] + INSIDE_M, limits.bounds[5] - INSIDE_M
     wanted = min(max(state[2], low), max(low, high)) if limits.dimension == 3 else state[2]
     slope = math.tan(limits.climb_max if wanted > state[2] else -limits.descent_max)

@@ -43,7 +43,8 @@ class Chase:
     full : Game
         Against DTs as fast as they can be.
     shares : tuple of float
-        Parts of their speed, against which is played where, with all the slack, all ways are barred.
+        Parts of their speed, against which is played where, with all the slack, all ways are barred: before
+        races only the first.
     slack_min_s : float
         By which a place has to be passed before it is under threat, where no way leaves more [s].
     is_by_tree : bool
@@ -60,7 +61,9 @@ class Chase:
         can_avoid = self.full.is_plane or self.is_by_tree  # in space there is no race
         avoided = Pursuit.AVOIDED if can_avoid else Pursuit.WEIGHED
         self.pursuit = avoided if hunts else Pursuit.IGNORED
-        self.game, self._rung, self._left = self.full, "", list(self.shares)
+        self.is_raced = hunts and bool(self.full.is_plane) and not self.is_by_tree
+        self.game, self._rung = self.full, ""
+        self._left = list(self.shares[:1] if self.is_raced else self.shares)
 
     @property
     def is_avoided(self) -> bool:
@@ -68,9 +71,9 @@ class Chase:
         return self.pursuit is Pursuit.AVOIDED
 
     @property
-    def plays_in_full(self) -> bool:
-        """Whether DTs are played against as fast as they can be, and avoided."""
-        return self.is_avoided and self.game.hunters[:, 4].max() >= self.full.hunters[:, 4].max()
+    def may_give_in(self) -> bool:
+        """Whether less can be asked."""
+        return self.is_avoided or self.is_raced
 
     @property
     def note(self) -> str:
@@ -83,9 +86,7 @@ class Chase:
         return bool(is_caught(self.game, east, north, up, stamp_s))
 
     def give_in(self, *, is_late: bool = False) -> None:
-        """Ask for less slack before the DTs, then before slower ones; at last they are only weighed.
-
-        What a DT at most as fast as that cannot bar is the best there is against one that is faster.
+        """Ask for less slack before the DTs; then they are only weighed, in a race, and at last by a tree.
 
         Parameters
         ----------
@@ -96,6 +97,8 @@ class Chase:
             share = self._left.pop(0)
             self.game = slower(self.full, share, self.slack_min_s)
             self._rung = f"safe from moving threats of {100.0 * share:.0f} % of their speed"
+        elif self.pursuit is Pursuit.WEIGHED:
+            self.is_raced = False
         else:
             self.game, self.pursuit = self.full, Pursuit.WEIGHED
             self._rung = "no way that moving threats could not bar"

@@ -15,6 +15,8 @@ from tests.games.flights import PLANNERS, played
 from tests.games.generator import random_game
 from tests.games.hunt import is_game
 
+# What `find --route 50 --speed 50 --first-seed 200` found.
+HUNDRED = Path(__file__).with_name("hundred.json")
 BATCH = 8  # seeds given to a process at once
 
 
@@ -97,7 +99,7 @@ def main():
     finding.add_argument("--first-seed", type=int, default=1)
     finding.add_argument("--out", type=Path, required=True)
     flying = commands.add_parser("fly", parents=[common], help="fly the games of a file")
-    flying.add_argument("file", type=Path)
+    flying.add_argument("file", type=Path, nargs="?", default=HUNDRED)
     flying.add_argument("--planner", default="ours", choices=sorted(PLANNERS))
     flying.add_argument("-n", type=int, default=None, help="the first so many only")
     chosen = parser.parse_args()

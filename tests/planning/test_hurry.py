@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 
 from companion.campaign.runs import offline_problem, offline_world
-from companion.config import mission_from_text
+from companion.config import load_mission, mission_from_text
 from companion.config.rules import rules_of
 from companion.errors import ConfigError
 from companion.flight.shaping import commanded_airspeed_m_s
+from companion.planning.explore import Exploration
+from companion.planning.route import cost_between, route_from_path
 from companion.planning.solver import solve
 from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings
 from companion.vehicle.vehicle_model import VehicleModel
 from tests.games.generator import random_game
 from tests.games.oracle import first_caught_s, game_of
+from tests.sim.client import CONFIGS
 from tests.support.worlds import problem
 
 pytestmark = pytest.mark.compiled
@@ -95,12 +98,54 @@ def test_the_mission_commands_the_speed_and_gives_it_back():
 
 
 def test_races_that_use_up_the_time_leave_some_for_a_search():
-    """Once aircraft circled for ever: each plan, made in a hurry, spent its time on races that it lost."""
+    """Once aircraft circled for ever: each plan, made in a hurry, spent its time on races that it lost.
+
+    The race that weighs the threat is run however late it is.
+    """
     mission = mission_from_text(random_game(6, "speed"), "game.yaml")
     asked = offline_problem(mission, offline_world(mission), "safe-rrt", 1)
     late = solve(asked, lambda: True)
     assert late.status is PlanStatus.EXACT
     assert "no way that moving threats could not bar" in late.notes
-    assert solve(replace(asked, settings=replace(asked.settings, max_iterations=0)), lambda: True).status is (
-        PlanStatus.APPROXIMATE
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (-6.0, 4.0)])
+def test_who_still_flies_fast_turns_wide_until_it_is_slow(wind):
+    """Once a plan at cruise, begun at 36 m/s, turned as at cruise, and was refused until it was too late."""
+    mission = mission_of(6)
+    asked = offline_problem(mission, offline_world(mission), "safe-rrt-cruise", 1)
+    fast = replace(asked.start, airspeed_m_s=36.0, direction_rad=asked.start.direction_rad + 2.0)
+    world = replace(asked.snapshot, tracks=(), wind_enu_m_s=wind)
+    path = solve(replace(asked, start=fast, snapshot=world)).path
+    assert path.speeds_m_s[0] == 36.0
+    assert path.speeds_m_s[-1] == pytest.approx(25.0, abs=0.1)
+    found = rules_of(mission).checker.check_path(path, wind_enu_m_s=wind)
+    assert [str(violation) for violation in found] == []
+
+
+def test_what_hurry_costs_by_hand():
+    mission = mission_of(6)
+    asked = offline_problem(mission, offline_world(mission), "safe-rrt", 1)
+    path = solve(asked).path
+    plain = replace(asked, settings=replace(asked.settings, cost_hurry=0.0))
+    costs = []
+    for variant in (plain, asked):
+        exploration = Exploration(variant, np.random.default_rng(1))
+        costs.append(cost_between(exploration, route_from_path(exploration, path)))
+    speeds = 0.5 * (path.speeds_m_s[1:] + path.speeds_m_s[:-1])
+    lengths = np.linalg.norm(np.diff(path.positions_enu_m, axis=0), axis=1)
+    dear = sum(
+        length / 25.0 * 0.5 * 0.2 * max((speed / 25.0) ** 2 - 1.05, 0.0)
+        for length, speed in zip(lengths, speeds, strict=True)
     )
+    assert dear > 1.0
+    assert costs[1] - costs[0] == pytest.approx(dear)
+
+
+def test_where_no_way_is_safe_the_seconds_under_threat_are_weighed():
+    """On paper-2d, whose pursuer can wait at the goal: beside the plan at cruise."""
+    mission = load_mission(CONFIGS / "paper-2d.yaml")
+    ours, cruising = planned(mission), planned(mission, "safe-rrt-cruise")
+    assert "no way that moving threats could not bar" in ours.notes
+    assert ours.pursuit.total_s < 20.0
+    assert cruising.pursuit.total_s > 40.0

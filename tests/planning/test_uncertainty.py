@@ -56,8 +56,8 @@ def test_a_route_is_worth_its_cost_and_its_risk_and_first_of_all_that_it_keeps_t
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_what_risk_costs_buys_quality(hazy, seed):
     without, with_it = (solve(problem_of(hazy, seed, cost_collision=cost)) for cost in (0.0, 10.0))
-    assert without.measures.quality < 0.1
-    assert with_it.measures.quality > 0.5
+    assert with_it.measures.quality > 0.9
+    assert with_it.measures.quality > 8.0 * without.measures.quality
     assert with_it.measures.path_cost < 1.1 * without.measures.path_cost
 
 

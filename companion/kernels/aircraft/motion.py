@@ -12,6 +12,7 @@ from companion.kernels.jit import kernel
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
 SLOWEST = 0.1  # of the airspeed, over the ground
+WIND_RESERVE = 1.1  # of the wind is reckoned with, where more of it allows less
 STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
 
 
@@ -20,6 +21,18 @@ def wrapped(angle: float) -> float:
     """The angle in [-π, π]."""
     turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
     return min(math.pi, max(-math.pi, turned))  # the subtraction may round past the ends
+
+
+@kernel
+def turn_radius(v: float, limits: Limits) -> float:
+    """Radius over the ground of the tightest turn at airspeed ``v``, which above cruise the bank may widen.
+
+    Beard, McLain, *Small Unmanned Aircraft*, eq. 9.14, without a crab angle.
+    """
+    if v <= limits.v_cruise:
+        return limits.r_min
+    fastest = v + WIND_RESERVE * math.hypot(limits.wind_x, limits.wind_y)
+    return max(limits.r_min, fastest * fastest / limits.sideways_max)
 
 
 @kernel
@@ -35,8 +48,8 @@ def steer(
     dx, dy, dz = x - state[0], y - state[1], z - state[2]
     wanted = wrapped(math.atan2(dy, dx) - state[3])
     a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - state[5]) / limits.tau))
-    slow = min(state[5], state[5] + a * limits.tau)
-    w_max = slow * math.cos(state[4]) / limits.r_min
+    slow, fast = min(state[5], state[5] + a * limits.tau), max(state[5], state[5] + a * limits.tau)
+    w_max = slow * math.cos(state[4]) / turn_radius(fast, limits)
     w = min(w_max, max(-w_max, wanted / limits.tau))
     sign = 1 if w > STRAIGHT_RATE else (-1 if w < -STRAIGHT_RATE else 0)
     if sign == 0 or (turn != 0 and sign != turn) or (turn == 0 and straight < limits.straight_min):

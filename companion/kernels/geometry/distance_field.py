@@ -62,7 +62,8 @@ def fill_free(
 def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
     """Distance of ``point`` (≥ 2,) over the cells that are ``free`` (N, M), into the guide's field [m].
 
-    The point's own cell is free in any case, and is changed to that.
+    A cell's ``free`` is how many times its length a way over it counts, 0 where none leads. The point's own
+    cell is free in any case, and is changed to that.
     """
     field, origin, cell = guide.field, guide.origin, guide.cell
     x, y = point[0], point[1]
@@ -79,7 +80,7 @@ def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
 def _sweep(field: FloatArray, free: FloatArray, cell: float, step: int) -> bool:
     """One sweep over all rows, each crossed both ways; whether anything changed.
 
-    ``field`` (N, M) distances so far [m]; ``free`` (N, M) 1 where a cell may be passed.
+    ``field`` (N, M) distances so far [m]; ``free`` (N, M) as in :func:`fill_distances`.
     """
     rows, n = field.shape
     aslant = cell * math.sqrt(2.0)
@@ -92,16 +93,16 @@ def _sweep(field: FloatArray, free: FloatArray, cell: float, step: int) -> bool:
                 j = b if turn == 0 else n - 1 - b
                 if free[i, j] == 0.0:
                     continue
-                best = field[i, j]
+                best, dear = field[i, j], free[i, j]
                 if 0 <= behind < rows:
-                    best = min(best, field[behind, j] + cell)
+                    best = min(best, field[behind, j] + dear * cell)
                     if j > 0:
-                        best = min(best, field[behind, j - 1] + aslant)
+                        best = min(best, field[behind, j - 1] + dear * aslant)
                     if j < n - 1:
-                        best = min(best, field[behind, j + 1] + aslant)
+                        best = min(best, field[behind, j + 1] + dear * aslant)
                 beside = j - 1 if turn == 0 else j + 1
                 if 0 <= beside < n:
-                    best = min(best, field[i, beside] + cell)
+                    best = min(best, field[i, beside] + dear * cell)
                 if best < field[i, j] - 1e-9:
                     field[i, j] = best
                     changed = True

@@ -15,6 +15,7 @@ from companion.kernels.aircraft.motion import (
     slowness,
     state_status,
     straight_after,
+    turn_radius,
     wrapped,
 )
 from companion.kernels.arrays import FloatArray, Limits, Obstacles, Scene
@@ -119,7 +120,7 @@ def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int,
     states, times, rates = rows.states, rows.times, rows.rates
     start = states[n - 1]
     segments, pose = np.empty(3), np.empty(3)
-    rho = limits.r_min
+    rho = turn_radius(start[5], limits)
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
     length = rho * (segments[0] + segments[1] + segments[2])
     v = start[5]
@@ -185,8 +186,8 @@ def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
     dt, w = air_time(rows, k, limits), rates[k, 0]
     if state_status(states[k], limits) != OK:
         return False
-    slow = min(states[k, 5], states[k - 1, 5])
-    if abs(w) > slow * math.cos(states[k - 1, 4]) / limits.r_min * (1.0 + TURN_TOLERANCE) + 1e-9:
+    slow, fast = min(states[k, 5], states[k - 1, 5]), max(states[k, 5], states[k - 1, 5])
+    if abs(w) > slow * math.cos(states[k - 1, 4]) / turn_radius(fast, limits) * (1.0 + TURN_TOLERANCE) + 1e-9:
         return False
     if abs(rates[k, 1]) > limits.pitch_rate_max * (1.0 + TURN_TOLERANCE):
         return False

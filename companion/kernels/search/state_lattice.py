@@ -18,13 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from companion.kernels.aircraft.motion import OK, advance, slowness, state_status, straight_after
+from companion.kernels.aircraft.motion import OK, advance, slowness, state_status, straight_after, turn_radius
 from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Scene, Tree
 from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.jit import kernel
 from companion.kernels.search.costs import threats_at
-from companion.kernels.search.growth import is_edge_clear
+from companion.kernels.search.growth import AVOID, is_edge_clear
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.threat.pursuit_game import is_caught, pop_least, push
 from companion.kernels.threat.reachability import passes_by
@@ -34,7 +34,7 @@ from companion.kernels.workspace import PathRows, Workspace
 CELLS = 300  # along the longer side of the bounds, of at least a step each
 DIRECTIONS, TURN_STATES = 16, 3
 STRAIGHT_STEPS = 2  # of a piece between which a turn may begin
-CAPACITY = 100_000  # poses looked at
+CAPACITY = 200_000  # poses looked at
 
 
 class Poses(NamedTuple):
@@ -135,7 +135,8 @@ def _go_on(
     for _ in range(steps):
         here, out = poses.state[last], poses.state[count]
         a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - here[5]) / tau))
-        w = way * min(here[5], here[5] + a * tau) / limits.r_min
+        slow, fast = min(here[5], here[5] + a * tau), max(here[5], here[5] + a * tau)
+        w = way * slow / turn_radius(fast, limits)
         advance(here, a, w, 0.0, tau, out)
         if state_status(out, limits) != OK or distance_to_go(home, out[0], out[1]) == math.inf:
             return first, -1
@@ -146,10 +147,14 @@ def _go_on(
         time = poses.time[last] + taken
         caught = 1 if is_caught(scene.game, out[0], out[1], out[2], time) else 0
         level = _level(out, time, scene, work)
-        if caught > poses.caught[last] or level > scene.search.level_max:
+        is_avoided = scene.search.pursuit == AVOID
+        if (is_avoided and caught > poses.caught[last]) or level > scene.search.level_max:
             return first, -1
+        dear = scene.search.cost_threat * level
+        if not is_avoided:
+            dear += scene.search.cost_caught * caught * taken
         per_second = scene.search.cost_distance * limits.v_cruise / scene.search.unit
-        poses.due[count] = poses.due[last] + scene.search.cost_threat * level / per_second
+        poses.due[count] = poses.due[last] + dear / per_second
         poses.parent[count], poses.time[count], poses.rate[count] = last, time, w
         poses.turn[count], poses.straight[count] = straight_after(
             poses.turn[last], poses.straight[last], w, tau * 0.5 * (out[5] + here[5])

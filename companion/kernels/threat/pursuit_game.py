@@ -18,11 +18,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.kernels.arrays import FloatArray, Game, IntArray, Obstacles
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.jit import kernel
 
+BoolArray = NDArray[np.bool_]
 DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
 SHORTENED = 0.98  # sweeping finds ways too long, by less than this
 PACE = 0.94  # eight directions lengthen ways by up to 8 %; most of it is taken off
@@ -218,14 +220,14 @@ def is_caught(game: Game, x: float, y: float, z: float, time: float) -> bool:
 @kernel
 def fill_ways_free(
     free: FloatArray, origin: FloatArray, cell: float, game: Game, start: tuple[float, float, float, float],
-    speed: float,
+    speed: float, dear: float,
 ) -> None:  # fmt: skip
     """Which cells of a grid can be come to before a DT could threaten them, in place.
 
     Dijkstra's algorithm over eight neighbours, by the clock: ``start`` x y z [m] and time [s], at ``speed``
     [m/s], ways taken a little short. ``free`` (N, M) is 1 where the aircraft may fly, and stays 1 where it
     can come to safely; ``origin`` (2,) the first cell's centre and ``cell`` the spacing [m]. Out of a threat
-    that it starts in, every way is as good.
+    that it starts in, every way is as good. Other cells become 0, or ``dear`` where that is more.
     """
     n, m = free.shape
     a, b = _cell(start[0], origin[0], cell, n), _cell(start[1], origin[1], cell, m)
@@ -255,14 +257,22 @@ def fill_ways_free(
                 if due >= time[u, w]:
                     continue
                 caught = is_caught(game, origin[0] + u * cell, origin[1] + w * cell, start[2], due)
-                if caught and not is_in[i, j]:
+                if caught and not is_in[i, j] and dear == 0.0:
                     continue
                 time[u, w], is_in[u, w] = due, caught
                 size = push(heap_key, heap_cell, size, due, u * m + w)
-    for i in range(n):
-        for j in range(m):
+    _rate(free, is_done, is_in, max(dear, 1.0))
+
+
+@kernel
+def _rate(free: FloatArray, is_done: BoolArray, is_in: BoolArray, dear: float) -> None:
+    """``free`` (N, M) becomes 0 where ``is_done`` (N, M) is not, ``dear`` where ``is_in`` (N, M)."""
+    for i in range(free.shape[0]):
+        for j in range(free.shape[1]):
             if not is_done[i, j]:
                 free[i, j] = 0.0
+            elif is_in[i, j]:
+                free[i, j] = dear
 
 
 @kernel

@@ -169,3 +169,24 @@ def test_how_long_an_edge_takes_agrees_with_quadrature(theta, turned, east, nort
 
     exact, _ = quad(share, 0.0, 1.0)
     assert m.slowness(*edge(theta, turned), limits) == pytest.approx(exact, rel=2e-3)
+
+
+def test_a_turn_is_wider_the_faster_it_is_flown_above_cruise():
+    assert m.turn_radius(20.0, PLANE) == m.turn_radius(25.0, PLANE) == 125.0
+    assert m.turn_radius(30.0, PLANE) == 125.0  # 109 m would do at 40 degrees
+    assert m.turn_radius(37.5, PLANE) == pytest.approx(37.5**2 / (9.80665 * math.tan(math.radians(40.0))))
+    windy = VEHICLE.limits(2, BOUNDS, 15.0, 1.0, wind_enu_m_s=(6.0, 8.0))
+    assert m.turn_radius(25.0, windy) == windy.r_min == pytest.approx(157.5, abs=0.05)
+    assert m.turn_radius(37.5, windy) == pytest.approx(
+        (37.5 + 11.0) ** 2 / (9.80665 * math.tan(math.radians(40.0)))
+    )
+
+
+@settings(max_examples=200)
+@given(st.floats(12.5, 37.5), st.floats(-math.pi, math.pi))
+def test_no_step_turns_tighter_than_its_fastest_moment_allows(v, bearing):
+    state = np.array([500.0, 500.0, 100.0, 0.0, 0.0, v])
+    target = 500.0 + 400.0 * math.cos(bearing), 500.0 + 400.0 * math.sin(bearing), 100.0
+    a, w, _ = m.steer(state, 0, 1e3, *target, PLANE)
+    slow, fast = sorted((v, v + a))
+    assert abs(w) <= slow / m.turn_radius(fast, PLANE) + 1e-9

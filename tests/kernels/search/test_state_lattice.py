@@ -1,5 +1,7 @@
 """Races on the lattice of poses, judged by plain Python."""
 
+import heapq
+import itertools
 import math
 from dataclasses import replace
 
@@ -75,11 +77,68 @@ def test_where_a_dt_bars_all_ways_there_is_none():
     while exploration.chase.pursuit is Pursuit.AVOIDED:
         exploration.give_in(lambda: False)
         speeds.append(exploration.chase.game.hunters[0, 4])
-    assert speeds == pytest.approx([20.0, 16.0, 12.0, 8.0, 4.0, 0.0, 20.0])
+    assert speeds == pytest.approx([20.0, 20.0])
     assert exploration.chase.pursuit is Pursuit.WEIGHED
+    assert exploration.chase.is_raced
+    exploration.give_in(lambda: False)
+    assert not exploration.chase.may_give_in
     _, _, late = raced(problem(tracks=[track(1300.0, 1300.0, speed=20.0, radius=200.0)]))
     late.give_in(lambda: True)  # no time is left: weighed at once
     assert late.chase.pursuit is Pursuit.WEIGHED
+
+
+def weighed_by_grid(asked, dear):
+    """Seconds, those under threat ``dear`` times more, of the cheapest way over a grid of 50 m.
+
+    Eight neighbours: no way of an aircraft that need not turn is longer by more than a twelfth.
+    """
+    exploration, goal = Exploration(asked, np.random.default_rng(1)), asked.goals[0].position_enu_m
+    while exploration.chase.is_avoided:
+        exploration.give_in(lambda: False)
+    waiting, done = [(0.0, 0.0, 2, 2)], set()
+    while waiting:
+        cost, time, i, j = heapq.heappop(waiting)
+        if math.hypot(50.0 * i - goal[0], 50.0 * j - goal[1]) <= 45.0:
+            return cost
+        if (i, j) in done:
+            continue
+        done.add((i, j))
+        for u, w in itertools.product((-1, 0, 1), repeat=2):
+            a, b = i + u, j + w
+            if (u or w) and 0 <= a <= 30 and 0 <= b <= 30 and (a, b) not in done:
+                step_s = 50.0 * math.hypot(u, w) / 25.0
+                caught = exploration.chase.is_caught((50.0 * a, 50.0 * b, 150.0), time + step_s)
+                heapq.heappush(waiting, (cost + step_s * (1 + dear * caught), time + step_s, a, b))
+    return math.inf
+
+
+@pytest.mark.parametrize("east", [900.0, 1100.0, 1300.0])
+def test_where_threats_are_weighed_no_way_over_a_grid_is_cheaper(east):
+    asked = problem(tracks=[track(east, 1300.0, speed=14.0, radius=200.0)])
+    exploration = Exploration(asked, np.random.default_rng(1))
+    while exploration.chase.is_avoided:
+        exploration.give_in(lambda: False)
+    goal = np.array(asked.goals[0].position_enu_m)
+    rows = empty_rows(2048)
+    n = race(
+        exploration.tree,
+        0,
+        goal,
+        45.0,
+        exploration.guide_home(goal),
+        exploration.scene(),
+        rows,
+        exploration.work,
+    )
+    caught = np.array([
+        exploration.chase.is_caught(place[:3], time)
+        for place, time in zip(rows.states[1:n], rows.times[1:n], strict=True)
+    ])  # fmt: skip
+    dear = asked.settings.times_as_dear(25.0, 25.0) - 1.0
+    assert dear == pytest.approx(4.0)  # 2 a second; straight flight costs 0.5 in that time
+    cost = rows.times[n - 1] + dear * float(np.diff(rows.times[:n])[caught].sum())
+    assert caught.any()
+    assert cost <= weighed_by_grid(asked, dear) + 1.0
 
 
 def test_threat_levels_above_the_limit_are_not_entered():
