@@ -10,7 +10,7 @@ from companion.campaign.run_store import DATABASE
 from tests.sim.client import CONFIGS
 
 CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))
-NUM_RUNS = {"ablations": 3000, "flights": 360, "paper": 5400, "small": 72, "wind": 180}
+NUM_RUNS = {"ablations": 3000, "flights": 360, "paper": 6000, "small": 72, "wind": 180}
 
 
 @pytest.mark.parametrize("file", CAMPAIGNS, ids=lambda file: file.stem)
