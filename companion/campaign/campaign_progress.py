@@ -17,11 +17,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 
 from companion.campaign.campaign_spec import Campaign, Run
-from companion.campaign.process_engine import Finished, ProcessEngine
+from companion.campaign.engines.process_engine import Finished, ProcessEngine
+from companion.campaign.engines.runners import runner_at
 from companion.campaign.provenance import provenance
 from companion.campaign.run_places import places
 from companion.campaign.run_store import RunStore
-from companion.campaign.runners import runner_at
 from companion.errors import ConfigError
 
 

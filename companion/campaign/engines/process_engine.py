@@ -20,7 +20,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from companion.campaign.campaign_spec import Campaign, Run
-from companion.campaign.runners import Packed, Runner, packed, runner_at
+from companion.campaign.engines.runners import Packed, Runner, packed, runner_at
 from companion.errors import CompanionError
 
 ATTEMPTS_MAX = 2
