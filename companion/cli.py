@@ -340,11 +340,15 @@ def results(
         Path,
         typer.Argument(exists=True, file_okay=False, help="A campaign's folder; it may still be running."),
     ],
+    keep: Annotated[Path | None, typer.Option(help="Write the rows here, too, as one small file.")] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Write one page of a folder of kept rows here, and nothing else.")
+    ] = None,
 ) -> None:
     """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
     from companion.evidence.evidence_commands import results_in
 
-    results_in(folder, console)
+    results_in(folder, console, keep=keep, page=page)
 
 
 @app.command()
