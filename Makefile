@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -113,6 +113,9 @@ docs: $(STAMP) ## write docs/mission-file.md, the pictures of docs/architecture.
 	$(BIN)/python -m companion.config.reference docs/mission-file.md
 	$(BIN)/python -m tests.docs.draw_architecture
 	$(BIN)/python -m tests.docs.run_notebook
+
+interrupted: $(STAMP) ## kill campaigns and their Dask workers, fill the disk: the rows are those of undisturbed ones
+	$(BIN)/pytest -q -m slow tests/campaign/test_campaign_run.py tests/campaign/test_dask_engine.py
 
 tables: $(STAMP) ## write docs/results.md anew from the rows in campaigns/results
 	$(BIN)/python -m companion results campaigns/results --page docs/results.md

@@ -14,7 +14,10 @@ _.success, _.true_path, _._repr_png_
 __getattr__  # of a module, by Python
 
 # Loaded by the place that is told of them.
-_.FlightRunner, _.driven, _.flown
+_.FlightRunner, _.driven, _.flown, _.AnytimeRunner
+
+# Asked by OMPL.
+_.checkMotion, _.motionCost, _.stateCost
 
 # Read by the library that the object belongs to.
 _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pymavlink

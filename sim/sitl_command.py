@@ -29,6 +29,7 @@ _log = logging.getLogger(__name__)
 def register(app: typer.Typer) -> None:
     """Add the command to ``companion``, and to its campaigns what flies and who pursues."""
     app.command("sitl")(sitl)
+    offer("anytime", "sim.beside.anytime_runs:AnytimeRunner")
     offer(FLIGHT, "sim.bench.offline_flight:flown")
     offer("flights", "sim.bench.campaign_runs:FlightRunner")
     offer(PURSUERS, "sim.bench.campaign_runs:driven")

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from companion.campaign.flown_methods import (
+    ANYTIME_METHODS,
     FAULTS,
     FLOWN_METHODS,
     LinkFaultsConfig,
@@ -58,8 +59,8 @@ class CampaignConfig(Section):
     """Names the campaign and its folder."""
     description: Annotated[str, Field(max_length=1_000)] = ""
     """For people."""
-    kind: Literal["plans", "flights"]
-    """Plans from the mission files' starts, or whole flights in the simulator."""
+    kind: Literal["plans", "flights", "anytime"]
+    """Plans from the mission files' starts, whole flights in the simulator, or how soon there is a path."""
     missions: Annotated[tuple[str, ...], Field(min_length=1, max_length=1_000)]
     """Mission files, from this file's folder on."""
     methods: Annotated[tuple[str, ...], Field(min_length=1, max_length=100)]
@@ -174,12 +175,16 @@ def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
             if entry in entries[:place]:
                 # A number of seeds has no entries, and names none twice.
                 yield (key, place), "each one once"
-    known = sorted(METHODS) + (list(FLOWN_METHODS) if config.kind == "flights" else [])
+    besides = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
+    known = [*sorted(METHODS), *besides.get(config.kind, ())]
     for place, method in enumerate(config.methods):
         if method not in known:
             yield ("methods", place), "one of " + ", ".join(known)
     if config.budget_s is not None and config.kind != "plans":
-        yield ("budget_s",), "no such key with 'kind: flights'; planning.planning_budget_s in settings is"
+        yield (
+            ("budget_s",),
+            f"no such key with 'kind: {config.kind}'; planning.planning_budget_s in settings is",
+        )
 
 
 def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, str]:
@@ -209,10 +214,9 @@ def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: s
         At the key in the campaign's file.
     """
     told = faults_part(config.settings[setting])
-    for name in told if config.kind == "plans" else ():
-        raise document.error(
-            ("settings", setting, f"{FAULTS}.{name}"), "no such key with 'kind: plans': nothing is flown"
-        )
+    for name in () if config.kind == "flights" else told:
+        expected = f"no such key with 'kind: {config.kind}': nothing is flown"
+        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected)
     try:
         LinkFaultsConfig.model_validate(told)
     except ValidationError as error:

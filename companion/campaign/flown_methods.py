@@ -1,4 +1,4 @@
-"""What only flights of a campaign have: methods without replanning, and how bad the link is."""
+"""What only some kinds of campaign have: methods besides the planner's, and how bad the link is."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from companion.config.models import Section
 
 PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
 FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)
+ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # of another library
 FAULTS = "faults"  # the first part of a setting's key that is no mission file's
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import cast
 
 from companion.campaign.campaign_spec import Campaign, Scalar
-from companion.campaign.engines.process_engine import Finished
+from companion.campaign.engines.finished import Finished
 from companion.campaign.engines.runners import json_text
 from companion.campaign.provenance import Provenance
 from companion.errors import ConfigError, RecordError

@@ -21,8 +21,9 @@ DRAWN = {
         "seconds_in_reach_and_sight", "miss_distance_m", "TDTA", "TTA", "min_obstacle_clearance_m",
         "flight_s",
     ),
+    "anytime": ("first_s", "cost_0.1_s", "cost_1_s", "cost_10_s"),
 }  # fmt: skip
-LOGARITHMIC = {"PST", "NCDC"}
+LOGARITHMIC = {"PST", "NCDC", "first_s"}
 COLOURS = (
     style.FLOWN, style.GOAL, style.SUB_GOAL, style.DYNAMIC, "#e08a00", "#00838f", "#6b4fb3", "#7a5c2e",
     style.MUTED, "#000000",

@@ -17,7 +17,13 @@ RESULTS = Path("results")
 
 
 def campaign_from_file(
-    spec: Path, *, jobs: int, resumes: bool, folder: Path | None, console: Console
+    spec: Path,
+    *,
+    jobs: int,
+    resumes: bool,
+    folder: Path | None,
+    console: Console,
+    scheduler: str | None = None,
 ) -> None:
     """Make the runs that a campaign's file asks for, and tell where they are.
 
@@ -29,7 +35,7 @@ def campaign_from_file(
     campaign = load_campaign(spec)
     where = RESULTS / campaign.config.name if folder is None else folder
     try:
-        done = run_campaign(campaign, where, jobs=jobs, resumes=resumes, console=console)
+        done = run_campaign(campaign, where, jobs=jobs, resumes=resumes, console=console, scheduler=scheduler)
     except KeyboardInterrupt:
         kept = f"stopped; what was made is kept, and --resume goes on: {where}"
         console.print(kept, markup=False, highlight=False, soft_wrap=True)

@@ -29,6 +29,7 @@ HOW = (
 OF_WHICH = {
     "plans": "Search measures are of all runs, those of a path of runs that reach the goal.",
     "flights": "The time until the goal is of flights that reach it, all else of all flights.",
+    "anytime": "Costs are of the runs that have a path by then.",
 }
 ORDERINGS = (
     "Every pair of different values in a column of the paper's tables. An ordering is reproduced, or not, "

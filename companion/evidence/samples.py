@@ -103,6 +103,19 @@ GROUPS: dict[str, tuple[Group, ...]] = {
             ),
         ),
     ),
+    "anytime": (
+        Group(
+            "Paths",
+            (
+                Measure("first_s", "until the first path [s]", of_success=True),
+                Measure("cost_0.1_s", "cost by (9) after 0.1 s"),
+                Measure("cost_1_s", "after 1 s"),
+                Measure("cost_10_s", "after 10 s"),
+                Measure("asked", "edges that Python was asked"),
+                Measure("asked_s", "in which it spent [s]"),
+            ),
+        ),
+    ),
 }
 
 

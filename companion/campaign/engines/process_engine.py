@@ -20,36 +20,12 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from companion.campaign.campaign_spec import Campaign, Run
+from companion.campaign.engines.finished import Finished
 from companion.campaign.engines.runners import Packed, Runner, packed, runner_at
 from companion.errors import CompanionError
 
 ATTEMPTS_MAX = 2
 ERROR_CHARACTERS = 2_000
-
-
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """A run that is over.
-
-    Parameters
-    ----------
-    run : Run
-        Which.
-    outcome : Packed
-        What came of it.
-    started : datetime
-        When it was handed to a process, in UTC.
-    duration_s : float
-        From then until its outcome was here [s].
-    attempts : int
-        How many processes it took.
-    """
-
-    run: Run
-    outcome: Packed
-    started: datetime
-    duration_s: float
-    attempts: int
 
 
 @dataclass(slots=True)
@@ -182,12 +158,12 @@ def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) ->
     try:
         connection.send("")
         while True:
-            connection.send(_outcome(runner, connection.recv()))
+            connection.send(outcome_of(runner, connection.recv()))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _outcome(runner: Runner, run: Run) -> Packed:
+def outcome_of(runner: Runner, run: Run) -> Packed:
     """What comes of a run, its faults included."""
     try:
         return packed(runner.outcome(run))

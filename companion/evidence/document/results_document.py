@@ -11,10 +11,10 @@ from companion.evidence.document.kept_rows import ENDING, kept_evidence
 from companion.evidence.document.paper_tables import counts_table, ordering_tables, value_tables
 from companion.evidence.document.reasons import Reasons, load_reasons
 from companion.evidence.document.sources import told_of
-from companion.evidence.evidence_tables import ResultTable, markdown
+from companion.evidence.evidence_tables import ResultTable, markdown, measures_table, rates_table
 from companion.evidence.orderings import TABLES
-from companion.evidence.results import HOW, ORDERINGS
-from companion.evidence.samples import Evidence
+from companion.evidence.results import HOW, OF_WHICH, ORDERINGS
+from companion.evidence.samples import GROUPS, Evidence
 from companion.evidence.verdicts import judged
 
 REASONS = "reasons.yaml"
@@ -48,7 +48,7 @@ def results_document(folder: Path) -> str:
     reasons = load_reasons(folder / REASONS)
     every = [kept_evidence(file) for file in files]
     parts = [_HEAD.rstrip()]
-    for kind, make in (("plans", _of_plans), ("flights", flown_parts)):
+    for kind, make in (("plans", _of_plans), ("flights", flown_parts), ("anytime", _of_others)):
         for evidence in every:
             if evidence.kind == kind:
                 parts += [*make(evidence, reasons)]
@@ -71,6 +71,17 @@ def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
             yield _shown(orderings[table.number])
     yield "### Why not"
     yield "\n".join(f"{n}. {' '.join(reason.why.split())}" for n, reason in enumerate(reasons.orderings, 1))
+
+
+def _of_others(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
+    """Ours beside planners of other libraries."""
+    yield "## Beside OMPL"
+    yield f"{told_of(evidence)} {OF_WHICH['anytime']}"
+    if "anytime" in reasons.notes:
+        yield reasons.notes["anytime"].strip()
+    for case in evidence.cases:
+        yield _shown(rates_table("anytime", case))
+        yield from (_shown(measures_table(case, group)) for group in GROUPS["anytime"])
 
 
 def _shown(table: ResultTable) -> str:
