@@ -69,7 +69,7 @@ WRONG = {
     "too many": ("seeds: 2", "seeds: 100001", r":5: seeds: got 100001; expected a number of at most 100000"),
     "half a seed": ("seeds: 2", "seeds: 1.5", r":5: seeds: got 1\.5; expected how many seeds"),
     "a seed twice": ("seeds: 2", "seeds: [4, 4]", r":5: seeds\.1: got 4; expected each one once"),
-    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans', 'flights' or 'anytime'"),
+    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans', 'flights' or 'any"),
     "no file": ("first-flight.yaml", "nowhere.yaml", r":3: missions\.0: .* no such file"),
     "a mission twice": ("yaml]", f"yaml, {FIRST_FLIGHT}]", r":3: missions\.1: got .*; expected each one"),
     "a setting's key": (

@@ -34,9 +34,14 @@ class _Worker:
 
     process: BaseProcess
     connection: Connection
+    is_ready: bool = False
     run: Run | None = None
     started: datetime = datetime.min
     began_s: float = 0.0
+
+    def be_ready(self) -> None:
+        """Be warm from now on."""
+        self.is_ready = True
 
     def begin(self, run: Run) -> None:
         """Hand it a run."""
@@ -82,22 +87,27 @@ class ProcessEngine:
         """
         waiting = deque(runs)
         try:
-            # One alone, so that what is compiled is compiled once.
-            self._start(waiting)
+            # One alone, so that what is compiled is compiled once; it works while the others warm up.
+            self._greet(self._started(), waiting)
             while len(self._workers) < min(self._jobs, len(runs)):
-                self._start(waiting)
-            while any(worker.run is not None for worker in self._workers):
-                busy = {worker.connection: worker for worker in self._workers if worker.run is not None}
-                for connection in wait(list(busy)):
-                    over = self._taken(busy[connection], waiting)  # type: ignore[index]
+                self._started()
+            while waiting or any(worker.run is not None for worker in self._workers):
+                told = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
+                known = {worker.connection: worker for worker in told}
+                for connection in wait(list(known)):
+                    worker = known[connection]  # type: ignore[index]
+                    if not worker.is_ready:
+                        self._greet(worker, waiting)
+                        continue
+                    over = self._taken(worker, waiting)
                     if over is not None:
                         yield over
         finally:
             for worker in self._workers:
                 worker.end()
 
-    def _start(self, waiting: deque[Run]) -> None:
-        """Start a process, wait until it is warm, and give it a run if there is one."""
+    def _started(self) -> _Worker:
+        """Start a process, which says when it is warm."""
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(
@@ -105,15 +115,25 @@ class ProcessEngine:
         )
         process.start()
         theirs.close()
-        worker = _Worker(process, ours)
-        self._workers.append(worker)
+        self._workers.append(_Worker(process, ours))
+        return self._workers[-1]
+
+    def _greet(self, worker: _Worker, waiting: deque[Run]) -> None:
+        """Take a process's word that it is warm, and give it a run if there is one.
+
+        Raises
+        ------
+        CompanionError
+            If it ended before.
+        """
         try:
-            fault = ours.recv()
+            fault = worker.connection.recv()
         except (EOFError, OSError):
-            process.join()
-            fault = f"it {_end_of(process)}"
+            worker.process.join()
+            fault = f"it {_end_of(worker.process)}"
         if fault:
             raise CompanionError(f"a process could not get ready for the campaign: {fault}")
+        worker.be_ready()
         if waiting:
             worker.begin(waiting.popleft())
 
@@ -134,7 +154,8 @@ class ProcessEngine:
             if not is_over:
                 waiting.appendleft(run)
             duration_s = time.perf_counter() - began_s
-            self._start(waiting)
+            if waiting:
+                self._started()
             return Finished(run, outcome, started, duration_s, attempts) if is_over else None
         duration_s = time.perf_counter() - began_s
         worker.rest()
