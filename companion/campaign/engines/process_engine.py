@@ -92,14 +92,8 @@ class ProcessEngine:
             while len(self._workers) < min(self._jobs, len(runs)):
                 self._started()
             while waiting or any(worker.run is not None for worker in self._workers):
-                told = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
-                known = {worker.connection: worker for worker in told}
-                for connection in wait(list(known)):
-                    worker = known[connection]  # type: ignore[index]
-                    if not worker.is_ready:
-                        self._greet(worker, waiting)
-                        continue
-                    over = self._taken(worker, waiting)
+                for worker in self._talking():
+                    over = self._heard(worker, waiting)
                     if over is not None:
                         yield over
         finally:
@@ -136,6 +130,19 @@ class ProcessEngine:
         worker.be_ready()
         if waiting:
             worker.begin(waiting.popleft())
+
+    def _talking(self) -> list[_Worker]:
+        """Processes that have something to tell; waits for one."""
+        busy = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
+        told = wait([worker.connection for worker in busy])
+        return [worker for worker in busy if worker.connection in told]
+
+    def _heard(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
+        """What a process tells: that it is warm, which is of no run, or what came of one."""
+        if worker.is_ready:
+            return self._taken(worker, waiting)
+        self._greet(worker, waiting)
+        return None
 
     def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """What a process has to tell; None where its run is to be tried again."""
