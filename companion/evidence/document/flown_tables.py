@@ -57,11 +57,11 @@ def flown_table(case: Case) -> ResultTable:
 
 
 def best_text(case: Case, name: str, words: str) -> str:
-    """Whether any method does better than the first, in a sentence."""
+    """Whether any method does better than the first on the same seeds, in a sentence."""
     (first, ours), *others = ((method, sample) for method, sample in case.samples.items() if sample.rows)
-    share = float(ours.share(name).mean())
-    better = [method for method, sample in others if float(sample.share(name).mean()) > share]
-    surely = [method for method in better if _difference(case.samples[method], ours, name)[1] > 0.0]
+    differences = {method: _difference(sample, ours, name) for method, sample in others}
+    better = [method for method, (value, _, _) in differences.items() if value > 0.0]
+    surely = [method for method in better if differences[method][1] > 0.0]
     if not better:
         return f"By {name} ({words}) no method does better than {first}."
     known = f"surely so {', '.join(surely)}" if surely else "by none is that sure at this n"
