@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -39,7 +39,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 # All other files take their versions from the first. make lock LOCK=--upgrade takes the newest there are.
 lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade for newer versions
-	$(COMPILE) $(LOCK) --extra dev --extra plot --group build pyproject.toml -o $(LOCKS)/dev.txt
+	$(COMPILE) $(LOCK) --extra dev --extra plot --extra dask --group build pyproject.toml -o $(LOCKS)/dev.txt
 	$(COMPILE) -c $(LOCKS)/dev.txt --extra metrics --extra plot --group build pyproject.toml -o $(LOCKS)/service.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt
@@ -109,9 +109,16 @@ fuzzer: $(STAMP)
 fuzz: fuzzer ## fuzz all that reads what others send, for SECONDS altogether, JOBS at once; fails on a find
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
-docs: $(STAMP) ## write docs/mission-file.md and the pictures of docs/architecture.md anew
+docs: $(STAMP) ## write docs/mission-file.md, the pictures of docs/architecture.md and docs/offline.ipynb anew
 	$(BIN)/python -m companion.config.reference docs/mission-file.md
 	$(BIN)/python -m tests.docs.draw_architecture
+	$(BIN)/python -m tests.docs.run_notebook
+
+interrupted: $(STAMP) ## kill campaigns and their Dask workers, fill the disk: the rows are those of undisturbed ones
+	$(BIN)/pytest -q -m slow tests/campaign/test_campaign_run.py tests/campaign/test_dask_engine.py
+
+tables: $(STAMP) ## write docs/results.md anew from the rows in campaigns/results
+	$(BIN)/python -m companion results campaigns/results --page docs/results.md
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
 	$(BIN)/python -m tests.replay.corruptions -n $(N)

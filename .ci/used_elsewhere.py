@@ -9,8 +9,15 @@ _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _.
 
 _.results  # typer
 
+# For those who call from Python, and notebooks, which look for the last by its name.
+_.success, _.true_path, _._repr_png_
+__getattr__  # of a module, by Python
+
 # Loaded by the place that is told of them.
-_.FlightRunner, _.driven
+_.FlightRunner, _.driven, _.flown, _.AnytimeRunner
+
+# Asked by OMPL.
+_.checkMotion, _.motionCost, _.stateCost
 
 # Read by the library that the object belongs to.
 _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pymavlink

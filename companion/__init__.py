@@ -2,6 +2,26 @@
 
 Here are the command line, and what every room stands on: time, frames, errors. Imports nothing of the
 simulator.
+
+>>> from companion import fly, load_mission, plan
+>>> plan(load_mission("mission_configs/first-flight.yaml"), seed=1).reaches_goal
+True
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from companion.offline import fly, load_mission, plan
+
+__all__ = ["__version__", "fly", "load_mission", "plan"]
 __version__ = "0.2.0"
+
+
+def __getattr__(name: str) -> object:
+    """Load what plans and flies when it is first asked for: most programs that import this do neither."""
+    if name in __all__:
+        return getattr(importlib.import_module("companion.offline"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,6 +17,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import asdict
+from enum import Enum
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,7 +36,11 @@ if TYPE_CHECKING:
 EXIT_FAILED = 1
 HEALTH_MAX = 10_000  # bytes of an answer
 EXTRA_COMMANDS = "companion.commands"
-EXTRAS = {"matplotlib": "plot", "jsbsim": "sim"}  # that bring a package which some commands need
+EXTRAS = {
+    "matplotlib": "plot",
+    "jsbsim": "sim",
+    "distributed": "dask",
+}  # that bring a package which some commands need
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
 MetricsPort = Annotated[
@@ -45,6 +50,14 @@ MetricsPort = Annotated[
         help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
     ),
 ]  # fmt: skip
+
+
+class Engine(Enum):
+    """What makes a campaign's runs."""
+
+    PROCESSES = "processes"
+    DASK = "dask"
+
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 console = Console()
@@ -323,6 +336,12 @@ def report(
 def campaign(
     spec: Annotated[Path, typer.Argument(help="A campaign's file, as in campaigns.")],
     jobs: Annotated[int, typer.Option(min=1, help="Processes that make runs at once.")] = 1,
+    engine: Annotated[
+        Engine, typer.Option(help="Processes here, or workers of a scheduler.")
+    ] = Engine.PROCESSES,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where it was stopped.")] = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the rows; else results, and the campaign's name.")
@@ -331,7 +350,10 @@ def campaign(
     """Plan or fly by the thousand: methods by missions, settings and seeds, each run a row."""
     from companion.evidence.evidence_commands import campaign_from_file
 
-    campaign_from_file(spec, jobs=jobs, resumes=resume, folder=out, console=console)
+    if (engine is Engine.DASK) != (scheduler is not None):
+        found, expected = scheduler or "nothing", "with --engine dask an address, else none"
+        raise ConfigError("command line", None, "--scheduler", found, expected)
+    campaign_from_file(spec, jobs=jobs, resumes=resume, folder=out, console=console, scheduler=scheduler)
 
 
 @app.command()
@@ -340,11 +362,15 @@ def results(
         Path,
         typer.Argument(exists=True, file_okay=False, help="A campaign's folder; it may still be running."),
     ],
+    keep: Annotated[Path | None, typer.Option(help="Write the rows here, too, as one small file.")] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Write one page of a folder of kept rows here, and nothing else.")
+    ] = None,
 ) -> None:
     """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
     from companion.evidence.evidence_commands import results_in
 
-    results_in(folder, console)
+    results_in(folder, console, keep=keep, page=page)
 
 
 @app.command()

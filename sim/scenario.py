@@ -12,7 +12,13 @@ from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import Autopilot
-from sim.autopilot.operator_missions import operator_mission, px4_operator_mission, safe_loiter
+from sim.autopilot.operator_missions import (
+    Place,
+    mission_over,
+    operator_mission,
+    px4_operator_mission,
+    safe_loiter,
+)
 from sim.autopilot.px4.px4 import Px4
 from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
@@ -56,10 +62,18 @@ def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     return parameters
 
 
-def build(mission: MissionConfig, seed: int, dialect: Dialect, *, on_ground: bool = False) -> Scenario:
+def build(
+    mission: MissionConfig,
+    seed: int,
+    dialect: Dialect,
+    *,
+    on_ground: bool = False,
+    route_enu_m: tuple[Place, ...] = (),
+) -> Scenario:
     """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission.
 
-    With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission.
+    With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission; with
+    ``route_enu_m`` the operator's mission leads over these places.
     """
     frame = mission.frame
     projection = FastProjection(frame)
@@ -85,10 +99,14 @@ def build(mission: MissionConfig, seed: int, dialect: Dialect, *, on_ground: boo
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)
         items = operator_mission(home, projection, centre, start.up_m, radius)
+        if route_enu_m:
+            items = mission_over(items, route_enu_m, place, projection, radius)
         plane.start(items[:1] if on_ground else items, "LOITER" if on_ground else "AUTO")
     else:
         autopilot = px4 = Px4(flight, projection, parameters, home)
         items = px4_operator_mission(home, projection, centre, start.up_m, radius)
+        if route_enu_m:
+            items = mission_over(items, route_enu_m, place, projection, radius)
         px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)
     if on_ground:
         flight.stand(home.up_m)

@@ -17,6 +17,8 @@ from sim.threats.pursuer import TargetEstimate
 from sim.truth import PERIOD_US, Truth
 from sim.vehicle.control import TICK_S
 
+Place = tuple[float, float, float]
+
 _TURN_US = 20_000
 _TICKS_A_SECOND = round(1.0 / TICK_S)
 _ENDLESS = frozenset({Command.NAV_LOITER_UNLIM, Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LAND})
@@ -35,6 +37,8 @@ class Simulator:
         Which autopilot flies.
     on_ground : bool
         Whether it begins on the ground, disarmed and without a mission.
+    route_enu_m : tuple of (float, float, float)
+        Places that the operator's mission leads over [m]; none for a circle near the start.
 
     Attributes
     ----------
@@ -51,8 +55,9 @@ class Simulator:
         seed: int,
         dialect: Dialect = Dialect.ARDUPILOT,
         on_ground: bool = False,
+        route_enu_m: tuple[Place, ...] = (),
     ) -> None:
-        scenario = build(mission, seed, dialect, on_ground=on_ground)
+        scenario = build(mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m)
         self._scenario = scenario
         self.autopilot: Autopilot = scenario.autopilot
         self.truth: Truth = scenario.truth

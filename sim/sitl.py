@@ -30,10 +30,11 @@ from companion.tasks.composition import composed
 from companion.types.events import Dialect
 from sim.faults import FaultyLink
 from sim.flight_measures import FlightMeasures, Measures, measured
-from sim.simulator import Simulator
+from sim.simulator import Place, Simulator
 
 SILENT_S = 10.0
 LINGER_S = 2.0  # flown on after the goal
+STATION = (255, 190)  # who switches replanning off
 EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the simulated flights' day
 
 
@@ -59,6 +60,9 @@ class Flight:
         The mission file, for the recording.
     on_ground : bool
         Whether it begins on the ground, disarmed and without a mission.
+    route_enu_m : tuple of (float, float, float)
+        Places that the operator's mission leads over [m]; replanning is switched off then. Where there are
+        none, the service says what is flown.
 
     Attributes
     ----------
@@ -75,6 +79,7 @@ class Flight:
     turn_timeout_s: float = TURN_TIMEOUT_S
     mission_text: str = ""
     on_ground: bool = False
+    route_enu_m: tuple[Place, ...] = ()
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
@@ -84,8 +89,9 @@ class Flight:
         about = About(self.mission, self.seed, self.mission_text, STEP_S)
         self.recorder = Recorder(self.folder, EPOCH_S, about)
         self.simulator = Simulator(
-            self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground
-        )
+            self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground,
+            route_enu_m=self.route_enu_m,
+        )  # fmt: skip
         self.wire = self.simulator
 
     @property
@@ -122,6 +128,8 @@ class Flight:
         link = VehicleLink(self.mission, ours, clock, self.recorder)
         parts = composed(self.mission, link, clock, self.recorder, seed=self.seed, runner=InlineRunner())
         self.app = App(parts)
+        if self.route_enu_m:
+            parts.parameters.switch_off(STATION)
         theirs.set_receiver(self.wire.receive)
         await theirs.open()
         running = asyncio.create_task(self.app.run(), name="service")
@@ -129,11 +137,11 @@ class Flight:
         try:
             while self.now_s < self.limit_s and self.now_s < arrived_s + LINGER_S:
                 await self._step(clock, theirs, running)
-                if self.app.mode is Mode.ARRIVED and arrived_s == math.inf:
+                if self._has_arrived() and arrived_s == math.inf:
                     arrived_s = self.now_s
                 if self.simulator.truth.collision:
                     break
-                if self.now_s > SILENT_S and not self.app.hears_autopilot:
+                if self.now_s > SILENT_S and not self.app.link.has_heard:
                     raise NoAutopilotError("no heartbeat of an autopilot within 10 s")
                 if on_step is not None:
                     on_step(self)
@@ -143,6 +151,13 @@ class Flight:
             self.wall_s = time.perf_counter() - began
             await stop(running)
             self.recorder.close()
+
+    def _has_arrived(self) -> bool:
+        """Whether the service says so, or, where the mission is not the service's, the truth."""
+        if not self.route_enu_m:
+            return self.app.mode is Mode.ARRIVED
+        goal, here = self.mission.goals[-1], self.simulator.truth.path[-1]
+        return math.dist(here[1:4], (goal.east_m, goal.north_m, goal.up_m)) <= goal.acceptance_radius_m
 
     async def _step(self, clock: ManualClock, theirs: MemoryTransport, running: asyncio.Task[None]) -> None:
         """Advance simulated time once, and let the service act on it."""

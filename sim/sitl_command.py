@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from companion.campaign.run_places import PURSUERS, offer
+from companion.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.cli import EXIT_FAILED, MissionFile, require_goals, write_json
 from companion.types.events import Dialect
 
@@ -29,6 +29,8 @@ _log = logging.getLogger(__name__)
 def register(app: typer.Typer) -> None:
     """Add the command to ``companion``, and to its campaigns what flies and who pursues."""
     app.command("sitl")(sitl)
+    offer("anytime", "sim.beside.anytime_runs:AnytimeRunner")
+    offer(FLIGHT, "sim.bench.offline_flight:flown")
     offer("flights", "sim.bench.campaign_runs:FlightRunner")
     offer(PURSUERS, "sim.bench.campaign_runs:driven")
 

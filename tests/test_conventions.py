@@ -14,7 +14,7 @@ FUNCTION_LINES_MAX = 80
 
 # Where every exception is caught, and why that is right there.
 BROAD_EXCEPTS: dict[str, str] = {
-    "companion/campaign/process_engine.py": "the top of a run: whatever its fault, it becomes the run's row",
+    "companion/campaign/engines/process_engine.py": "the top of a run: its fault becomes its row",
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
     "companion/tasks/app.py": "the top of each task: logs the fault with its trace, and raises it again",
     "companion/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",

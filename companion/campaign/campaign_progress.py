@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from rich.console import Console, Group
@@ -17,11 +17,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 
 from companion.campaign.campaign_spec import Campaign, Run
-from companion.campaign.process_engine import Finished, ProcessEngine
+from companion.campaign.engines.finished import Finished
+from companion.campaign.engines.process_engine import ProcessEngine
+from companion.campaign.engines.runners import runner_at
 from companion.campaign.provenance import provenance
 from companion.campaign.run_places import places
 from companion.campaign.run_store import RunStore
-from companion.campaign.runners import runner_at
 from companion.errors import ConfigError
 
 
@@ -34,6 +35,11 @@ class _Shown(NamedTuple):
 
 
 _SHOWN = {
+    "anytime": (
+        _Shown("first_s", "first, ms", 1e3),
+        _Shown("cost_1_s", "PC, 1 s"),
+        _Shown("cost_10_s", "PC, 10 s"),
+    ),
     "plans": (_Shown("PST", "PST, ms", 1e3), _Shown("PC", "PC"), _Shown("Q", "Q"), _Shown("TTA", "TTA")),
     "flights": (
         _Shown("flight_s", "flight, s"),
@@ -112,7 +118,13 @@ class CampaignResult:
 
 
 def run_campaign(
-    campaign: Campaign, folder: Path, *, jobs: int, resumes: bool, console: Console
+    campaign: Campaign,
+    folder: Path,
+    *,
+    jobs: int,
+    resumes: bool,
+    console: Console,
+    scheduler: str | None = None,
 ) -> CampaignResult:
     """Make a campaign's runs, and store each as it is over.
 
@@ -128,6 +140,8 @@ def run_campaign(
         Whether to go on where an earlier one ended; else a folder with rows is refused.
     console : Console
         Where progress is shown.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers make the runs, and no processes of this one.
 
     Raises
     ------
@@ -146,15 +160,29 @@ def run_campaign(
     try:
         there = store.numbers()
         runs = [run for run in campaign.runs if run.number not in there]
-        num_errors = _make(campaign, store, runs, ProcessEngine(campaign, known, jobs), console)
+        num_errors = _make(campaign, store, runs, _engine(campaign, known, jobs, scheduler), console)
     finally:
         store.close()
     return CampaignResult(len(campaign.runs), len(runs), num_errors)
 
 
-def _make(
-    campaign: Campaign, store: RunStore, runs: Sequence[Run], engine: ProcessEngine, console: Console
-) -> int:
+class Engine(Protocol):
+    """What makes runs."""
+
+    def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
+        """Make the runs, and tell of each as it is over."""
+        ...
+
+
+def _engine(campaign: Campaign, known: dict[str, str], jobs: int, scheduler: str | None) -> Engine:
+    if scheduler is None:
+        return ProcessEngine(campaign, known, jobs)
+    from companion.campaign.engines.dask_engine import DaskEngine  # an extra  # noqa: PLC0415
+
+    return DaskEngine(campaign, known, scheduler)
+
+
+def _make(campaign: Campaign, store: RunStore, runs: Sequence[Run], engine: Engine, console: Console) -> int:
     """Make runs and store them; how many were errors."""
     if not runs:
         return 0
@@ -163,7 +191,7 @@ def _make(
     display = _Display(campaign, len(campaign.runs) - len(runs))
     with Live(display, console=console, refresh_per_second=4, transient=True):
         for over in engine.finished(runs):
-            store.add(over, digests[over.run.mission], made_by)
+            store.add(over, digests[over.run.mission], over.made_by or made_by)
             display.add(over)
             num_errors += over.outcome.error is not None
     console.print(display.table())

@@ -14,6 +14,14 @@ from typing import Annotated, Literal, cast
 from pydantic import BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
+from companion.campaign.flown_methods import (
+    ANYTIME_METHODS,
+    FAULTS,
+    FLOWN_METHODS,
+    LinkFaultsConfig,
+    faults_part,
+    mission_part,
+)
 from companion.config.explain import explained
 from companion.config.load import mission_from_document, mission_text
 from companion.config.models import MissionConfig, Section
@@ -51,8 +59,8 @@ class CampaignConfig(Section):
     """Names the campaign and its folder."""
     description: Annotated[str, Field(max_length=1_000)] = ""
     """For people."""
-    kind: Literal["plans", "flights"]
-    """Plans from the mission files' starts, or whole flights in the simulator."""
+    kind: Literal["plans", "flights", "anytime"]
+    """Plans from the mission files' starts, whole flights in the simulator, or how soon there is a path."""
     missions: Annotated[tuple[str, ...], Field(min_length=1, max_length=1_000)]
     """Mission files, from this file's folder on."""
     methods: Annotated[tuple[str, ...], Field(min_length=1, max_length=100)]
@@ -111,7 +119,12 @@ class Campaign:
 
     def mission(self, name: str, setting: str) -> MissionConfig:
         """A mission under settings."""
-        return mission_from_document(_overlaid(parse(self.texts[name], name), self.config.settings[setting]))
+        overlay = mission_part(self.config.settings[setting])
+        return mission_from_document(_overlaid(parse(self.texts[name], name), overlay))
+
+    def faults(self, setting: str) -> LinkFaultsConfig:
+        """How bad the link is under settings."""
+        return LinkFaultsConfig.model_validate(faults_part(self.config.settings[setting]))
 
     def digest(self, mission: str) -> str:
         """SHA-256 of a mission file's text."""
@@ -147,6 +160,8 @@ def load_campaign(path: Path) -> Campaign:
         raise explained(document, error.errors(include_url=False), CampaignConfig) from None
     for place, expected in _faults(config):
         raise document.error(place, expected)
+    for setting in config.settings:
+        _see_that_faults_pass(document, config, setting)
     campaign = Campaign(str(path), config, _texts(document, path, config))
     for mission, setting in itertools.product(campaign.texts, config.settings):
         _see_that_it_passes(document, campaign, mission, setting)
@@ -160,11 +175,16 @@ def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
             if entry in entries[:place]:
                 # A number of seeds has no entries, and names none twice.
                 yield (key, place), "each one once"
+    besides = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
+    known = [*sorted(METHODS), *besides.get(config.kind, ())]
     for place, method in enumerate(config.methods):
-        if method not in METHODS:
-            yield ("methods", place), "one of " + ", ".join(sorted(METHODS))
+        if method not in known:
+            yield ("methods", place), "one of " + ", ".join(known)
     if config.budget_s is not None and config.kind != "plans":
-        yield ("budget_s",), "no such key with 'kind: flights'; planning.planning_budget_s in settings is"
+        yield (
+            ("budget_s",),
+            f"no such key with 'kind: {config.kind}'; planning.planning_budget_s in settings is",
+        )
 
 
 def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, str]:
@@ -183,6 +203,28 @@ def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, 
             raise document.error(key, f"a mission of another name than the first '{mission.name}'")
         texts[mission.name] = text
     return texts
+
+
+def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: str) -> None:
+    """See that settings of the link are known, have values that pass, and that something is flown.
+
+    Raises
+    ------
+    ConfigError
+        At the key in the campaign's file.
+    """
+    told = faults_part(config.settings[setting])
+    for name in () if config.kind == "flights" else told:
+        expected = f"no such key with 'kind: {config.kind}': nothing is flown"
+        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected)
+    try:
+        LinkFaultsConfig.model_validate(told)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = str(first["loc"][0])
+        known = ", ".join(LinkFaultsConfig.model_fields)
+        expected = f"one of {known}" if first["type"] == "extra_forbidden" else first["msg"]
+        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected) from None
 
 
 def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, setting: str) -> None:

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from typing import cast
 
 from companion.campaign.campaign_spec import Campaign, Run, Scalar
+from companion.campaign.engines.runners import Outcome
 from companion.campaign.measures import pursuit_measures
 from companion.campaign.run_places import PURSUERS
-from companion.campaign.runners import Outcome
 from companion.campaign.runs import offline_problem, offline_world, result_of
 from companion.config import MissionConfig
 from companion.frames import FloatArray

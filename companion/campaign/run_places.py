@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+EXTRA_COMMANDS = "companion.commands"  # entry points of those who offer commands, and places as they do
+FLIGHT = "flight"  # who flies one flight for a Python program
 PURSUERS = "pursuers"  # who drives the moving threats against a plan
 _PLACES = {"plans": "companion.campaign.plan_outcomes:PlanRunner"}
 

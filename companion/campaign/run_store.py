@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import cast
 
 from companion.campaign.campaign_spec import Campaign, Scalar
-from companion.campaign.process_engine import Finished
+from companion.campaign.engines.finished import Finished
+from companion.campaign.engines.runners import json_text
 from companion.campaign.provenance import Provenance
-from companion.campaign.runners import json_text
 from companion.errors import ConfigError, RecordError
 from companion.safe_files import make_folder, open_to_write
 

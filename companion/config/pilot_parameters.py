@@ -135,6 +135,10 @@ class Parameters:
             listener(name, sender)
         return ""
 
+    def switch_off(self, sender: Sender) -> None:
+        """Replan no more: :data:`ENABLE` is set to 0."""
+        self.set(ENABLE, 0.0, sender)
+
     def set_mission(self, mission: MissionConfig) -> MissionConfig:
         """Take another mission file, and return it with what was set; what contradicts it is dropped."""
         self._mission = mission

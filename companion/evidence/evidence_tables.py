@@ -15,7 +15,7 @@ from companion.evidence.samples import FAILURE, GROUPS, Case, Evidence, Group, S
 
 RATES = {"plans": (("success", "reaches the goal"),), "flights": (
     ("success", "reaches the goal, touches nothing"), ("is_safe", "and is never threatened"),
-)}  # fmt: skip
+), "anytime": (("success", "reaches the goal in 10 s"),)}  # fmt: skip
 NONE = "–"
 
 

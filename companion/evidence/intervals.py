@@ -66,7 +66,8 @@ def wilson(successes: int, runs: int) -> Interval:
     share, z2 = successes / runs, _Z**2
     middle = (share + z2 / (2.0 * runs)) / (1.0 + z2 / runs)
     half = _Z / (1.0 + z2 / runs) * math.sqrt(share * (1.0 - share) / runs + z2 / (4.0 * runs**2))
-    return Interval(share, max(0.0, middle - half), min(1.0, middle + half))
+    low = 0.0 if successes == 0 else middle - half  # which the sum misses by rounding
+    return Interval(share, low, 1.0 if successes == runs else middle + half)
 
 
 def paired_shares(first: FloatArray, second: FloatArray) -> Interval:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from companion.evidence.distributions import distributions
+from companion.evidence.distributions import distributions, violins
 from companion.evidence.evidence_tables import (
     DIFFERENCES_HEAD,
     MEASURES_HEAD,
@@ -29,6 +29,7 @@ HOW = (
 OF_WHICH = {
     "plans": "Search measures are of all runs, those of a path of runs that reach the goal.",
     "flights": "The time until the goal is of flights that reach it, all else of all flights.",
+    "anytime": "Costs are of the runs that have a path by then.",
 }
 ORDERINGS = (
     "Every pair of different values in a column of the paper's tables. An ordering is reproduced, or not, "
@@ -36,7 +37,11 @@ ORDERINGS = (
     "are: of 100 pairs of methods that are in truth alike, about five get a verdict. Below "
     f"{RUNS_MIN} pairs there is none."
 )
-CURVES = "Share of all runs with at most that value; a curve ends at the share of runs that have one."
+CURVES = (
+    "Above, the share of all runs with at most that value; a curve ends at the share of runs that have one. "
+    "Below, how frequent values are, of so many runs that have one: a dot is the median, a bar holds the "
+    "middle half."
+)
 VERDICTS_HEAD = (
     "mission", "setting", "table", "measure", "less", "more", "printed_less", "printed_more", "pairs",
     "difference", "low", "high", "verdict", "remark",
@@ -114,13 +119,13 @@ def _page(evidence: Evidence, told: dict[str, list[ResultTable]], every: list[Ju
 
 def _case_part(kind: str, case: Case, number: int, tables: list[ResultTable]) -> Part:
     with style.drawing():
-        figure = distributions(kind, case)
-        drawing = (
-            ""
-            if figure is None
-            else style.inline_svg(figure, f"case-{number}", f"Distributions of measures on {case.title}")
-        )
-    return Part(case.title, "", tables, drawing, CURVES)
+        figures = ("Distributions", distributions(kind, case)), ("Violins", violins(kind, case))
+        drawings = [
+            style.inline_svg(figure, f"{name.lower()}-{number}", f"{name} of measures on {case.title}")
+            for name, figure in figures
+            if figure is not None
+        ]
+    return Part(case.title, "", tables, "\n".join(drawings), CURVES)
 
 
 def _verdict_row(entry: Judged) -> list[object]:

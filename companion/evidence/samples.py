@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -100,6 +100,19 @@ GROUPS: dict[str, tuple[Group, ...]] = {
                 Measure("replans", "plans"),
                 Measure("plan_ms.median", "a plan, median [ms]"),
                 Measure("plan_ms.max", "a plan, longest [ms]"),
+            ),
+        ),
+    ),
+    "anytime": (
+        Group(
+            "Paths",
+            (
+                Measure("first_s", "until the first path [s]", of_success=True),
+                Measure("cost_0.1_s", "cost by (9) after 0.1 s"),
+                Measure("cost_1_s", "after 1 s"),
+                Measure("cost_10_s", "after 10 s"),
+                Measure("asked", "edges that Python was asked"),
+                Measure("asked_s", "in which it spent [s]"),
             ),
         ),
     ),
@@ -202,10 +215,25 @@ def evidence_of(store: RunStore) -> Evidence:
     rows, told = list(store.rows()), store.identity()
     if not rows:
         raise ConfigError("results", None, "FOLDER", "a campaign without a row", "one that has been run")
+    dimensions = {name: mission_from_text(text, name).dimension for name, text in store.texts().items()}
+    return evidence_from(rows, told, dimensions)
+
+
+def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: Mapping[str, int]) -> Evidence:
+    """Rows put in order.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        In any order.
+    told : mapping
+        What they are of, as :meth:`companion.campaign.campaign_spec.Campaign.identity` tells.
+    dimensions : mapping
+        How many dimensions each mission has.
+    """
     missions, settings, methods, seeds = (
         _names(told[key]) for key in ("missions", "settings", "methods", "seeds")
     )
-    dimensions = {name: mission_from_text(text, name).dimension for name, text in store.texts().items()}
     by_case: dict[tuple[str, str, str], dict[int, Row]] = {}
     for row in rows:
         by_case.setdefault((row.mission, row.setting, row.method), {})[row.seed] = row

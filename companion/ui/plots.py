@@ -37,7 +37,9 @@ def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None
         style.write_picture(path, sheet.figure)
 
 
-def plot_plan(path: Path, mission: MissionConfig, snapshot: Snapshot, plan: Plan) -> None:
+def plot_plan(
+    path: Path, mission: MissionConfig, snapshot: Snapshot, plan: Plan, dpi: int = style.DPI
+) -> None:
     """Draw a plan with its search, as a PNG; in three dimensions in plan view and in perspective."""
     with style.drawing():
         ups = np.empty(0) if plan.path is None else plan.path.positions_enu_m[:, 2]
@@ -53,7 +55,7 @@ def plot_plan(path: Path, mission: MissionConfig, snapshot: Snapshot, plan: Plan
         sheet.finish()
         if snapshot.dimension == 3:
             _add_perspective(sheet, mission, snapshot, plan)
-        style.write_picture(path, sheet.figure)
+        style.write_picture(path, sheet.figure, dpi)
 
 
 def flight_map(mission: MissionConfig, snapshot: Snapshot, record: FlightRecord) -> Figure:

@@ -110,12 +110,12 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return Figure(figsize=(width_in, height_in), facecolor="white")
 
 
-def write_picture(path: Path, figure: Figure) -> bytes:
+def write_picture(path: Path, figure: Figure, dpi: int = DPI) -> bytes:
     """Write a figure as the file's ending says, as a PNG by default, and return what was written."""
     ending = path.suffix[1:].lower()
     kind = ending if ending in figure.canvas.get_supported_filetypes() else "png"
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=DPI)
+    figure.savefig(buffer, format=kind, dpi=dpi)
     replace_file(path, buffer.getvalue(), SHARED)
     return buffer.getvalue()
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import shapely
 from shapely.geometry import LineString, Point, Polygon
@@ -13,11 +15,14 @@ from sim.autopilot.arduplane.arduplane import home_item
 from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
 
+Place = tuple[float, float, float]
+
 _AHEAD_M = (400.0, 300.0, 200.0, 500.0)
 _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
 _MARGIN_M = 40.0
 _OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
 _HEIGHT_MARGIN_M = 20.0
+_BEYOND_M = 500.0  # behind the last goal the aircraft still flies straight
 _LANDING_M, _PATTERN_HEIGHT_M = 1000.0, 60.0  # from the landing pattern's circle to the runway, and above it
 
 
@@ -86,3 +91,29 @@ def px4_operator_mission(
         MissionItem(4, Command.NAV_LOITER_TO_ALT, relative, (1.0, round(radius_m), 0.0, 1.0), *pattern),
         MissionItem(5, Command.NAV_LAND, relative, nothing, *touchdown),
     ]
+
+
+def mission_over(
+    items: list[MissionItem],
+    route_enu_m: Sequence[Place],
+    start: Place,
+    projection: FastProjection,
+    radius_m: float,
+) -> list[MissionItem]:
+    """The operator's list with a way over places and straight on, and a circle there, for its own circle.
+
+    The last leg goes on, so that no circle is begun before its end.
+    """
+    last, end = [start, *route_enu_m][-2], route_enu_m[-1]
+    share = _BEYOND_M / (math.dist(last[:2], end[:2]) or 1.0)
+    beyond = (end[0] + share * (end[0] - last[0]), end[1] + share * (end[1] - last[1]), end[2])
+    frame, flown = items[1].frame, list[MissionItem]()
+    for east, north, up in [*route_enu_m, beyond, beyond]:
+        is_last = len(flown) == len(route_enu_m) + 1
+        latitude, longitude = projection.degrees(east, north)
+        command = Command.NAV_LOITER_UNLIM if is_last else Command.NAV_WAYPOINT
+        parameters = (0.0, 0.0, float(round(radius_m)) if is_last else 0.0, 0.0)
+        place = (round(latitude * 1e7), round(longitude * 1e7), up)
+        flown.append(MissionItem(0, command, frame, parameters, *place))
+    whole = [*items[:1], *flown, *items[3:]]
+    return [replace(item, sequence=number) for number, item in enumerate(whole)]

@@ -8,7 +8,8 @@ from typing import cast
 import numpy as np
 
 from companion.campaign.campaign_spec import Campaign, Run, Scalar
-from companion.campaign.runners import Outcome
+from companion.campaign.engines.runners import Outcome
+from companion.campaign.flown_methods import FLOWN_METHODS
 from companion.config import MissionConfig
 from companion.frames import FloatArray
 from companion.service.warm_up import warm_up
@@ -35,9 +36,10 @@ class FlightRunner:
 
     def __init__(self, campaign: Campaign, known: dict[str, str]) -> None:
         del known
-        from sim.sitl import Flight  # its simulator is an extra, and plans do without  # noqa: PLC0415
+        # Its simulator is an extra, and what drives threats against plans does without.
+        from sim.bench.flown_runs import flight_of  # noqa: PLC0415
 
-        self._campaign, self._flight = campaign, Flight
+        self._campaign, self._flight_of = campaign, flight_of
         self._dialect = Dialect(campaign.config.autopilot)
 
     def warm_up(self) -> None:
@@ -46,7 +48,8 @@ class FlightRunner:
 
     def outcome(self, run: Run) -> Outcome:
         """Fly, and measure the flight."""
-        flight = self._flight(self._mission(run), run.seed, dialect=self._dialect)
+        faults = self._campaign.faults(run.setting)
+        flight = self._flight_of(self._mission(run), run, self._dialect, faults)
         asyncio.run(flight.fly())
         measures: dict[str, Scalar | None] = {}
         timings: dict[str, Scalar | None] = {}
@@ -60,6 +63,8 @@ class FlightRunner:
 
     def _mission(self, run: Run) -> MissionConfig:
         mission = self._campaign.mission(run.mission, run.setting)
+        if run.method in FLOWN_METHODS:
+            return mission
         planning = mission.planning.model_copy(update={"method": run.method})
         return mission.model_copy(update={"planning": planning})
 

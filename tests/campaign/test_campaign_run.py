@@ -179,6 +179,34 @@ def started(file, folder, place):
     )  # fmt: skip
 
 
+def ended_by_a_full_disk(file, folder, size):
+    """A campaign whose files cannot grow beyond a size, as on a disk that has no more room."""
+    program = (
+        f"import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
+        f"from companion.campaign import run_places as r; r.offer('plans', '{HERE}:Quick'); "
+        f"from companion.cli import main; main()"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program, "campaign", str(file), "--out", str(folder), "--resume"],
+        cwd=ROOT, capture_output=True, text=True, timeout=LIMIT_S, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_really_full_ends_a_campaign_that_goes_on_where_there_is_room(file, tmp_path, made_by):
+    made_by("Quick")
+    file.write_text(SPEC.replace("seeds: 30", "seeds: 200"), encoding="utf-8")
+    done = ended_by_a_full_disk(file, tmp_path / "out", 60_000)
+    assert done.returncode == 2, done.stderr
+    assert "what was written before is whole" in done.stderr.replace("\n", " ")
+    kept = repeatable(tmp_path / "out")
+    assert 0 < len(kept) < 400
+    assert run(file, tmp_path / "out", resumes=True).num_made == 400 - len(kept)
+    run(file, tmp_path / "whole")
+    assert repeatable(tmp_path / "out") == repeatable(tmp_path / "whole")
+
+
 def num_rows(folder):
     try:
         file = f"file:{folder / DATABASE}?mode=ro"

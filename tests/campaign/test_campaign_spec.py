@@ -69,7 +69,7 @@ WRONG = {
     "too many": ("seeds: 2", "seeds: 100001", r":5: seeds: got 100001; expected a number of at most 100000"),
     "half a seed": ("seeds: 2", "seeds: 1.5", r":5: seeds: got 1\.5; expected how many seeds"),
     "a seed twice": ("seeds: 2", "seeds: [4, 4]", r":5: seeds\.1: got 4; expected each one once"),
-    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans' or 'flights'"),
+    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans', 'flights' or 'any"),
     "no file": ("first-flight.yaml", "nowhere.yaml", r":3: missions\.0: .* no such file"),
     "a mission twice": ("yaml]", f"yaml, {FIRST_FLIGHT}]", r":3: missions\.1: got .*; expected each one"),
     "a setting's key": (
@@ -84,6 +84,11 @@ WRONG = {
         "planning.certainty: literal", "vehicle.airspeed_min_m_s: 30.0",
         r":8: settings\.narrow.*airspeed",
     ),
+    "a bad link of plans": (
+        "planning.certainty: literal", "faults.loss: 0.1",
+        r":8: settings\.narrow\.faults\.loss: got 0\.1; expected no such key with 'kind: plans'",
+    ),
+    "a method that only flies": ("edbm]", "plan-once]", r":4: methods\.1: got plan-once; expected one of ed"),
     "a budget of flights": ("kind: plans", "kind: flights\nbudget_s: 1.0", r":3: budget_s: got 1\.0; "),
 }  # fmt: skip
 
@@ -93,6 +98,41 @@ def test_what_is_wrong_is_named_with_its_place(wrong, tmp_path):
     old, new, words = WRONG[wrong]
     with pytest.raises(ConfigError, match=r"spec\.yaml" + words):
         load_campaign(spec(tmp_path, old, new))
+
+
+FLOWN = SPEC.replace("kind: plans", "kind: flights").replace("edbm]", "plan-once, straight-line]")
+
+
+def flown(tmp_path, new):
+    file = tmp_path / "spec.yaml"
+    file.write_text(FLOWN.replace("planning.certainty: literal", new), encoding="utf-8")
+    return file
+
+
+def test_flights_have_a_link_and_methods_that_never_replan(tmp_path):
+    campaign = load_campaign(flown(tmp_path, "faults.loss: 0.25, faults.schedule: random"))
+    assert [run.method for run in campaign.runs[:3]] == ["safe-rrt", "plan-once", "straight-line"]
+    assert campaign.faults("shifted").is_none
+    faults = campaign.faults("narrow")
+    assert (faults.loss, faults.delay_s, faults.schedule) == (0.25, 0.0, "random")
+    assert not faults.is_none
+    assert campaign.mission("first-flight", "narrow").goals[0].acceptance_radius_m == 50.0
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("faults.los: 0.1", r"settings\.narrow\.faults\.los: got 0\.1; expected one of loss, duplication"),
+        ("faults.loss: 1.5", r"settings\.narrow\.faults\.loss: got 1\.5; expected .*less than or equal to 1"),
+        (
+            "faults.schedule: bad",
+            r"settings\.narrow\.faults\.schedule: got bad; expected .*'none' or 'random'",
+        ),
+    ],
+)
+def test_what_is_wrong_with_the_link_is_named_with_its_place(key, words, tmp_path):
+    with pytest.raises(ConfigError, match=r"spec\.yaml:8: " + words):
+        load_campaign(flown(tmp_path, key))
 
 
 def test_goals_that_only_an_autopilot_knows_are_refused(tmp_path):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from companion.campaign.campaign_spec import Campaign, CampaignConfig
+from companion.campaign.engines.runners import Outcome, packed
 from companion.campaign.plan_outcomes import PlanRunner
-from companion.campaign.runners import Outcome, packed
 from companion.campaign.runs import plan_runs, result_of
 from companion.config.load import mission_from_text, text_of
 from companion.config.models import DynamicThreatConfig

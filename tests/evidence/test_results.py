@@ -122,7 +122,7 @@ def test_the_page_is_whole_and_loads_nothing(folder):
 
 def test_the_curves_end_at_the_share_that_has_a_value(folder):
     text = (folder / "results.html").read_text(encoding="utf-8")
-    assert text.count('role="img"') == 2
+    assert text.count('role="img"') == 4  # curves and violins of two settings
     assert text.count("data-value=") > 100
 
 

@@ -5,14 +5,16 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from rich.console import Console
 
 from companion.campaign import run_places
 from companion.campaign.campaign_progress import run_campaign
 from companion.campaign.campaign_spec import load_campaign
+from companion.campaign.runs import plan_runs
 from companion.config import load_mission
 from companion.config.models import DynamicThreatConfig
-from companion.errors import ConfigError
+from companion.errors import ConfigError, NoAutopilotError
 from sim.bench.campaign_runs import FlightRunner, _flat, driven
 from sim.sitl import Flight
 from tests.mission.made import path_along
@@ -91,6 +93,54 @@ def test_a_row_has_all_that_sitl_tells_of_the_same_flight(campaign):
         key: of for name, value in told.items() for key, of in _flat(name, value).items()
     }
     assert found.timings.keys() == {key for name, value in timed.items() for key in _flat(name, value)}
+
+
+def flown_spec(tmp_path, methods, seeds="[4]", settings="as it is: {}", autopilot="ardupilot"):
+    file = tmp_path / "flown.yaml"
+    head, settings = SPEC.partition("settings:")[0], f"settings:\n  {settings}\n"
+    head = head.replace("[edbm]", f"[{methods}]").replace("[4]", seeds)
+    file.write_text(f"{head}autopilot: {autopilot}\n{settings}", encoding="utf-8")
+    return load_campaign(file)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_the_straight_line_is_straight_and_nobody_replans(tmp_path, autopilot):
+    made = flown_spec(tmp_path, "straight-line", autopilot=autopilot)
+    found = FlightRunner(made, {}).outcome(made.runs[0])
+    assert (found.measures["replans"], found.measures["missions_uploaded"]) == (0, 0)
+    assert found.measures["goal_reached"]
+    mission = load_mission(CONFIGS / "first-flight.yaml")
+    start, goal = mission.start, mission.goals[-1]
+    way = np.array([goal.east_m - start.east_m, goal.north_m - start.north_m])
+    places = np.array(found.paths["true_path"])[:, 1:3] - (start.east_m, start.north_m)
+    aside = np.abs(places @ np.array([-way[1], way[0]])) / np.linalg.norm(way)
+    assert aside[len(aside) // 2 :].max() < 25.0  # after the turn onto it, in 3 m/s of wind
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_plan_once_flies_the_offline_plan_and_nobody_replans(tmp_path, autopilot):
+    made = flown_spec(tmp_path, "plan-once", autopilot=autopilot)
+    found = FlightRunner(made, {}).outcome(made.runs[0])
+    assert (found.measures["replans"], found.measures["missions_uploaded"]) == (0, 0)
+    assert found.measures["goal_reached"]
+    mission = load_mission(CONFIGS / "first-flight.yaml")
+    _, (plan,) = plan_runs(mission, method=None, first_seed=4, runs=1, time_limit_s=None)
+    line = shapely.LineString(plan.path.positions_enu_m[:, :2])
+    away = shapely.distance(line, shapely.points(np.array(found.paths["true_path"])[:, 1:3]))
+    assert away.max() < 60.0
+    assert np.median(away) < 10.0
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_link_that_loses_everything_leaves_the_service_without_an_autopilot(tmp_path):
+    made = flown_spec(tmp_path, "safe-rrt", settings="deaf: {faults.loss: 1.0}")
+    with pytest.raises(NoAutopilotError, match="within 10 s"):
+        FlightRunner(made, {}).outcome(made.runs[0])
+    made = flown_spec(tmp_path, "safe-rrt", settings="late: {faults.delay_s: 0.2}")
+    assert FlightRunner(made, {}).outcome(made.runs[0]).measures["success"] is True
 
 
 def test_flights_without_a_simulator_are_refused(campaign, tmp_path, monkeypatch):

@@ -20,36 +20,12 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from companion.campaign.campaign_spec import Campaign, Run
-from companion.campaign.runners import Packed, Runner, packed, runner_at
+from companion.campaign.engines.finished import Finished
+from companion.campaign.engines.runners import Packed, Runner, packed, runner_at
 from companion.errors import CompanionError
 
 ATTEMPTS_MAX = 2
 ERROR_CHARACTERS = 2_000
-
-
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """A run that is over.
-
-    Parameters
-    ----------
-    run : Run
-        Which.
-    outcome : Packed
-        What came of it.
-    started : datetime
-        When it was handed to a process, in UTC.
-    duration_s : float
-        From then until its outcome was here [s].
-    attempts : int
-        How many processes it took.
-    """
-
-    run: Run
-    outcome: Packed
-    started: datetime
-    duration_s: float
-    attempts: int
 
 
 @dataclass(slots=True)
@@ -58,9 +34,14 @@ class _Worker:
 
     process: BaseProcess
     connection: Connection
+    is_ready: bool = False
     run: Run | None = None
     started: datetime = datetime.min
     began_s: float = 0.0
+
+    def be_ready(self) -> None:
+        """Be warm from now on."""
+        self.is_ready = True
 
     def begin(self, run: Run) -> None:
         """Hand it a run."""
@@ -106,22 +87,21 @@ class ProcessEngine:
         """
         waiting = deque(runs)
         try:
-            # One alone, so that what is compiled is compiled once.
-            self._start(waiting)
+            # One alone, so that what is compiled is compiled once; it works while the others warm up.
+            self._greet(self._started(), waiting)
             while len(self._workers) < min(self._jobs, len(runs)):
-                self._start(waiting)
-            while any(worker.run is not None for worker in self._workers):
-                busy = {worker.connection: worker for worker in self._workers if worker.run is not None}
-                for connection in wait(list(busy)):
-                    over = self._taken(busy[connection], waiting)  # type: ignore[index]
+                self._started()
+            while waiting or any(worker.run is not None for worker in self._workers):
+                for worker in self._talking():
+                    over = self._heard(worker, waiting)
                     if over is not None:
                         yield over
         finally:
             for worker in self._workers:
                 worker.end()
 
-    def _start(self, waiting: deque[Run]) -> None:
-        """Start a process, wait until it is warm, and give it a run if there is one."""
+    def _started(self) -> _Worker:
+        """Start a process, which says when it is warm."""
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(
@@ -129,17 +109,40 @@ class ProcessEngine:
         )
         process.start()
         theirs.close()
-        worker = _Worker(process, ours)
-        self._workers.append(worker)
+        self._workers.append(_Worker(process, ours))
+        return self._workers[-1]
+
+    def _greet(self, worker: _Worker, waiting: deque[Run]) -> None:
+        """Take a process's word that it is warm, and give it a run if there is one.
+
+        Raises
+        ------
+        CompanionError
+            If it ended before.
+        """
         try:
-            fault = ours.recv()
+            fault = worker.connection.recv()
         except (EOFError, OSError):
-            process.join()
-            fault = f"it {_end_of(process)}"
+            worker.process.join()
+            fault = f"it {_end_of(worker.process)}"
         if fault:
             raise CompanionError(f"a process could not get ready for the campaign: {fault}")
+        worker.be_ready()
         if waiting:
             worker.begin(waiting.popleft())
+
+    def _talking(self) -> list[_Worker]:
+        """Processes that have something to tell; waits for one."""
+        busy = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
+        told = wait([worker.connection for worker in busy])
+        return [worker for worker in busy if worker.connection in told]
+
+    def _heard(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
+        """What a process tells: that it is warm, which is of no run, or what came of one."""
+        if worker.is_ready:
+            return self._taken(worker, waiting)
+        self._greet(worker, waiting)
+        return None
 
     def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """What a process has to tell; None where its run is to be tried again."""
@@ -158,7 +161,8 @@ class ProcessEngine:
             if not is_over:
                 waiting.appendleft(run)
             duration_s = time.perf_counter() - began_s
-            self._start(waiting)
+            if waiting:
+                self._started()
             return Finished(run, outcome, started, duration_s, attempts) if is_over else None
         duration_s = time.perf_counter() - began_s
         worker.rest()
@@ -182,12 +186,12 @@ def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) ->
     try:
         connection.send("")
         while True:
-            connection.send(_outcome(runner, connection.recv()))
+            connection.send(outcome_of(runner, connection.recv()))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
 
 
-def _outcome(runner: Runner, run: Run) -> Packed:
+def outcome_of(runner: Runner, run: Run) -> Packed:
     """What comes of a run, its faults included."""
     try:
         return packed(runner.outcome(run))

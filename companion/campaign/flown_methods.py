@@ -1,0 +1,51 @@
+"""What only some kinds of campaign have: methods besides the planner's, and how bad the link is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from companion.config.models import Section
+
+PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
+FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)
+ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # of another library
+FAULTS = "faults"  # the first part of a setting's key that is no mission file's
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Delay = Annotated[float, Field(ge=0.0, le=60.0)]
+
+
+class LinkFaultsConfig(Section):
+    """How bad the link between the service and the autopilot is, the same in both directions."""
+
+    loss: Share = 0.0
+    """Share of the frames that are lost."""
+    duplication: Share = 0.0
+    """Share of the frames that come twice."""
+    corruption: Share = 0.0
+    """Share of the frames that have bits turned."""
+    delay_s: Delay = 0.0
+    """Of every frame."""
+    jitter_s: Delay = 0.0
+    """The most that is added to the delay; with it frames overtake each other."""
+    schedule: Literal["none", "random"] = "none"
+    """Of random ones: spells of every kind of badness, a link cut for up to 12 s, by the run's seed."""
+
+    @property
+    def is_none(self) -> bool:
+        """Whether the link is as good as a wire."""
+        return self == LinkFaultsConfig()
+
+
+def mission_part(overlay: Mapping[str, object]) -> dict[str, object]:
+    """The settings that are a mission file's."""
+    return {key: value for key, value in overlay.items() if key.partition(".")[0] != FAULTS}
+
+
+def faults_part(overlay: Mapping[str, object]) -> dict[str, object]:
+    """The settings that are of the link, by the names of :class:`LinkFaultsConfig`."""
+    parts = ((key.partition("."), value) for key, value in overlay.items())
+    return {name: value for (first, _, name), value in parts if first == FAULTS}

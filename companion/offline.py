@@ -1,0 +1,214 @@
+"""Planning and flying offline, from Python: what ``from companion import load_mission, plan, fly`` gives.
+
+Plans are those of ``companion plan``, flights those of ``companion sitl``; the simulator is an extra that
+is looked for where it is needed.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+import tempfile
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Literal, cast
+
+import typer
+
+from companion.campaign.run_places import EXTRA_COMMANDS, FLIGHT, places
+from companion.campaign.runs import plan_runs, result_of
+from companion.config import MissionConfig, load_mission
+from companion.config.compose import world_of
+from companion.errors import ConfigError
+from companion.frames import FloatArray
+from companion.types.path import Path as FlightPath
+from companion.types.plan import Plan
+from companion.types.record import FlightRecord
+from companion.world.snapshot import Snapshot
+
+DPI_NOTEBOOK = 72
+
+__all__ = ["Flown", "Planned", "fly", "load_mission", "plan"]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One offline plan.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        What was planned for.
+    world : Snapshot
+        The world it was made in.
+    answer : Plan
+        All that the planner answered.
+    """
+
+    mission: MissionConfig
+    world: Snapshot
+    answer: Plan
+
+    @property
+    def reaches_goal(self) -> bool:
+        """Whether the path passes all goals and ends at the last."""
+        return self.answer.reaches_goal
+
+    @property
+    def path(self) -> FlightPath:
+        """The path: times [s], positions, shape (N, 3) [m], courses, speeds.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if self.answer.path is None:
+            raise ValueError(f"there is no path: {self.answer.status.value}")
+        return self.answer.path
+
+    @property
+    def measures(self) -> Mapping[str, object]:
+        """The measures of the paper's tables by their names, as ``companion plan --json`` tells them."""
+        told = result_of(self.answer)
+        del told["path"]
+        return told
+
+    def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
+        """Draw the plan with its search, as a PNG."""
+        from companion.ui.plots import plot_plan  # drawing is an extra  # noqa: PLC0415
+
+        plot_plan(Path(file), self.mission, self.world, self.answer, dpi)
+        return Path(file)
+
+    def _repr_png_(self) -> bytes:
+        return _bytes_of(self.picture)
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One flight in the simulator.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        What was flown.
+    measures : mapping
+        The measures of ``companion sitl --json`` by their names.
+    record : FlightRecord
+        Decisions, missions and the true paths.
+    """
+
+    mission: MissionConfig
+    measures: Mapping[str, object]
+    record: FlightRecord
+
+    @property
+    def success(self) -> bool:
+        """Whether the goal was reached and nothing touched."""
+        return self.measures["success"] is True
+
+    @property
+    def true_path(self) -> FloatArray:
+        """Where the aircraft was, shape (N, 4) at 10 Hz: time [s], east, north, up [m]."""
+        return self.record.flown[:, :4]
+
+    def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
+        """Draw what was flown, and where the threats moved, as a PNG."""
+        from companion.ui import style  # drawing is an extra  # noqa: PLC0415
+        from companion.ui.plots import flight_map  # noqa: PLC0415
+
+        with style.drawing():
+            world = world_of(self.mission, none_known=False)
+            style.write_picture(Path(file), flight_map(self.mission, world, self.record), dpi)
+        return Path(file)
+
+    def _repr_png_(self) -> bytes:
+        return _bytes_of(self.picture)
+
+
+def plan(
+    mission: MissionConfig,
+    *,
+    method: str | None = None,
+    seed: int | None = None,
+    time_limit_s: float | None = None,
+) -> Planned:
+    """Plan from a mission's start to its goals.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        A mission, as :func:`load_mission` reads it.
+    method : str, optional
+        ``safe-rrt`` or a comparator; the mission file's where it is left out.
+    seed : int, optional
+        Seed of the search; the mission file's where it is left out.
+    time_limit_s : float, optional
+        Seconds that the search may take; left out, the mission file's iterations end it, which repeats
+        exactly.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method, or the mission leaves its goals to the autopilot.
+    """
+    _require_goals(mission)
+    first = mission.planning.seed if seed is None else seed
+    world, (answer,) = plan_runs(mission, method=method, first_seed=first, runs=1, time_limit_s=time_limit_s)
+    return Planned(mission, world, answer)
+
+
+def fly(
+    mission: MissionConfig, *, seed: int = 1, autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+) -> Flown:
+    """Fly a mission in the simulator, as fast as it goes.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        A mission, as :func:`load_mission` reads it.
+    seed : int
+        Seed of weather, sensors, tracks and plans.
+    autopilot : str
+        The one whose mission semantics the simulator has.
+
+    Raises
+    ------
+    ConfigError
+        If the simulator is not installed, or the mission leaves its goals to the autopilot.
+    """
+    _require_goals(mission)
+    flown = _simulator()
+    with ThreadPoolExecutor(1) as beside:  # a notebook's own thread has a loop that runs
+        return beside.submit(flown, mission, seed, autopilot).result()
+
+
+def _bytes_of(picture: Callable[..., Path]) -> bytes:
+    """A small picture for a notebook, which asks for no file."""
+    with tempfile.TemporaryDirectory() as folder:
+        return picture(Path(folder) / "picture.png", dpi=DPI_NOTEBOOK).read_bytes()
+
+
+def _require_goals(mission: MissionConfig) -> None:
+    if mission.goals_from_autopilot:
+        found, expected = "from_autopilot", "a list of goals: no autopilot is asked"
+        raise ConfigError(mission.name, None, "goals", found, expected)
+
+
+def _simulator() -> Callable[[MissionConfig, int, str], Flown]:
+    """What flies, offered by the simulator as it adds its commands."""
+    if FLIGHT not in places():
+        for entry in entry_points(group=EXTRA_COMMANDS):
+            try:
+                entry.load()(typer.Typer())
+            except ImportError:
+                continue
+    try:
+        place = places()[FLIGHT]
+        return cast("Callable[[MissionConfig, int, str], Flown]", pkgutil.resolve_name(place))
+    except (KeyError, ImportError):
+        found, expected = "no simulator installed", "pip install 'safe-rrt-companion[sim]'"
+        raise ConfigError("companion", None, "fly", found, expected) from None
