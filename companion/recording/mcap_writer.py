@@ -59,12 +59,10 @@ class FlightLog:
         except OSError as error:
             raise self._failure(error) from error
 
-    def write(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
-        """Add a message; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    def write(self, topic: str, now_s: float, data: bytes) -> None:
+        """Add a message, as :func:`encoded` makes it."""
         if self._writer is None:
             return
-        document = message if "timestamp" in message else {"stamp_s": now_s, **message}
-        data = json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
         stamp = max(0, round(1e9 * (self._epoch_s + now_s)))
         try:
             self._writer.add_message(self._channels[topic], stamp, data, stamp)
@@ -97,6 +95,12 @@ class FlightLog:
 
     def _failure(self, error: OSError) -> RecordError:
         return RecordError(f"{self._path}: {error.strerror or error}")
+
+
+def encoded(now_s: float, message: Mapping[str, object]) -> bytes:
+    """A message as JSON on one line; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    document = message if "timestamp" in message else {"stamp_s": now_s, **message}
+    return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 def plain(value: object) -> object:

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from companion.config import load_mission
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
-from companion.recording.mcap_writer import CHUNK_S, FlightLog, plain
+from companion.recording.mcap_writer import CHUNK_S, FlightLog, encoded, plain
 from companion.recording.reader import load_recording
 from companion.recording.recorder import About, Recorder
 from companion.types.events import Dialect
@@ -158,8 +158,8 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight_and_is_told_once(tmp_
 def test_a_disk_that_was_full_from_the_beginning():
     log = FlightLog(Path("/dev/full"), 0.0)
     with pytest.raises(RecordError, match="No space left"):
-        log.write(channels.THREAT, 0.0, {"level": 0.5})
-    log.write(channels.THREAT, 1.0, {"level": 0.5})
+        log.write(channels.THREAT, 0.0, encoded(0.0, {"level": 0.5}))
+    log.write(channels.THREAT, 1.0, encoded(1.0, {"level": 0.5}))
     log.close()
 
 
@@ -189,8 +189,8 @@ def test_whatever_became_of_its_bytes_a_file_is_read(flown, tmp_path_factory, da
 
 def test_a_clock_that_is_set_back_does_not_stop_the_writing(tmp_path):
     log = FlightLog(tmp_path / "a.mcap", 1e9)
-    log.write(channels.THREAT, 100.0, {"level": 0.1})
-    log.write(channels.THREAT, 10.0, {"level": 0.2})
+    log.write(channels.THREAT, 100.0, encoded(100.0, {"level": 0.1}))
+    log.write(channels.THREAT, 10.0, encoded(10.0, {"level": 0.2}))
     found = read_messages(tmp_path / "a.mcap", Counter())[channels.THREAT]
     assert [entry["level"] for entry in found] == [0.1, 0.2]
     log.close()
