@@ -49,8 +49,12 @@ PagePort = Annotated[
     int | None, typer.Option("--page", min=1, max=65535, help="Port of the page that shows it in a browser.")
 ]
 PageListen = Annotated[
-    str, typer.Option("--page-listen", help="Address the page is for; left out, this computer alone.")
-]
+    str,
+    typer.Option(
+        "--page-listen", envvar="COMPANION_PAGE_LISTEN",
+        help="Address the page is told on, with a token; left out, to this computer alone.",
+    ),
+]  # fmt: skip
 PageToken = Annotated[
     str,
     typer.Option(
@@ -214,7 +218,15 @@ def run(
     record_max_mb: Annotated[
         int, typer.Option(min=1, help="What the recordings may take; the oldest flights go first.")
     ] = 2_000,
-    page: PagePort = None,
+    page: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=65535,
+            envvar="COMPANION_PAGE",
+            help="Port of the page that shows flights in a browser.",
+        ),
+    ] = None,
     page_listen: PageListen = "",
     page_token: PageToken = "",
 ) -> None:

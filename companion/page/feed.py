@@ -23,7 +23,7 @@ BRIEFS_KEPT = 1_000  # plans and exchanges without their paths, for the strips
 PLANS_KEPT = 8  # one of which is flown
 NEWS_MAX = 2_000  # messages that wait for the server: a minute and a half
 LAST = (
-    channels.PLAN, channels.TREES, channels.TRACKS, channels.OWNSHIP, channels.THREAT, channels.LINK,
+    channels.PLAN, channels.TREES, channels.TRACKS, channels.THREAT, channels.OWNSHIP, channels.LINK,
     channels.STANDING,
 )  # fmt: skip
 FLOWN = "flown"  # of exchanges' outcomes

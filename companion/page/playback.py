@@ -38,9 +38,14 @@ class Playback:
         if topic in UNTOLD:
             return
         if topic == channels.MISSION:
-            self.world = WorldDocument(text(message.get("mission_file"), MISSION_MAX), self.name)
-            topic, data = WORLD, encoded(now_s, json.loads(self.world.document))
-        self._lines.append(line_of(topic, data))
+            self.begin(now_s, text(message.get("mission_file"), MISSION_MAX))
+        else:
+            self._lines.append(line_of(topic, data))
+
+    def begin(self, now_s: float, mission_text: str) -> None:
+        """Show a mission file's world from an instant on."""
+        self.world = WorldDocument(mission_text, self.name)
+        self._lines.append(line_of(WORLD, encoded(now_s, json.loads(self.world.document))))
 
     @property
     def body(self) -> bytes:

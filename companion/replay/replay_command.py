@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.config import MissionConfig, mission_from_text
+from companion.config.load import text_of
 from companion.errors import ConfigError, RecordError
 from companion.page.playback import Playback, recorded_playback
 from companion.page.playback_page import show_playbacks
@@ -146,8 +147,10 @@ def show_page(
         if _is_told(path, mission)
     ]
     if mission is not None:
+        recording = replayable(log)
         now = Playback(f"what would be decided now, by {mission.name}")
-        replayed(replayable(log), mission, seed, screen, now.tell)
+        now.begin(recording.start_us * 1e-6, text_of(mission))
+        replayed(recording, mission, seed, screen, now.tell)
         shown.append(now)
     show_playbacks(shown, port, lambda address: screen.print(f"page: {address} - until Ctrl+C", markup=False))
 

@@ -141,7 +141,8 @@ class Browser:
 
     def press(self, key):
         self.run(
-            "document.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))", key
+            "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))",
+            key,
         )
 
     def complaints(self):

@@ -94,8 +94,8 @@ class Page {
     this.waiting.push([heard, isWhole ? 0 : sentMs]);
     if (isWhole) {
       this.connected(true);
-      this.map.stillKey = "";
       if (!this.map.hasMoved) this.map.fit();
+      this.drawnAt = { panels: -Infinity, strips: -Infinity, reach: -Infinity }; // all of it at once
     }
     if (!Number.isFinite(this.store.begin) && this.store.rows.length) this.store.begin = this.store.rows[0][0];
     this.changed({ panels: true, strips: true });
@@ -196,6 +196,7 @@ class Page {
       this.drawnAt.panels = now;
       const silence = this.played ? 0 : (performance.now() - this.heardAt) / 1000;
       this.panels.draw(this.isConnected, silence, Boolean(this.played));
+      this.isAnswered = Boolean(this.store.world && this.store.ownship);
       this.renewField();
     }
     if (this.isDue.strips && now - this.drawnAt.strips >= (this.played ? 100 : STRIPS_MS)) {
@@ -236,7 +237,7 @@ class Page {
         figures.toPixelMs.push(wall - sentMs);
         if (figures.toPixelMs.length > 2000) figures.toPixelMs.splice(0, 1000);
       }
-      if (figures.firstPictureMs === null && this.store.world && this.store.ownship) figures.firstPictureMs = performance.now();
+      if (figures.firstPictureMs === null && this.isAnswered) figures.firstPictureMs = performance.now();
       channel.port1.close();
     };
     channel.port2.postMessage(null);
@@ -408,7 +409,7 @@ class Page {
 
   key(event, clicks) {
     if (event.ctrlKey || event.altKey || event.metaKey || find("keys").open) return;
-    const onControl = event.target.matches("input, select, button, summary");
+    const onControl = event.target.closest?.("input, select, button, summary");
     const far = event.shiftKey ? 30 : 5;
     const acts = {
       3: clicks.view,

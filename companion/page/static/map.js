@@ -21,6 +21,7 @@ export const LAYERS = [
 ];
 
 const AHEAD_S = 30;
+const MARGIN = 0.2; // of the longer side, that pictures are larger by on each
 
 function colours(element) {
   const style = getComputedStyle(element);
@@ -38,8 +39,7 @@ export class GroundMap {
     this.isFollowing = false;
     this.reach = new Reach();
     this.field = null;
-    this.still = document.createElement("canvas");
-    this.stillKey = "";
+    this.kept = {}; // what is drawn anew only when it changes, by name: a picture and where its middle lies
     this.paths = {};
     this.recolour();
     this.listen();
@@ -49,7 +49,7 @@ export class GroundMap {
 
   recolour() {
     this.ink = colours(this.canvas);
-    this.stillKey = "";
+    this.kept = {};
     this.fieldPicture = null;
     this.on.changed();
   }
@@ -60,11 +60,9 @@ export class GroundMap {
     this.ratio = ratio;
     this.width = Math.max(1, box.width);
     this.height = Math.max(1, box.height);
-    for (const canvas of [this.canvas, this.still]) {
-      canvas.width = Math.round(this.width * ratio);
-      canvas.height = Math.round(this.height * ratio);
-    }
-    this.stillKey = "";
+    this.canvas.width = Math.round(this.width * ratio);
+    this.canvas.height = Math.round(this.height * ratio);
+    this.kept = {};
     if (!this.hasMoved) this.fit();
     this.on.changed();
   }
@@ -190,7 +188,6 @@ export class GroundMap {
   setField(field) {
     this.field = field?.levels ? field : null;
     this.fieldPicture = null;
-    this.stillKey = "";
     this.on.changed();
   }
 
@@ -201,17 +198,46 @@ export class GroundMap {
     const store = this.store;
     if (store.world && !(this.scale > 0)) this.fit();
     if (this.isFollowing && store.ownship) this.centre = store.ownship.position_enu_m.slice(0, 2);
-    this.drawStill();
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.drawImage(this.still, 0, 0);
-    if (!store.world || !(this.scale > 0)) return;
-    this.drawTrees(context);
-    this.drawReach(context);
+    this.toPixels(context);
+    context.fillStyle = this.ink.ground;
+    context.fillRect(0, 0, this.width, this.height);
+    if (!store.world?.bounds_m || !(this.scale > 0)) return;
+    const layers = JSON.stringify(this.layers);
+    const { version, standing } = store;
+    const still = [version.world, version.obstacles, store.known, layers, this.field?.height_m, standing?.next_goal, standing?.goals];
+    this.keep(context, "still", still.join(), (kept) => this.drawStill(kept));
+    const search = [version.trees, this.reach.version, layers];
+    this.keep(context, "search", search.join(), (kept) => {
+      this.drawTrees(kept);
+      this.drawReach(kept);
+    });
     this.drawWays(context);
     this.drawTracks(context);
     this.drawHorizon(context);
     this.drawOwnship(context);
-    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    this.drawScale(context);
+  }
+
+  // Draw by a picture that is larger than the map, so that it can be moved a while before it is made anew.
+  keep(context, name, content, draw) {
+    const margin = Math.round(MARGIN * Math.max(this.width, this.height));
+    const key = `${content}/${this.scale}/${this.width}/${this.height}/${this.ratio}`;
+    const kept = (this.kept[name] ??= { picture: document.createElement("canvas"), key: "", centre: [0, 0] });
+    const offset = () => [(kept.centre[0] - this.centre[0]) * this.scale, (this.centre[1] - kept.centre[1]) * this.scale];
+    if (kept.key !== key || Math.max(...offset().map(Math.abs)) > margin) {
+      kept.key = key;
+      kept.centre = [...this.centre];
+      const { width, height } = this;
+      this.width += 2 * margin;
+      this.height += 2 * margin;
+      kept.picture.width = Math.round(this.width * this.ratio); // which clears it, too
+      kept.picture.height = Math.round(this.height * this.ratio);
+      draw(kept.picture.getContext("2d"));
+      Object.assign(this, { width, height });
+    }
+    const [dx, dy] = offset();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.drawImage(kept.picture, Math.round((dx - margin) * this.ratio), Math.round((dy - margin) * this.ratio));
   }
 
   toPixels(context) {
@@ -224,23 +250,13 @@ export class GroundMap {
     context.setTransform(k, 0, 0, -k, this.ratio * (this.width / 2 - this.centre[0] * this.scale), this.ratio * (this.height / 2 + this.centre[1] * this.scale));
   }
 
-  // What changes only with the view and the world, kept as a picture.
-  drawStill() {
-    const store = this.store;
-    const key = [this.centre, this.scale, this.width, this.height, this.ratio, store.version.world, store.version.obstacles, store.known, JSON.stringify(this.layers), this.field?.height_m, store.goals, store.standing?.next_goal].join();
-    if (key === this.stillKey) return;
-    this.stillKey = key;
-    const context = this.still.getContext("2d");
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.fillStyle = this.ink.ground;
-    context.fillRect(0, 0, this.still.width, this.still.height);
-    if (!store.world?.bounds_m || !(this.scale > 0)) return;
+  // What changes only with the view and the world.
+  drawStill(context) {
     this.drawGrid(context);
     if (this.layers.field) this.drawField(context);
     if (this.layers.obstacles || this.layers.fences) this.drawWalls(context);
     if (this.layers.radars) this.drawRadars(context);
     this.drawEnds(context);
-    this.drawScale(context);
   }
 
   drawGrid(context) {

@@ -45,8 +45,12 @@ function verdictAhead(store, limit) {
   const { standing, level, safeUntil, now } = store;
   if (standing && standing.mode !== "active") {
     const back = standing.handback;
-    if (standing.mode === "suspended" && back?.text && !back.is_safe) return ["watch", "Pilot flies", `The service ${modeWords(standing.mode)}. Handing back here is ${back.text}.`];
-    return [standing.mode === "arrived" ? "safe" : "unknown", standing.mode === "arrived" ? "Arrived" : standing.mode === "suspended" ? "Pilot flies" : "Not planning", `The service ${modeWords(standing.mode)}.`];
+    if (standing.mode === "suspended" && back?.text) {
+      const threat = Number.isFinite(level) && level > 0.01 ? ` Threat level ${level.toFixed(2)} now.` : "";
+      return [back.is_safe && !threat ? "unknown" : "watch", "Pilot flies", `Handing back here and now is ${back.text}.${threat}`];
+    }
+    const words = { arrived: "Arrived", suspended: "Pilot flies" };
+    return [standing.mode === "arrived" ? "safe" : "unknown", words[standing.mode] ?? "Not planning", `The service ${modeWords(standing.mode)}.`];
   }
   if (Number.isFinite(level) && level > 0.01) {
     return ["watch", "Take care", `Seen a little: threat level ${level.toFixed(2)}, the limit is ${limit?.toFixed(2)}.`];
@@ -71,6 +75,13 @@ export function nextSteps(store) {
   const steps = [];
   const goals = store.goals;
   const next = standing?.next_goal ?? 0;
+  if (standing && ["suspended", "yielded", "standby", "departing"].includes(standing.mode)) {
+    const back = standing.handback?.text;
+    return [
+      [`The service ${modeWords(standing.mode)}`, back ? `handed back here: ${back}` : ""],
+      ...(goals.length > next ? [[`Still to be reached: ${goals.length - next} goal${goals.length - next > 1 ? "s" : ""}`, ownship ? `the next ${metres(Math.hypot(goals[next][0] - ownship.position_enu_m[0], goals[next][1] - ownship.position_enu_m[1]))} to the ${bearing(ownship.position_enu_m, goals[next])}` : ""]] : []),
+    ];
+  }
   if (ownship && goals.length && next < goals.length) {
     const goal = goals[next];
     const away = Math.hypot(goal[0] - ownship.position_enu_m[0], goal[1] - ownship.position_enu_m[1]);
@@ -125,7 +136,7 @@ export function fears(store) {
       continue;
     }
     const soonest = left <= 0 ? "within its reach now, if it sees the aircraft" : `a threat within ${metres(track.max_threat_radius_m)}; it could not be so near for ${span(left / Math.max(1, track.speed_max_m_s + ownship.ground_speed_m_s))} at least`;
-    const way = safeUntil === undefined ? "" : safeUntil === null ? " On the way that is flown it never can." : ` On the way that is flown: in ${span(safeUntil - now)} at the earliest.`;
+    const way = safeUntil === undefined || !store.isFlown ? "" : safeUntil === null ? " On the way that is flown it never can." : ` On the way that is flown: in ${span(safeUntil - now)} at the earliest.`;
     found.push([left, "hunter", `${name}: ${where}`, `${soonest}.${way}`]);
   }
   const inRange = [];

@@ -130,10 +130,15 @@ export class Store {
     return this.known === null || this.known.includes(radar.name);
   }
 
+  // Whether the mission of ours is what is flown now.
+  get isFlown() {
+    return !this.standing || ["active", "lost"].includes(this.standing.mode);
+  }
+
   // Rows of the flown plan from where the aircraft is, for so many seconds.
   ahead(seconds) {
     const plan = this.plan;
-    if (!plan || !this.ownship) return [];
+    if (!plan || !this.ownship || !this.isFlown) return [];
     const rows = plan.path;
     const [east, north, up] = this.ownship.position_enu_m;
     let nearest = 0;
