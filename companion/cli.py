@@ -359,6 +359,24 @@ def report(
 
 
 @app.command()
+def export(
+    flight: Annotated[
+        Path, typer.Argument(exists=True, help="A flight's folder, or the tlog or mcap in it.")
+    ],
+    target: Annotated[Path, typer.Argument(help="The file to write, for instance flight-picture.mcap.")],
+) -> None:
+    """Write a recording as a picture for Foxglove, and beside it a layout that opens it."""
+    from companion.replay import replay_command as replaying
+
+    layout = replaying.exported(flight, target)
+    console.print(
+        f"picture: {plain_text.printable(target)}\nlayout: {plain_text.printable(layout)}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+@app.command()
 def campaign(
     spec: Annotated[Path, typer.Argument(help="A campaign's file, as in campaigns.")],
     jobs: Annotated[int, typer.Option(min=1, help="Processes that make runs at once.")] = 1,

@@ -58,6 +58,20 @@ class Playback:
         return not self._lines
 
 
+def mcap_of(path: Path) -> Path:
+    """What the service wrote down of a flight: in its folder, or beside a tlog.
+
+    Raises
+    ------
+    RecordError
+        When there is none.
+    """
+    file = path / MCAP if path.is_dir() else path.with_suffix(".mcap")
+    if not file.exists():
+        raise RecordError(f"{path}: no {file.name} there; what was known and decided is in that file")
+    return file
+
+
 def recorded_playback(path: Path) -> Playback:
     """Read the recording in a flight's folder, or beside a tlog.
 
@@ -71,9 +85,7 @@ def recorded_playback(path: Path) -> Playback:
     RecordError
         When there is no mcap, or not a message in it.
     """
-    file = path / MCAP if path.is_dir() else path.with_suffix(".mcap")
-    if not file.exists():
-        raise RecordError(f"{path}: no {file.name} there; what was known and decided is in that file")
+    file = mcap_of(path)
     playback = Playback(file.parent.name)
     for topic, document in messages_of(file, Counter()):
         data = json.dumps(document, separators=(",", ":")).encode("ascii")

@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import json
 import math
+import threading
 
 import numpy as np
 
 from companion.config import MissionConfig, mission_from_text
-from companion.config.compose import world_of
+from companion.config.compose import bounds_of, world_of
 from companion.errors import ConfigError
 from companion.recording.mcap_writer import plain
 from companion.ui.field import threat_field
+from companion.world.snapshot import Snapshot
 
 WORLD = "/world"
 HEIGHT_STEP_M = 10.0  # to which the field's height is rounded
@@ -33,22 +35,37 @@ class WorldDocument:
 
     def __init__(self, mission_text: str, name: str) -> None:
         self._fields: dict[float, bytes] = {}
-        self._snapshot = None
+        self._snapshot: Snapshot | None = None
+        self._building: threading.Thread | None = None
         try:
             mission = mission_from_text(mission_text, name)
         except ConfigError as error:  # of another version's recording
             self.document = _json({"error": str(error)})
             return
-        self._snapshot = world_of(mission, none_known=False)
         self.document = _json(_document(mission))
+        if mission.radar_list:
+            self._building = threading.Thread(
+                target=self._build, args=(mission,), name="shadows", daemon=True
+            )
+            self._building.start()
+
+    def _build(self, mission: MissionConfig) -> None:
+        """Work the radars' shadows out, a second or more of a core; in compiled code, beside all others."""
+        self._snapshot = world_of(mission, none_known=False)
+
+    def finish(self) -> None:
+        """Wait until fields can be told."""
+        if self._building is not None:
+            self._building.join()
 
     def field(self, height_m: float) -> bytes:
         """The radars' joint membership, masked, at a height that is rounded to 10 m.
 
-        Levels are bytes, 255 for 1, in base64: rows from south to north, each from west to east.
+        Levels are bytes, 255 for 1, in base64: rows from south to north, each from west to east. While
+        shadows are worked out, that is told instead.
         """
-        if self._snapshot is None or not self._snapshot.radar_list or not math.isfinite(height_m):
-            return _json({})
+        if self._snapshot is None or not math.isfinite(height_m):
+            return _json({"is_later": self._building is not None and self._building.is_alive()})
         low, high = self._snapshot.bounds[4:]
         height = HEIGHT_STEP_M * round(min(max(height_m, low), high) / HEIGHT_STEP_M)
         if height not in self._fields:
@@ -82,7 +99,7 @@ def _document(mission: MissionConfig) -> dict[str, object]:
         "name": mission.name,
         "description": mission.description,
         "dimension": mission.dimension,
-        "bounds_m": world_of(mission).bounds,
+        "bounds_m": bounds_of(mission),
         "origin": {"latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg},
         "start_enu_m": [start.east_m, start.north_m, start.up_m],
         "goals": [[goal.east_m, goal.north_m, goal.up_m, goal.acceptance_radius_m] for goal in goals],

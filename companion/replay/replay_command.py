@@ -17,9 +17,10 @@ from rich.text import Text
 from companion.config import MissionConfig, mission_from_text
 from companion.config.load import text_of
 from companion.errors import ConfigError, RecordError
-from companion.page.playback import Playback, recorded_playback
+from companion.page.playback import Playback, mcap_of, recorded_playback
 from companion.page.playback_page import show_playbacks
 from companion.plain_text import printable
+from companion.recording.foxglove_export import export_flight
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import TLOG, Listener, versions_now
 from companion.replay.comparison import Difference, document_of, first_difference
@@ -27,8 +28,8 @@ from companion.replay.engine import Replay, Replayed, flown_uploads
 from companion.types.record import Decision
 
 __all__ = [
-    "beside", "document_of", "first_difference", "flown_in", "remarks", "replayable", "replayed", "show",
-    "show_page",
+    "beside", "document_of", "exported", "first_difference", "flown_in", "remarks", "replayable", "replayed",
+    "show", "show_page",
 ]  # fmt: skip
 
 DECISIONS_SHOWN = 60
@@ -112,6 +113,24 @@ def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
     if recording.until_s < math.inf:
         said.append(f"flight.mcap ends early: compared up to {recording.until_s:.1f} s.")
     return said
+
+
+def exported(flight: Path, target: Path) -> Path:
+    """Write a flight's recording as a picture for Foxglove; the layout that goes with it.
+
+    Parameters
+    ----------
+    flight : Path
+        Its folder, ``flight.mcap`` in it, or the tlog beside that.
+    target : Path
+        The picture.
+
+    Raises
+    ------
+    RecordError
+        If there is nothing to show, or the target cannot be written.
+    """
+    return export_flight(mcap_of(flight), target)
 
 
 def show_page(

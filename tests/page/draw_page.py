@@ -17,7 +17,7 @@ from tests.page.browser import Browser
 
 ROOT = Path(__file__).parents[2]
 TARGET = ROOT / "docs" / "img"
-COLOURS = 128
+COLOURS = 256
 
 
 def kept(page, name):
@@ -25,7 +25,7 @@ def kept(page, name):
     file = TARGET / f"page-{name}.png"
     page.run("return new Promise((done) => setTimeout(done, 1500))")
     page.picture(file)
-    picture = Image.open(file).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    picture = Image.open(file).convert("RGB").quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE)
     picture.save(file, optimize=True)
     sys.stdout.write(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB\n")
 

@@ -197,6 +197,27 @@ def test_a_threat_is_told_by_its_level_and_its_time(window, live):
     assert page.text("#verdict-why") == "Under threat now: level 1.10, the limit is 1.00."
 
 
+def test_who_comes_later_sees_the_same(window, live):
+    """A plan that was handed over, seen at once and by one that opens the page behind it."""
+    told, server = live
+    early, late = window(), window()
+    early.look(server)
+    told.plan(2, 21.0, first_s=100.0, flown_first_s=50.0)
+    told.state(21.2)
+    told.swap(2, 21.5)
+    told.state(22.0)
+    told.state(23.0)
+    early.until("window.companionPage.page.store.now > 22.9")
+    late.look(server)
+    seen = (
+        "const s = window.companionPage.page.store; return [s.safeUntil, s.plan.number, s.candidateOnly, "
+        "s.mission.stamp_s, s.rows.at(-1)[6], s.tracks, s.level, s.decisions.length]"
+    )
+    assert late.run(seen) == early.run(seen)
+    assert late.run(seen)[:3] == [100.0, 2, None]
+    assert late.run(seen)[4] == pytest.approx(77.0)
+
+
 def pixel(page, place):
     """Colour of the map at a place, as it was drawn last."""
     return page.run(

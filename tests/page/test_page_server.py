@@ -2,12 +2,15 @@
 
 import json
 import socket
+import threading
 import urllib.error
 import urllib.request
 
 import pytest
 
+from companion.config.load import text_of
 from companion.errors import ConfigError, LinkError
+from companion.page import world_document
 from companion.page.access import COOKIE, Access
 from companion.page.feed import Feed
 from companion.page.live_page import LivePage, page_of
@@ -201,12 +204,26 @@ def test_the_first_page_and_what_can_be_looked_at(served):
 
 def test_the_radars_field_at_a_height(served):
     with served.stream() as line:
-        Heard(line).event()  # by when the world is made
+        Heard(line).event()  # by when the world is known
+    served.feed.world.finish()
     field = json.loads(served.get("/field/live/123.4").partition(b"\r\n\r\n")[2])
     assert field["height_m"] == 120.0
     assert (field["columns"], field["rows"]) == (160, 120)
     assert json.loads(served.get("/field/live/1e9").partition(b"\r\n\r\n")[2])["height_m"] == 350.0
-    assert json.loads(served.get("/field/live/nan").partition(b"\r\n\r\n")[2]) == {}
+    assert json.loads(served.get("/field/live/nan").partition(b"\r\n\r\n")[2]) == {"is_later": False}
+
+
+def test_shadows_that_are_still_worked_out_are_told_later(served, monkeypatch):
+    with served.stream() as line:
+        Heard(line).event()
+    served.feed.world.finish()
+    may_end = threading.Event()
+    monkeypatch.setattr(world_document, "world_of", lambda *_, **__: may_end.wait(LONG_S) and None)
+    world = world_document.WorldDocument(text_of(served.told.mission), "slow")
+    assert json.loads(world.field(100.0)) == {"is_later": True}
+    assert json.loads(world.document)["name"] == "made-up", "the rest is known at once"
+    may_end.set()
+    world.finish()
 
 
 @pytest.mark.parametrize(

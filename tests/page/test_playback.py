@@ -73,6 +73,7 @@ def test_two_recordings_are_served_side_by_side(flown):
     sources = json.loads(asked(server, "/sources.json")[2])["sources"]
     assert [source["name"] for source in sources] == ["flight", "what would be decided now"]
     for source, playback in zip(sources, server._pages._playbacks, strict=True):
+        playback.world.finish()
         assert asked(server, source["recording"])[2] == playback.body
         assert json.loads(asked(server, f"{source['field']}/100")[2])["height_m"] == 100.0
     assert asked(server, "/stream")[0].startswith(b"HTTP/1.1 404 "), "nothing is flown"

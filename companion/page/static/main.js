@@ -93,6 +93,7 @@ class Page {
     figures.news++;
     this.waiting.push([heard, isWhole ? 0 : sentMs]);
     if (isWhole) {
+      this.store.fillRows();
       this.connected(true);
       if (!this.map.hasMoved) this.map.fit();
       this.drawnAt = { panels: -Infinity, strips: -Infinity, reach: -Infinity }; // all of it at once
@@ -269,6 +270,11 @@ class Page {
       const answer = await fetch(`${this.source.field}/${height}`);
       if (answer.ok) {
         const field = await answer.json();
+        if (field.is_later) {
+          this.fieldKey = null;
+          setTimeout(() => this.changed({ panels: true }), 500);
+          return;
+        }
         this.map.setField(field);
         this.solid?.setField(field);
       }

@@ -518,8 +518,11 @@ export class GroundMap {
       context.globalAlpha = 1;
     };
     if (this.layers.operator && store.standing) line(store.standing.operator_enu_m ?? [], this.ink.operator, 1.5, [2, 5]);
-    if (this.layers.candidate && store.candidate && store.candidate !== store.plan) {
-      line(store.candidate.path.map((row) => row.slice(1, 3)), this.ink.candidate, 2, [8, 6], 0.95);
+    if (this.layers.mission && store.plan && store.isFlown) {
+      line(store.plan.path.map((row) => row.slice(1, 3)), this.ink.mission, 1.5, [], 0.45); // it is extended along this
+    }
+    if (this.layers.candidate && store.candidateOnly) {
+      line(store.candidateOnly.path.map((row) => row.slice(1, 3)), this.ink.candidate, 2, [8, 6], 0.95);
     }
     if (this.layers.mission && store.mission) {
       line(store.mission.waypoints_enu_m, this.ink.mission, 2.5, [], 0.55);

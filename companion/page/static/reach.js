@@ -180,7 +180,7 @@ export class Reach {
     this.version = version;
     this.lines = [];
     for (const track of store.tracks) {
-      if (track.flies_on) continue;
+      if (track.flies_on || track.speed_max_m_s < 1) continue; // nobody's, or it stays where it is
       const arrived = track.is_airborne ? null : arrivals(track, this.grid, this.blocked);
       for (const seconds of TIMES_S) {
         if (arrived) {

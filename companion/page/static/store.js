@@ -29,6 +29,7 @@ export class Store {
     this.decisions = [];
     this.rows = []; // [time, east, north, up, speed, level, seconds until t_f or null]
     this.safeUntil = undefined; // t_f of what is flown: a clock reading, null for never, undefined if unknown
+    this.safeMarks = []; // [since when, t_f], in order
     this.version = { world: 0, obstacles: 0, trees: 0, decisions: 0, rows: 0, plan: 0 };
   }
 
@@ -101,7 +102,7 @@ export class Store {
   notePlan(message) {
     this.plans.set(message.number, message);
     if (this.plans.size > PLANS_MAX) this.plans.delete(this.plans.keys().next().value);
-    if (message.flown_pursuit && "first_s" in message.flown_pursuit) this.safeUntil = message.flown_pursuit.first_s;
+    if (message.flown_pursuit && "first_s" in message.flown_pursuit) this.noteSafe(message.stamp_s, message.flown_pursuit.first_s);
     if (!message.path) return; // of before this page was opened, for the strips
     this.candidate = message.path.length ? message : null;
     this.version.plan++;
@@ -110,11 +111,36 @@ export class Store {
   noteSwap(message) {
     if (message.outcome !== "flown") return;
     const plan = this.plans.get(message.plan_number);
-    if (plan?.pursuit) this.safeUntil = plan.pursuit.first_s;
+    if (plan?.pursuit) this.noteSafe(message.stamp_s, plan.pursuit.first_s);
     if (!message.waypoints_enu_m) return;
     this.mission = message;
     if (plan?.path) this.plan = plan;
     this.version.plan++;
+  }
+
+  // What is told again to one that comes later is older than what he knows.
+  noteSafe(stamp, until) {
+    const last = this.safeMarks.at(-1);
+    if (last && stamp < last[0]) return;
+    this.safeUntil = until;
+    this.safeMarks.push([stamp, until]);
+    if (this.safeMarks.length > ROWS_MAX) this.safeMarks.splice(0, ROWS_MAX / 2);
+  }
+
+  // Complete the rows of before this page was opened.
+  fillRows() {
+    let mark = 0;
+    for (const row of this.rows) {
+      while (mark < this.safeMarks.length && this.safeMarks[mark][0] <= row[0]) mark++;
+      const until = mark ? this.safeMarks[mark - 1][1] : undefined;
+      row[6] = Number.isFinite(until) ? Math.max(0, until - row[0]) : null;
+    }
+    this.version.rows++;
+  }
+
+  // The last plan made, where it is not what is flown.
+  get candidateOnly() {
+    return this.candidate && this.candidate.number !== this.plan?.number ? this.candidate : null;
   }
 
   // All that is in the way: the mission file's obstacles, and fences as the service knows them.

@@ -261,8 +261,11 @@ export class SolidView {
     const { store, ink } = this;
     const { mission, candidate } = this.map.layers;
     if (mission && store.mission) this.way(group, store.mission.waypoints_enu_m, ink.mission, { opacity: 0.6 });
-    if (candidate && store.candidate && store.candidate !== store.plan) {
-      this.way(group, store.candidate.path.map((row) => row.slice(1, 4)), ink.candidate, { dashed: true });
+    if (mission && store.plan && store.isFlown) {
+      this.line(group, store.plan.path.map((row) => row.slice(1, 4)), ink.mission, { opacity: 0.45 });
+    }
+    if (candidate && store.candidateOnly) {
+      this.way(group, store.candidateOnly.path.map((row) => row.slice(1, 4)), ink.candidate, { dashed: true });
     }
   }
 

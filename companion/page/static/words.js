@@ -82,5 +82,6 @@ export function trackName(track, world) {
 
 export function trackKind(track) {
   if (track.flies_on) return "aircraft passing";
+  if (track.speed_max_m_s < 1) return "parked";
   return track.is_airborne ? "flying pursuer" : "ground pursuer";
 }
