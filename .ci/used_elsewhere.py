@@ -7,7 +7,7 @@ _.log_message  # http.server
 _.collect  # prometheus_client
 _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _._entrypoint, _._cmd  # getattr
 
-_.results  # typer
+_.results, _.export  # typer
 
 # Loaded by the place that is told of them.
 _.FlightRunner, _.driven

@@ -53,23 +53,25 @@ class _Pictures:
             case channels.SNAPSHOT if isinstance(told.get("obstacles"), list):
                 yield SCENE, utc_s, self._fences(told, utc_s)
             case channels.OWNSHIP:
-                yield TRANSFORM, utc_s, self._transform(told, utc_s)
-                self._flown.append(told.get("position_enu_m"))
-                if self._is_due("flown", utc_s, _FLOWN_S):
-                    places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
-                    yield SCENE, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
+                yield from self._ownship(told, utc_s)
             case channels.TRACKS if self._is_due("threats", utc_s, _THREATS_S):
                 yield SCENE, utc_s, self._threats(told, utc_s)
             case channels.PLAN:
-                path = told.get("path")
-                rows = [row[1:4] for row in path] if isinstance(path, list) else []
-                yield SCENE, utc_s, self._line("candidate", rows, scenes.CANDIDATE, utc_s)
+                yield SCENE, utc_s, self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s)
             case channels.TREES:
                 yield SCENE, utc_s, scenes.scene(scenes.tree_entity(told, utc_s))
             case channels.SWAP if told.get("outcome") == "flown":
                 yield SCENE, utc_s, self._line("mission", told.get("waypoints_enu_m"), scenes.MISSION, utc_s)
             case channels.DECISION:
                 yield LOG, utc_s, _log_entry(told, utc_s)
+
+    def _ownship(self, told: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+        """Where the aircraft is, and now and then the way that it has flown."""
+        yield TRANSFORM, utc_s, self._transform(told, utc_s)
+        self._flown.append(told.get("position_enu_m"))
+        if self._is_due("flown", utc_s, _FLOWN_S):
+            places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
+            yield SCENE, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
 
     def _is_due(self, what: str, utc_s: float, period_s: float) -> bool:
         if 0.0 <= utc_s - self._drawn_s.get(what, -1e12) < period_s:
@@ -136,6 +138,12 @@ class _Pictures:
             "child_frame_id": scenes.AIRCRAFT, "translation": pose["position"],
             "rotation": pose["orientation"],
         }  # fmt: skip
+
+
+def _places_of(told: Document) -> list[object]:
+    """Places of a plan's path: its rows begin with the time."""
+    path = told.get("path")
+    return [row[1:4] for row in path if isinstance(row, list)] if isinstance(path, list) else []
 
 
 def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:

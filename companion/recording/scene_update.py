@@ -111,7 +111,7 @@ def prism(wall: Obstacle, ceiling_m: float, colour: Colour) -> Entity:
 
 
 def _roof(corners: FloatArray) -> list[FloatArray]:
-    """Triangles (3, 2) that a polygon (N, 2) is made of [m]."""
+    """Triangles (3, 2) that a polygon is made of, ``corners`` (N, 2) [m]."""
     polygon = shapely.Polygon(corners)
     found = shapely.delaunay_triangles(polygon).geoms
     inside = [part for part in found if polygon.covers(part.representative_point())]

@@ -121,7 +121,7 @@ def exported(flight: Path, target: Path) -> Path:
     Parameters
     ----------
     flight : Path
-        Its folder, ``flight.mcap`` in it, or the tlog beside that.
+        Folder of the flight, ``flight.mcap`` in it, or the tlog beside that.
     target : Path
         The picture.
 
