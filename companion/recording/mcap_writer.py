@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
@@ -112,8 +113,17 @@ def plain(value: object) -> object:
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return _plain_array(value)
     return _plain_parts(value)
+
+
+def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
+    """An array of any shape as lists, all at once where its numbers allow it: search trees are large."""
+    if values.dtype.kind in "iub":
+        return values.tolist()
+    if values.dtype.kind == "f" and np.isfinite(values).all():
+        return np.round(values.astype(np.float64), _DIGITS).tolist()
+    return plain(values.tolist())
 
 
 def _plain_parts(value: object) -> object:

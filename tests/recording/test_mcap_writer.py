@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -201,6 +202,19 @@ def test_what_is_not_finite_is_null():
     assert plain({"a": math.inf, "b": [math.nan, 1.0], "c": Dialect.PX4, 3: (True, None)}) == {
         "a": None, "b": [None, 1.0], "c": "px4", "3": [True, None],
     }  # fmt: skip
+
+
+def test_arrays_are_told_as_their_rows_one_by_one_would_be():
+    values = np.array([[0.1 + 0.2, -1.0 / 3.0, 4706.892379012345], [1e-12, 123456.7890123456, -0.0]])
+    assert (
+        plain(values)
+        == plain(values.tolist())
+        == [[0.3, -0.333333333, 4706.892379012], [0.0, 123456.789012346, 0.0]]
+    )
+    assert plain(np.array([1.0, math.nan, -math.inf])) == [1.0, None, None]
+    assert plain(np.array([3, -1])) == [3, -1]
+    assert plain(np.array([[True], [False]])) == [[True], [False]]
+    assert plain(np.empty((0, 3))) == []
 
 
 def test_no_file():
