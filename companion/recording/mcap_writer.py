@@ -118,7 +118,7 @@ def plain(value: object) -> object:
 
 
 def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
-    """An array of any shape as lists, all at once where its numbers allow it: search trees are large."""
+    """An array as lists, all at once where its numbers allow it; ``values`` (…,), search trees are large."""
     if values.dtype.kind in "iub":
         return values.tolist()
     if values.dtype.kind == "f" and np.isfinite(values).all():

@@ -52,10 +52,23 @@ def threat_field(
 def _hidden(
     east_m: FloatArray, north_m: FloatArray, height_m: float, shadow: FloatArray, grid: FloatArray
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Which cells (NY, NX) of a section lie in a radar's shadow, as the planner's kernel takes it.
+    """Which cells of a section lie in a radar's shadow, as the planner's kernel takes it.
 
-    ``east_m`` (NX,) and ``north_m`` (NY,) their centres [m]; ``shadow`` (SX, SY) heights at the nodes of
-    ``grid`` (3,), below all four of which a point is hidden [m].
+    Parameters
+    ----------
+    east_m, north_m : ndarray, shape (NX,) and (NY,)
+        Cell centres [m].
+    height_m : float
+        Up coordinate of the section [m].
+    shadow : ndarray, shape (SX, SY)
+        Heights at the grid's nodes, below all four of which a point is hidden [m].
+    grid : ndarray, shape (3,)
+        East and north of the first node, and the spacing [m].
+
+    Returns
+    -------
+    ndarray, shape (NY, NX)
+        True where it is hidden.
     """
     below = height_m < shadow
     cells = below[:-1, :-1] & below[1:, :-1] & below[:-1, 1:] & below[1:, 1:]
