@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: page-test page-vendor interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -13,7 +13,7 @@ MINUTES ?= 120
 SEEDS ?= 2
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
-QUICK := not slow and not bench and not real
+QUICK := not slow and not bench and not real and not page
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
 COVERAGE_MIN ?= 92
@@ -47,8 +47,8 @@ lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade f
 audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
 	.ci/audit
 
-fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl
-	$(BIN)/companion sitl $(MISSION) $(FLAGS)
+fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl; PAGE=1 shows it on http://127.0.0.1:8080
+	$(BIN)/companion sitl $(MISSION) $(if $(PAGE),--page $(if $(filter 1,$(PAGE)),8080,$(PAGE))) $(FLAGS)
 
 warm: $(STAMP)
 	@$(BIN)/companion warm-up mission_configs/first-flight.yaml # once, not in every process of the suite
@@ -66,6 +66,14 @@ coverage: warm ## branch coverage: kernels as Python, then the whole suite compi
 
 pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
 	JOBS=$(JOBS) .ci/pythons
+
+page-test: $(STAMP) ## drive the page in headless Chromium; needs Debian's chromium and chromium-driver
+	@command -v chromedriver > /dev/null && command -v chromium > /dev/null || { \
+		echo "headless Chromium is needed: apt-get install chromium chromium-driver" >&2; exit 1; }
+	$(BIN)/pytest -q -m page tests/page
+
+page-vendor: ## make the page's libraries anew from packaging/page; needs node and npm
+	packaging/page/make_vendor.sh
 
 explore: $(STAMP) ## run the property tests with examples that were never tried before
 	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow' -n $(JOBS) --dist loadgroup

@@ -7,7 +7,7 @@ _.log_message  # http.server
 _.collect  # prometheus_client
 _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _._entrypoint, _._cmd  # getattr
 
-_.results  # typer
+_.results, _.export  # typer
 
 # For those who call from Python, and notebooks, which look for the last by its name.
 _.success, _.true_path, _._repr_png_

@@ -50,6 +50,22 @@ MetricsPort = Annotated[
         help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
     ),
 ]  # fmt: skip
+PagePort = Annotated[
+    int | None, typer.Option("--page", min=1, max=65535, help="Port of the page that shows it in a browser.")
+]
+PageListen = Annotated[
+    str,
+    typer.Option(
+        "--page-listen", envvar="COMPANION_PAGE_LISTEN",
+        help="Address the page is told on, with a token; left out, to this computer alone.",
+    ),
+]  # fmt: skip
+PageToken = Annotated[
+    str,
+    typer.Option(
+        "--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers on other computers have to know."
+    ),
+]
 
 
 class Engine(Enum):
@@ -215,12 +231,28 @@ def run(
     record_max_mb: Annotated[
         int, typer.Option(min=1, help="What the recordings may take; the oldest flights go first.")
     ] = 2_000,
+    page: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=65535,
+            envvar="COMPANION_PAGE",
+            help="Port of the page that shows flights in a browser.",
+        ),
+    ] = None,
+    page_listen: PageListen = "",
+    page_token: PageToken = "",
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
     from companion.service.service import serve
 
     set_up(log)
-    asyncio.run(serve(mission, link, record, metrics, record_max_mb * 1_000_000))
+    asyncio.run(
+        serve(
+            mission, link, record, metrics, record_max_mb * 1_000_000,
+            page_port=page, page_host=page_listen, page_token=page_token,
+        )
+    )  # fmt: skip
 
 
 @app.command()
@@ -250,9 +282,12 @@ def health(metrics: MetricsPort = None) -> None:
 @app.command()
 def replay(
     log: Annotated[
-        Path, typer.Argument(exists=True, dir_okay=False, help="A tlog; the mcap beside it is read, too.")
+        Path,
+        typer.Argument(exists=True, help="A tlog or a flight's folder; the mcap beside it is read, too."),
     ],
-    mission: MissionFile,
+    mission: Annotated[
+        Path | None, typer.Argument(help="A mission file, as in mission_configs; only a page needs none.")
+    ] = None,
     expect: Annotated[
         Path | None,
         typer.Option(
@@ -261,33 +296,37 @@ def replay(
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of plans; else the recorded one.")] = None,
     json_file: JsonFile = None,
+    page: PagePort = None,
+    beside: Annotated[
+        Path | None, typer.Option(exists=True, help="On the page, a second recording beside the first.")
+    ] = None,
 ) -> None:
-    """Feed a recorded flight through the same code: the same missions, or what would be decided instead."""
-    from companion.config import load_mission
-    from companion.replay.replay_command import (
-        beside,
-        document_of,
-        first_difference,
-        flown_in,
-        remarks,
-        replayable,
-        replayed,
-        show,
-    )
+    """Feed a recorded flight through the same code: the same missions, or what would be decided instead.
 
-    recording, config = replayable(log), load_mission(mission)
-    expected = None if expect is None else flown_in(expect)
-    logging.getLogger("companion").setLevel(logging.WARNING)
+    With --page it is looked at in a browser, and with a mission file what would be decided now beside it.
+    """
+    from companion.config import load_mission
+    from companion.replay import replay_command as replaying
+
+    config = None if mission is None else load_mission(mission)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
-    for remark in remarks(recording, config):
+    logging.getLogger("companion").setLevel(logging.WARNING)
+    if page is not None:
+        replaying.show_page(log, config, beside, seed, page, screen)
+        return
+    if config is None:
+        raise ConfigError("command line", None, "MISSION", "nothing", "a mission file, or --page")
+    recording = replaying.replayable(log)
+    expected = None if expect is None else replaying.flown_in(expect)
+    for remark in replaying.remarks(recording, config):
         screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
-    result = replayed(recording, config, seed, screen)
+    result = replaying.replayed(recording, config, seed, screen)
     if expected is not None:
-        recording, result = expected, beside(expected, result)
+        recording, result = expected, replaying.beside(expected, result)
     if json_file is not None:
-        write_json(json_file, document_of(recording, result))
-    differs = first_difference(recording, result)
-    show(recording, result, differs, screen)
+        write_json(json_file, replaying.document_of(recording, result))
+    differs = replaying.first_difference(recording, result)
+    replaying.show(recording, result, differs, screen)
     if expected is not None and differs is not None:
         raise typer.Exit(EXIT_FAILED)
 
@@ -327,6 +366,24 @@ def report(
         page, picture = write_report(flight, mission, world, record, report_name(record))
     console.print(
         f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def export(
+    flight: Annotated[
+        Path, typer.Argument(exists=True, help="A flight's folder, or the tlog or mcap in it.")
+    ],
+    target: Annotated[Path, typer.Argument(help="The file to write, for instance flight-picture.mcap.")],
+) -> None:
+    """Write a recording as a picture for Foxglove, and beside it a layout that opens it."""
+    from companion.replay import replay_command as replaying
+
+    layout = replaying.exported(flight, target)
+    console.print(
+        f"picture: {plain_text.printable(target)}\nlayout: {plain_text.printable(layout)}",
         markup=False,
         soft_wrap=True,
     )

@@ -11,7 +11,7 @@ import selectors
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 
@@ -32,8 +32,17 @@ class Answer:
     body: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked for: ``GET`` or ``HEAD``, the target as it was sent, and headers by lower-case name."""
+
+    method: str
+    target: str
+    headers: Mapping[str, str]
+
+
 @dataclass(slots=True, eq=False)
-class _Connection:
+class Connection:
     """One that asks: until when it may, what it has said, and what it is still to be told."""
 
     line: socket.socket
@@ -79,7 +88,7 @@ class LoopbackServer:
         self, port: int, page: Callable[[str], Answer], now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._page, self._now_s = page, now_s
-        self._connections: set[_Connection] = set()
+        self._connections: set[Connection] = set()
         self._listener = socket.create_server((LOOPBACK, port), backlog=CONNECTIONS_MAX)
         self._listener.setblocking(False)
         self.address: tuple[str, int] = self._listener.getsockname()
@@ -117,13 +126,13 @@ class LoopbackServer:
         line.setblocking(False)
         if len(self._connections) >= CONNECTIONS_MAX:
             with line, contextlib.suppress(OSError):
-                line.send(_head(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
+                line.send(head_of(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
             return
-        connection = _Connection(line, self._now_s() + TIMEOUT_S)
+        connection = Connection(line, self._now_s() + TIMEOUT_S)
         self._connections.add(connection)
         self._selector.register(line, selectors.EVENT_READ, connection)
 
-    def _go_on(self, connection: _Connection) -> None:
+    def _go_on(self, connection: Connection) -> None:
         """Hear or tell as much as goes without waiting."""
         try:
             if connection.told:
@@ -135,7 +144,7 @@ class LoopbackServer:
         except OSError:
             self._drop(connection)
 
-    def _hear(self, connection: _Connection) -> None:
+    def _hear(self, connection: Connection) -> None:
         data = connection.line.recv(HEAD_MAX)
         if not data:
             self._drop(connection)
@@ -143,39 +152,49 @@ class LoopbackServer:
             connection.answer(self._answer(bytes(connection.asked)))
             self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
-    def _tell(self, connection: _Connection) -> None:
+    def _tell(self, connection: Connection) -> None:
         if connection.tell():
             # Closed at once, unheard words of the other's would take the answer back.
             connection.line.shutdown(socket.SHUT_WR)
             self._selector.modify(connection.line, selectors.EVENT_READ, connection)
 
-    def _drop(self, connection: _Connection) -> None:
+    def _drop(self, connection: Connection) -> None:
         self._connections.discard(connection)
         self._selector.unregister(connection.line)
         connection.line.close()
 
     def _answer(self, asked: bytes) -> bytes:
         """Answer to a request as it goes out."""
-        head, end, _ = asked.partition(b"\r\n\r\n")
-        words = head.partition(b"\r\n")[0].split(b" ")
-        if not end:
-            answer = Answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "text/plain", b"")
-        elif len(words) != 3 or not words[2].startswith(b"HTTP/1."):
-            answer = Answer(HTTPStatus.BAD_REQUEST, "text/plain", b"")
-        elif words[0] not in (b"GET", b"HEAD"):
-            answer = Answer(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"")
-        else:
-            answer = self._page(words[1].partition(b"?")[0].decode("latin-1"))
-        return _head(answer) + (b"" if words[0] == b"HEAD" else answer.body)
+        request = request_of(asked)
+        if isinstance(request, Answer):
+            return head_of(request)
+        answer = self._page(request.target.partition("?")[0])
+        return head_of(answer) + (b"" if request.method == "HEAD" else answer.body)
 
 
-def _head(answer: Answer) -> bytes:
-    """What goes before a page."""
+def request_of(asked: bytes) -> Request | Answer:
+    """A request as far as it came, or the answer to one that is none."""
+    head, end, _ = asked.partition(b"\r\n\r\n")
+    first, *lines = head.decode("latin-1").split("\r\n")
+    words = first.split(" ")
+    if not end:
+        return Answer(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "text/plain", b"")
+    if len(words) != 3 or not words[2].startswith("HTTP/1."):
+        return Answer(HTTPStatus.BAD_REQUEST, "text/plain", b"")
+    if words[0] not in ("GET", "HEAD"):
+        return Answer(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"")
+    parts = (line.partition(":") for line in lines)
+    return Request(words[0], words[1], {name.strip().lower(): value.strip() for name, _, value in parts})
+
+
+def head_of(answer: Answer, *more: str) -> bytes:
+    """What goes before a page, with more headers."""
     lines = [
         f"HTTP/1.1 {answer.status.value} {answer.status.phrase}",
         f"Content-Type: {answer.kind}",
         f"Content-Length: {len(answer.body)}",
         "Connection: close",
         *(["Allow: GET, HEAD"] if answer.status is HTTPStatus.METHOD_NOT_ALLOWED else []),
+        *more,
     ]
     return "\r\n".join([*lines, "", ""]).encode("latin-1")

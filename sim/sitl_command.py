@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 
 from companion.campaign.run_places import FLIGHT, PURSUERS, offer
-from companion.cli import EXIT_FAILED, MissionFile, require_goals, write_json
+from companion.cli import EXIT_FAILED, MissionFile, PageListen, PagePort, PageToken, require_goals, write_json
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
@@ -38,8 +38,9 @@ def register(app: typer.Typer) -> None:
 def sitl(
     mission: MissionFile,
     speed: Annotated[
-        float, typer.Option(min=0.0, help="Simulated seconds a second; 0 is as fast as it goes.")
-    ] = 0.0,
+        float | None,
+        typer.Option(min=0.0, help="Simulated seconds a second; 0 is as fast as it goes, as without a page."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of weather, sensors, tracks and plans.")] = 1,
     headless: Annotated[bool, typer.Option("--headless", help="No live table, no report.")] = False,
     autopilot: Annotated[
@@ -51,10 +52,15 @@ def sitl(
     flights: Annotated[Path, typer.Option(help="Folder of the flights' reports and recordings.")] = Path(
         "flights"
     ),
+    page: PagePort = None,
+    page_listen: PageListen = "",
+    page_token: PageToken = "",
 ) -> None:
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
     from companion.config import load_mission
     from companion.config.compose import world_of
+    from companion.page.live_page import page_of
+    from companion.page.playback_page import wait_for_interrupt
     from companion.recording.retention import folder_for
     from companion.service.warm_up import warm_up
     from sim.sitl import Flight
@@ -72,9 +78,13 @@ def sitl(
         console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")
     warm_up(config)
     flight = Flight(
-        config, seed, folder, autopilot, speed if speed > 0.0 else float("inf"),
+        config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
         mission_text=mission.read_text(encoding="utf-8-sig"),
     )  # fmt: skip
+    shown_on = page_of(page, page_listen, page_token)
+    if shown_on is not None:
+        shown_on.follow(flight.recorder)
+        console.print(f"page: {shown_on.address}", markup=False)
     if headless:
         logging.getLogger("companion.recording.recorder").setLevel(logging.WARNING)
         asyncio.run(flight.fly())
@@ -94,10 +104,21 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
-        page, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))
-        console.print(f"report: {page}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
+        report, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))
+        console.print(f"report: {report}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
+    if shown_on is not None:
+        console.print(f"the flight is over; it stays on {shown_on.address} until Ctrl+C", markup=False)
+        wait_for_interrupt()
+        shown_on.close()
     if not flight.summary()["success"]:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _pace(speed: float | None, *, has_page: bool) -> float:
+    """Simulated seconds a second: in real time where it is looked at, if nothing is said."""
+    if speed is None:
+        return 1.0 if has_page else math.inf
+    return speed if speed > 0.0 else math.inf
 
 
 def _progress(flight: Flight) -> Table:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from companion.departure.foresight import list_track
 from companion.flight.flight_state import FlightState
+from companion.frames import FloatArray
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
@@ -23,10 +26,13 @@ class WayBack:
         Whether it keeps clear of everything.
     text : str
         What is flown to, and what is wrong with it.
+    way_enu_m : ndarray, shape (N, 3)
+        The first 45 s of it, as far as it is known [m].
     """
 
     is_safe: bool
     text: str
+    way_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
 
 
 def way_back(state: FlightState, current: MissionCurrent | None, ownship: Ownship) -> WayBack:
@@ -49,5 +55,5 @@ def way_back(state: FlightState, current: MissionCurrent | None, ownship: Ownshi
         seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     )
     if wrong:
-        return WayBack(False, f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}")
-    return WayBack(True, f"safe, to item {current.sequence}")
+        return WayBack(False, f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}", seen)
+    return WayBack(True, f"safe, to item {current.sequence}", seen)

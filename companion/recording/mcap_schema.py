@@ -10,6 +10,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
+from companion.types.path import Path
 from companion.types.record import PlanRecord
 
 Schema = dict[str, object]
@@ -49,6 +52,9 @@ class Channel:
 MISSION, LINK = "/mission", "/link"
 OWNSHIP, LOCATION, TRACKS, THREAT = "/ownship", "/location", "/tracks", "/threat"
 SNAPSHOT, PLAN, DECISION, SWAP = "/snapshot", "/plan", "/decision", "/swap"
+TREES, STANDING = "/trees", "/standing"
+TREE_NODES_MAX = 6_000  # of a search, the first of which are written down: parents come before their children
+_TREE_DIGITS = 1  # decimetres, for pictures
 
 CHANNELS = (
     Channel(
@@ -95,7 +101,8 @@ CHANNELS = (
         PLAN, "companion.Plan", "A plan, why it was made, and what came of it.",
         {
             "number": WHOLE, "snapshot": WHOLE, "occasion": TEXT, "purpose": TEXT, "seed": WHOLE,
-            "start": TABLE, "status": TEXT, "notes": TEXTS, "path": ROWS, "threat_levels": NUMBERS,
+            "start": TABLE, "status": TEXT, "notes": TEXTS, "path": ROWS, "covariances_m2": ROWS,
+            "threat_levels": NUMBERS,
             "measures": TABLE, "flown_cost": NUMBER, "flown_threat": NUMBER, "pursuit": TABLE,
             "flown_pursuit": TABLE, "asked": WHOLE,
             "is_stopped": FLAG, "is_broken_off": FLAG, "due_s": NUMBER,
@@ -105,10 +112,23 @@ CHANNELS = (
             "occasion": "why the plan was made now",
             "pursuit": "what moving threats that knew the path could do: first_s is t_f, total_s how long",
             "path": "rows of time [s], east, north, up [m], course, climb [rad], speed [m/s]",
+            "covariances_m2": "of each row's place: east², east·north, north², up²",
             "asked": "how often the search asked whether to stop, until it was told to or had finished",
             "due_s": "when it was found to be due; seen_s when the world was seen that it was made in",
             "took_s": "of the service's clock",
             "plan_ms": "of the computer's time",
+        },
+    ),
+    Channel(
+        TREES, "companion.Trees", "What a plan's search looked like; nothing is decided by it.",
+        {
+            "number": WHOLE, "tree_enu_m": ROWS, "tree_parents": NUMBERS, "threat_tree_enu_m": ROWS,
+            "threat_tree_parents": NUMBERS, "sub_goals_enu_m": ROWS, "horizon_centres_enu_m": ROWS,
+        },
+        {
+            "number": "of the plan",
+            "tree_parents": "rows of tree_enu_m; -1 at the root",
+            "threat_tree_enu_m": "of all moving threats, east and north",
         },
     ),
     Channel(
@@ -127,6 +147,21 @@ CHANNELS = (
         {
             "mode": TEXT, "autopilot_mode": TEXT, "dialect": TEXT, "vehicle_system_id": WHOLE,
             "counters": TABLE, "missing_streams": NUMBERS,
+        },
+    ),
+    Channel(
+        STANDING, "companion.Standing", "How the service stands, and what the pilot can do, 1 Hz.",
+        {
+            "mode": TEXT, "autopilot_mode": TEXT, "is_heard": FLAG, "is_warm": FLAG, "is_armed": FLAG,
+            "is_airborne": FLAG, "is_recording": FLAG, "is_in_trouble": FLAG, "emergency": TEXT,
+            "goals": ROWS, "next_goal": WHOLE, "item": WHOLE, "num_items": WHOLE, "handback": TABLE,
+            "operator_enu_m": ROWS,
+        },
+        {
+            "goals": "rows of east, north, up, acceptance radius [m]",
+            "item": "of its list that the autopilot flies to",
+            "handback": "is_safe and text of handing back here and now, and the way flown then",
+            "operator_enu_m": "the operator's items that have a place",
         },
     ),
 )  # fmt: skip
@@ -152,6 +187,7 @@ def plan_table(made: PlanRecord) -> dict[str, object]:
         "status": plan.status.value,
         "notes": plan.notes,
         "path": [] if plan.path is None else plan.path.rows(),
+        "covariances_m2": [] if plan.path is None else _covariances(plan.path),
         "threat_levels": [] if plan.path is None else plan.path.threat_levels,
         "measures": table_of(plan.measures),
         "flown_cost": plan.flown_cost,
@@ -166,4 +202,25 @@ def plan_table(made: PlanRecord) -> dict[str, object]:
         "begun_s": made.begun_s,
         "took_s": made.took_s,
         "plan_ms": made.plan_ms,
+    }
+
+
+def _covariances(path: Path) -> list[list[float]]:
+    """Rows of east², east·north, north², up² of a path's places [m²]."""
+    parts = path.position_covariances_m2[:, (0, 0, 1, 2), (0, 1, 1, 2)]
+    rows: list[list[float]] = np.round(parts, 2).tolist()
+    return rows
+
+
+def trees_table(made: PlanRecord) -> dict[str, object]:
+    """What ``/trees`` says of a plan's search."""
+    trace, most = made.plan.trace, TREE_NODES_MAX
+    return {
+        "number": made.number,
+        "tree_enu_m": np.round(trace.tree_enu_m[:most], _TREE_DIGITS),
+        "tree_parents": trace.tree_parents[:most],
+        "threat_tree_enu_m": np.round(trace.threat_tree_enu_m[:most], _TREE_DIGITS),
+        "threat_tree_parents": trace.threat_tree_parents[:most],
+        "sub_goals_enu_m": np.round(trace.sub_goals_enu_m, _TREE_DIGITS),
+        "horizon_centres_enu_m": np.round(trace.horizon_centres_enu_m, _TREE_DIGITS),
     }

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
@@ -59,12 +60,10 @@ class FlightLog:
         except OSError as error:
             raise self._failure(error) from error
 
-    def write(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
-        """Add a message; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    def write(self, topic: str, now_s: float, data: bytes) -> None:
+        """Add a message, as :func:`encoded` makes it."""
         if self._writer is None:
             return
-        document = message if "timestamp" in message else {"stamp_s": now_s, **message}
-        data = json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
         stamp = max(0, round(1e9 * (self._epoch_s + now_s)))
         try:
             self._writer.add_message(self._channels[topic], stamp, data, stamp)
@@ -99,6 +98,12 @@ class FlightLog:
         return RecordError(f"{self._path}: {error.strerror or error}")
 
 
+def encoded(now_s: float, message: Mapping[str, object]) -> bytes:
+    """A message as JSON on one line; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    document = message if "timestamp" in message else {"stamp_s": now_s, **message}
+    return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
 def plain(value: object) -> object:
     """A value in terms of JSON: arrays as lists, data classes as tables, what is not finite as null."""
     if isinstance(value, float | np.floating):
@@ -108,8 +113,17 @@ def plain(value: object) -> object:
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return _plain_array(value)
     return _plain_parts(value)
+
+
+def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
+    """An array as lists, all at once where its numbers allow it; ``values`` (…,), search trees are large."""
+    if values.dtype.kind in "iub":
+        return values.tolist()
+    if values.dtype.kind == "f" and np.isfinite(values).all():
+        return np.round(values.astype(np.float64), _DIGITS).tolist()
+    return plain(values.tolist())
 
 
 def _plain_parts(value: object) -> object:

@@ -18,7 +18,7 @@ from companion.errors import RecordError
 from companion.frames import LocalFrame
 from companion.link.wire.tlog import TlogWriter
 from companion.recording import mcap_schema as channels
-from companion.recording.mcap_writer import FlightLog
+from companion.recording.mcap_writer import FlightLog, encoded
 from companion.safe_files import SHARED, make_folder, replace_file
 from companion.types.record import Decision, FlightRecord, PlanRecord, SwapRecord, UploadedMission
 from companion.types.state import Ownship
@@ -32,6 +32,8 @@ TLOG, MCAP, MISSION_FILE = "flight.tlog", "flight.mcap", "mission.yaml"
 LIBRARIES = ("numpy", "numba", "scipy", "pymavlink", "mavsdk", "mcap")
 _LOCATION_S = 1.0
 _COVARIANCE_DIAGONAL = 2  # foxglove.LocationFix: only the diagonal is known
+
+Listener = Callable[[str, float, Mapping[str, object], bytes], None]
 
 _log = logging.getLogger(__name__)
 
@@ -95,6 +97,7 @@ class Recorder:
     def __post_init__(self) -> None:
         self._tlog: TlogWriter | None = None
         self._log: FlightLog | None = None
+        self._listener: Listener | None = None
         self._num_track_rows = 0
         self._located_s = -math.inf
         self._obstacles: tuple[Obstacle, ...] | None = None
@@ -109,6 +112,13 @@ class Recorder:
             self._tlog = TlogWriter(self.folder / TLOG)
             if self.about is not None:
                 self._log = FlightLog(self.folder / MCAP, self.epoch_s)
+
+    def listen(self, listener: Listener) -> None:
+        """Tell somebody each message as it is written down: topic, stamp [s], what it says, that as JSON.
+
+        It is told in the middle of a flight: the listener neither waits nor raises.
+        """
+        self._listener = listener
 
     def begin(self, now_s: float, remembered: Mapping[str, object] | None = None) -> None:
         """Write what the recording is about."""
@@ -146,10 +156,20 @@ class Recorder:
         if tlog is not None:
             self._write(lambda: tlog.write(self.epoch_s + now_s, raw))
 
+    @property
+    def _is_noted(self) -> bool:
+        """Whether anything comes of a message."""
+        return self._log is not None or self._listener is not None
+
     def _note(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
-        log = self._log
+        log, listener = self._log, self._listener
+        if not self._is_noted:
+            return
+        data = encoded(now_s, message)
+        if listener is not None:
+            listener(topic, now_s, message, data)
         if log is not None:
-            self._write(lambda: log.write(topic, now_s, message))
+            self._write(lambda: log.write(topic, now_s, data))
 
     def _write(self, write: Callable[[], None]) -> None:
         """Write; what fails ends the whole recording, and is told once."""
@@ -180,11 +200,11 @@ class Recorder:
         self._num_track_rows += len(tracks)
         if self._num_track_rows > TRACK_ROWS_MAX:
             self._thin_tracks()
-        if self._log is not None and self.about is not None:
+        if self._is_noted:
             self._note(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
             self._note(channels.TRACKS, now_s, {"tracks": [channels.table_of(track) for track in tracks]})
             self._note(channels.THREAT, now_s, {"level": level})
-            if now_s - self._located_s >= _LOCATION_S:
+            if self.about is not None and now_s - self._located_s >= _LOCATION_S:
                 self._located_s = now_s
                 fix = _fix(self.about.mission.frame, ownship, self.epoch_s + now_s)
                 self._note(channels.LOCATION, now_s, fix)
@@ -210,7 +230,7 @@ class Recorder:
     def plan(self, now_s: float, made: PlanRecord, snapshot: Snapshot) -> None:
         """Add a plan and the world it was made in."""
         self.plan_ms.append(made.plan_ms)
-        if self._log is None:
+        if not self._is_noted:
             return
         world: dict[str, object] = {
             "number": snapshot.number,
@@ -226,6 +246,7 @@ class Recorder:
             world["obstacles"] = [channels.table_of(obstacle) for obstacle in snapshot.obstacle_list]
         self._note(channels.SNAPSHOT, made.begun_s, world)
         self._note(channels.PLAN, now_s, channels.plan_table(made))
+        self._note(channels.TREES, now_s, channels.trees_table(made))
 
     def mission_flown(self, mission: UploadedMission, latency_ms: float | None = None) -> None:
         """Add a mission that is flown, and how old the newest track was by then [ms]."""
@@ -244,6 +265,10 @@ class Recorder:
     def link(self, now_s: float, told: Mapping[str, object]) -> None:
         """Add what the link tells of itself."""
         self._note(channels.LINK, now_s, told)
+
+    def standing(self, now_s: float, told: Mapping[str, object]) -> None:
+        """Add how the service stands, and what the pilot can do."""
+        self._note(channels.STANDING, now_s, told)
 
     def record(self, summary: dict[str, float | int | bool | str]) -> FlightRecord:
         """The flight so far, for the report."""

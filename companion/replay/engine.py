@@ -15,7 +15,7 @@ import shutil
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -113,6 +113,10 @@ class Replay:
             seed=seed,
             folder=Path(self._folder),
         )
+
+    def listen(self, listener: Callable[[str, float, Mapping[str, object], bytes], None]) -> None:
+        """Tell somebody what is written down now, as :meth:`Recorder.listen` does."""
+        self._app.recorder.listen(listener)
 
     def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
         self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)

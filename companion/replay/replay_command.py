@@ -15,23 +15,48 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.config import MissionConfig, mission_from_text
+from companion.config.load import text_of
 from companion.errors import ConfigError, RecordError
+from companion.page.playback import Playback, mcap_of, recorded_playback
+from companion.page.playback_page import show_playbacks
 from companion.plain_text import printable
+from companion.recording.foxglove_export import export_flight
 from companion.recording.reader import Recording, load_recording
-from companion.recording.recorder import TLOG, versions_now
+from companion.recording.recorder import TLOG, Listener, versions_now
 from companion.replay.comparison import Difference, document_of, first_difference
 from companion.replay.engine import Replay, Replayed, flown_uploads
 from companion.types.record import Decision
 
 __all__ = [
-    "beside", "document_of", "first_difference", "flown_in", "remarks", "replayable", "replayed", "show"
+    "beside", "document_of", "exported", "first_difference", "flown_in", "remarks", "replayable", "replayed",
+    "show", "show_page",
 ]  # fmt: skip
 
 DECISIONS_SHOWN = 60
 
 
-def replayed(recording: Recording, mission: MissionConfig, seed: int | None, screen: Console) -> Replayed:
-    """Replay to the end, with a bar."""
+def replayed(
+    recording: Recording,
+    mission: MissionConfig,
+    seed: int | None,
+    screen: Console,
+    listener: Listener | None = None,
+) -> Replayed:
+    """Replay to the end, with a bar.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was heard and said.
+    mission : MissionConfig
+        The mission file; it need not be the flown one.
+    seed : int or None
+        Seed of plans and filters; None for the recorded one.
+    screen : Console
+        Where the bar is shown.
+    listener : callable, optional
+        Told what is written down now.
+    """
     bar = Progress(
         TextColumn("replaying {task.fields[name]}"), BarColumn(), TaskProgressColumn(),
         TextColumn("{task.completed:.0f} s"), TimeRemainingColumn(), console=screen, transient=True,
@@ -39,6 +64,8 @@ def replayed(recording: Recording, mission: MissionConfig, seed: int | None, scr
     with bar:
         task = bar.add_task("replay", name=recording.name, total=recording.duration_s)
         replay = Replay(recording, mission, seed)
+        if listener is not None:
+            replay.listen(listener)
         return asyncio.run(replay.run(lambda done_s: bar.update(task, completed=done_s)))
 
 
@@ -50,7 +77,7 @@ def replayable(log: Path) -> Recording:
     RecordError
         If it cannot be read, or nothing in it is a frame of MAVLink.
     """
-    recording = load_recording(log)
+    recording = load_recording(log / TLOG if log.is_dir() else log)
     if not recording.frames:
         raise RecordError(f"{log}: no frame of MAVLink in it")
     return recording
@@ -86,6 +113,70 @@ def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
     if recording.until_s < math.inf:
         said.append(f"flight.mcap ends early: compared up to {recording.until_s:.1f} s.")
     return said
+
+
+def exported(flight: Path, target: Path) -> Path:
+    """Write a flight's recording as a picture for Foxglove; the layout that goes with it.
+
+    Parameters
+    ----------
+    flight : Path
+        Folder of the flight, ``flight.mcap`` in it, or the tlog beside that.
+    target : Path
+        The picture.
+
+    Raises
+    ------
+    RecordError
+        If there is nothing to show, or the target cannot be written.
+    """
+    return export_flight(mcap_of(flight), target)
+
+
+def show_page(
+    log: Path, mission: MissionConfig | None, other: Path | None, seed: int | None, port: int, screen: Console
+) -> None:
+    """Show a recording in a browser until interrupted.
+
+    Parameters
+    ----------
+    log : Path
+        A flight's folder, or a tlog; without an mcap beside it, only what would be decided now is shown.
+    mission : MissionConfig or None
+        Shows what would be decided now by it, beside the recording.
+    other : Path or None
+        Another recording to show beside it.
+    seed : int or None
+        Seed of plans and filters; None for the recorded one.
+    port : int
+        TCP port of the page.
+    screen : Console
+        Where its address is told.
+
+    Raises
+    ------
+    RecordError
+        If there is nothing to show.
+    LinkError
+        If the port is taken.
+    """
+    shown = [
+        recorded_playback(path)
+        for path in ([log] if other is None else [log, other])
+        if _is_told(path, mission)
+    ]
+    if mission is not None:
+        recording = replayable(log)
+        now = Playback(f"what would be decided now, by {mission.name}")
+        now.begin(recording.start_us * 1e-6, text_of(mission))
+        replayed(recording, mission, seed, screen, now.tell)
+        shown.append(now)
+    show_playbacks(shown, port, lambda address: screen.print(f"page: {address} - until Ctrl+C", markup=False))
+
+
+def _is_told(path: Path, mission: MissionConfig | None) -> bool:
+    """Whether a recording is to be shown as it was flown: not a tlog alone, where it can be replayed."""
+    return mission is None or path.is_dir() or path.with_suffix(".mcap").exists()
 
 
 def beside(expected: Recording, result: Replayed) -> Replayed:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from companion.comms.observer import Observer
 from companion.mission.swap import SwapOutcome
+from companion.page.live_page import LivePage, page_of
+from companion.recording.recorder import Recorder
 from companion.service.metrics import Metrics
 from companion.service.telemetry_out import TelemetryReporter
 from companion.service.watchdog import Supervision
 from companion.types.plan import Plan
+
+__all__ = ["LivePage", "Observers", "page_of"]
 
 
 class Observers(Observer):
@@ -19,16 +23,31 @@ class Observers(Observer):
         Learns that the planning loop came round.
     metrics : Metrics or None
         Prometheus figures of plans and exchanges; None where nobody asks for them.
+    page : LivePage, optional
+        Shows each flight; left out, there is none.
     """
 
-    def __init__(self, supervision: Supervision, metrics: Metrics | None) -> None:
+    def __init__(
+        self, supervision: Supervision, metrics: Metrics | None, page: LivePage | None = None
+    ) -> None:
         self.metrics = metrics
+        self._page = page
         self._reporter: TelemetryReporter | None = None
         self._supervision = supervision
 
     def report_to(self, reporter: TelemetryReporter) -> None:
         """Tell the figures of a flight that begins to its reporter."""
         self._reporter = reporter
+
+    def begin_recording(self, recorder: Recorder) -> None:
+        """Show on the page, if there is one, what a flight's recorder writes down."""
+        if self._page is not None:
+            self._page.follow(recorder)
+
+    def close(self) -> None:
+        """End the page."""
+        if self._page is not None:
+            self._page.close()
 
     def progress(self) -> None:
         """Pass it on to whoever supervises."""

@@ -90,6 +90,7 @@ class RecordedFlight:
         seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
         folder = folder_for(flights, mission.name, datetime.now(UTC))
         recorder = _recorder(folder, epoch_s, About(mission, seed, text))
+        observers.begin_recording(recorder)
         link = VehicleLink(mission, line, clock, recorder, signer=signer, observer=observers)
         parts = composed(
             mission,

@@ -16,7 +16,7 @@ from companion.errors import CompanionError, ConfigError
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
-from companion.service.observers import Observers
+from companion.service.observers import LivePage, Observers, page_of
 from companion.service.recorded_flight import RecordedFlight
 from companion.service.sd_notify import Notifier, watchdog_of
 from companion.service.signing_setup import signing_of
@@ -47,6 +47,8 @@ class Service:
         Port on which metrics and health are told, to this computer alone; left out, they are not.
     flights_max_bytes : int
         What the recordings may take; the oldest flights go first.
+    page : LivePage, optional
+        Shows the flights in browsers; left out, there is none. It ends with the service.
     clock : Clock, optional
         Clock that the service goes by; left out, the computer's.
     line : Transport, optional
@@ -62,6 +64,7 @@ class Service:
         *,
         metrics_port: int | None = None,
         flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+        page: LivePage | None = None,
         clock: Clock | None = None,
         line: Transport | None = None,
     ) -> None:
@@ -86,7 +89,7 @@ class Service:
         self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
         self._metrics_port = metrics_port
         self._endpoint: Endpoint | None = None
-        self._observers = Observers(self._supervision, self._metrics)
+        self._observers = Observers(self._supervision, self._metrics, page)
         self._flight = self._begun()
 
     @property
@@ -155,6 +158,7 @@ class Service:
         if self._timestamps is not None:
             self._timestamps.close()
         self._notifier.close()
+        self._observers.close()
         if self._endpoint is not None:
             self._endpoint.close()
 
@@ -229,6 +233,10 @@ async def serve(
     flights: Path,
     metrics_port: int | None = None,
     flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+    *,
+    page_port: int | None = None,
+    page_host: str = "",
+    page_token: str = "",
 ) -> None:
     """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
 
@@ -238,9 +246,13 @@ async def serve(
         If it cannot begin.
     """
     with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+        page = page_of(page_port, page_host, page_token)
+        if page is not None:
+            _log.info("page: %s", page.address)
         service = Service(
-            file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes
-        )
+            file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes,
+            page=page,
+        )  # fmt: skip
         await service.run()
 
 

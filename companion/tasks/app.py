@@ -29,6 +29,7 @@ from companion.flight.flight_state import (
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
+from companion.tasks.standing import Standing
 from companion.token_bucket import TokenBucket
 from companion.types.events import (
     Event,
@@ -91,6 +92,7 @@ class App:
         self._changed: MissionConfig | None = None
         self._link_watch = LinkWatch(self.link, self.announcer)
         self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
+        self._standing = Standing(parts)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
@@ -362,6 +364,10 @@ class App:
             **self.link.status(),
         }
         self.recorder.link(now, told)
+        standing = self._standing.message(
+            self.autopilot_mode, is_heard=self.hears_autopilot, is_warm=self._is_warm
+        )
+        self.recorder.standing(now, standing)
         if self.recorder.failure and not self._said_failure and self.link.has_heard:
             self._said_failure = True
             self.announcer.decide(DecisionKind.RECORDING, f"stopped, flight goes on: {self.recorder.failure}")

@@ -19,11 +19,17 @@ class Handback:
     ----------
     parts : ReplanningParts
         What it works with.
+
+    Attributes
+    ----------
+    found : WayBack or None
+        What handing back would come to, by the last look; None while the pilot does not fly.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
+        self.found: WayBack | None = None
         self._told: WayBack | None = None
         self._told_s = -math.inf
 
@@ -32,11 +38,11 @@ class Handback:
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._situation.ownship.state(now)
         if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:
-            self._told, self._told_s = None, -math.inf
+            self.found, self._told, self._told_s = None, None, -math.inf
             return
         if now - self._told_s < AGAIN_S:
             return
-        found = way_back(state, self._reader.current, ownship)
+        self.found = found = way_back(state, self._reader.current, ownship)
         if self._told is None or found.is_safe is not self._told.is_safe:
             self._told, self._told_s = found, now
             self._announcer.decide(DecisionKind.HANDBACK, found.text)

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.geometry.radar_shadow import is_hidden
-from companion.kernels.threat.fuzzy_threat import membership
 from companion.world.snapshot import Snapshot
 
 NODES_LONG_SIDE = 180
@@ -45,14 +41,44 @@ def threat_field(
     threats, free = snapshot.threats, np.ones((len(north), len(east)))
     for radar, shadow in zip(threats.radars, threats.shadows, strict=True):
         above, reach, coefficient = height_m - float(radar[2]), float(radar[3]), float(radar[4])
-        distance = np.hypot(east - radar[0], (north - radar[1])[:, None])
-        for row, column in zip(*np.nonzero(distance <= reach), strict=True):
-            level = float(distance[row, column])
-            if is_hidden(east[column], north[row], height_m, shadow, threats.grid):
-                continue
-            slant = math.hypot(level, above)
-            free[row, column] *= 1.0 - membership(slant, above, level, reach, coefficient)
+        level = np.hypot(east - radar[0], (north - radar[1])[:, None])
+        slant = np.hypot(level, above)
+        seen = (level <= reach) & (slant <= reach) & (above >= coefficient * level**2)
+        seen &= ~_hidden(east, north, height_m, shadow, threats.grid)
+        free[seen] *= 1.0 - np.exp(-((slant[seen] / reach) ** 4))
     return east, north, 1.0 - free
+
+
+def _hidden(
+    east_m: FloatArray, north_m: FloatArray, height_m: float, shadow: FloatArray, grid: FloatArray
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Which cells of a section lie in a radar's shadow, as the planner's kernel takes it.
+
+    Parameters
+    ----------
+    east_m, north_m : ndarray, shape (NX,) and (NY,)
+        Cell centres [m].
+    height_m : float
+        Up coordinate of the section [m].
+    shadow : ndarray, shape (SX, SY)
+        Heights at the grid's nodes, below all four of which a point is hidden [m].
+    grid : ndarray, shape (3,)
+        East and north of the first node, and the spacing [m].
+
+    Returns
+    -------
+    ndarray, shape (NY, NX)
+        True where it is hidden.
+    """
+    below = height_m < shadow
+    cells = below[:-1, :-1] & below[1:, :-1] & below[:-1, 1:] & below[1:, 1:]
+    column = np.floor((east_m - grid[0]) / grid[2]).astype(np.int64)
+    row = np.floor((north_m - grid[1]) / grid[2]).astype(np.int64)
+    is_in = ((row >= 0) & (row < cells.shape[1]))[:, None] & (column >= 0) & (column < cells.shape[0])
+    found = cells[
+        np.clip(column, 0, cells.shape[0] - 1)[None, :], np.clip(row, 0, cells.shape[1] - 1)[:, None]
+    ]
+    return np.asarray(is_in & found)
 
 
 def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:

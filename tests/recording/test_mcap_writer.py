@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from mcap.reader import make_reader
 from companion.config import load_mission
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
-from companion.recording.mcap_writer import CHUNK_S, FlightLog, plain
+from companion.recording.mcap_writer import CHUNK_S, FlightLog, encoded, plain
 from companion.recording.reader import load_recording
 from companion.recording.recorder import About, Recorder
 from companion.types.events import Dialect
@@ -158,8 +159,8 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight_and_is_told_once(tmp_
 def test_a_disk_that_was_full_from_the_beginning():
     log = FlightLog(Path("/dev/full"), 0.0)
     with pytest.raises(RecordError, match="No space left"):
-        log.write(channels.THREAT, 0.0, {"level": 0.5})
-    log.write(channels.THREAT, 1.0, {"level": 0.5})
+        log.write(channels.THREAT, 0.0, encoded(0.0, {"level": 0.5}))
+    log.write(channels.THREAT, 1.0, encoded(1.0, {"level": 0.5}))
     log.close()
 
 
@@ -189,8 +190,8 @@ def test_whatever_became_of_its_bytes_a_file_is_read(flown, tmp_path_factory, da
 
 def test_a_clock_that_is_set_back_does_not_stop_the_writing(tmp_path):
     log = FlightLog(tmp_path / "a.mcap", 1e9)
-    log.write(channels.THREAT, 100.0, {"level": 0.1})
-    log.write(channels.THREAT, 10.0, {"level": 0.2})
+    log.write(channels.THREAT, 100.0, encoded(100.0, {"level": 0.1}))
+    log.write(channels.THREAT, 10.0, encoded(10.0, {"level": 0.2}))
     found = read_messages(tmp_path / "a.mcap", Counter())[channels.THREAT]
     assert [entry["level"] for entry in found] == [0.1, 0.2]
     log.close()
@@ -201,6 +202,19 @@ def test_what_is_not_finite_is_null():
     assert plain({"a": math.inf, "b": [math.nan, 1.0], "c": Dialect.PX4, 3: (True, None)}) == {
         "a": None, "b": [None, 1.0], "c": "px4", "3": [True, None],
     }  # fmt: skip
+
+
+def test_arrays_are_told_as_their_rows_one_by_one_would_be():
+    values = np.array([[0.1 + 0.2, -1.0 / 3.0, 4706.892379012345], [1e-12, 123456.7890123456, -0.0]])
+    assert (
+        plain(values)
+        == plain(values.tolist())
+        == [[0.3, -0.333333333, 4706.892379012], [0.0, 123456.789012346, 0.0]]
+    )
+    assert plain(np.array([1.0, math.nan, -math.inf])) == [1.0, None, None]
+    assert plain(np.array([3, -1])) == [3, -1]
+    assert plain(np.array([[True], [False]])) == [[True], [False]]
+    assert plain(np.empty((0, 3))) == []
 
 
 def test_no_file():

@@ -1,12 +1,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from companion.config import load_mission
+from companion.config.compose import world_of
+from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.threat.fuzzy_threat import membership
 from companion.ui.field import flight_height, threat_field
 from tests.ui.flights import mission, snapshot_of
+
+ROOT = Path(__file__).parents[2]
 
 
 def at(field, east_m, north_m):
@@ -41,3 +48,18 @@ def test_the_height_is_the_median_inside_the_bounds():
     assert flight_height(world, np.array([100.0, 110.0, 300.0]), 0.0) == 110.0
     assert flight_height(world, np.array([np.nan, 900.0]), 0.0) == 350.0
     assert flight_height(world, np.empty(0), 120.0) == 120.0
+
+
+def test_it_is_what_the_planners_kernels_say():
+    for name in ("paper-3d", "paper-2d"):
+        world = world_of(load_mission(ROOT / "mission_configs" / f"{name}.yaml"), none_known=False)
+        threats, height = world.threats, 0.5 * (world.bounds[4] + world.bounds[5])
+        east, north, level = threat_field(world, height, 40)
+        assert level.max() > 0.1
+        for row, column in np.ndindex(level.shape):
+            free, place = 1.0, (east[column], north[row], height)
+            for radar, shadow in zip(threats.radars, threats.shadows, strict=True):
+                away, above = math.dist(place[:2], radar[:2]), height - radar[2]
+                if not is_hidden(*place, shadow, threats.grid):
+                    free *= 1.0 - membership(math.hypot(away, above), above, away, radar[3], radar[4])
+            assert level[row, column] == pytest.approx(1.0 - free, abs=1e-12)

@@ -1,0 +1,169 @@
+"""Pictures of a flight in Foxglove's terms: entities of a SceneUpdate, in the mission's frame, ``map``.
+
+References
+----------
+Foxglove SDK, schemas: SceneUpdate, SceneEntity and its primitives; also FrameTransform and Log.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from companion.frames import FloatArray
+from companion.types.threat import Obstacle, Radar
+
+Entity = dict[str, object]
+Colour = tuple[float, float, float, float]
+
+MAP, AIRCRAFT = "map", "aircraft"
+STRIP, LOOP, LIST = 0, 1, 2  # kinds of a line primitive
+OBSTACLE: Colour = (0.36, 0.40, 0.45, 1.0)
+FENCE: Colour = (0.54, 0.35, 0.0, 0.25)
+RADAR: Colour = (0.60, 0.17, 0.03, 1.0)
+GOAL: Colour = (0.78, 0.06, 0.18, 0.8)
+THREAT: Colour = (0.69, 0.07, 0.48, 1.0)
+PASSING: Colour = (0.40, 0.45, 0.50, 1.0)
+MISSION: Colour = (0.42, 0.25, 0.69, 1.0)
+CANDIDATE: Colour = (0.70, 0.42, 0.0, 1.0)
+FLOWN: Colour = (0.04, 0.31, 0.64, 1.0)
+TREE: Colour = (0.31, 0.56, 0.84, 0.5)
+_SIDES = 64
+_PARTS = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models", "metadata")
+_LEVEL = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+
+
+def time_of(utc_s: float) -> dict[str, int]:
+    """UTC [s] as Foxglove writes an instant."""
+    seconds = math.floor(utc_s)
+    return {"sec": seconds, "nsec": min(999_999_999, round(1e9 * (utc_s - seconds)))}
+
+
+def pose_of(place: Sequence[float], course_rad: float | None = None) -> dict[str, object]:
+    """A place [m], and an attitude that is level and heads along a course."""
+    turn = None if course_rad is None else 0.5 * (0.5 * math.pi - course_rad)
+    heading = _LEVEL if turn is None else {"x": 0.0, "y": 0.0, "z": math.sin(turn), "w": math.cos(turn)}
+    return {"position": _point(place), "orientation": heading}
+
+
+def entity(name: str, utc_s: float, **parts: list[dict[str, object]]) -> Entity:
+    """An entity with its primitives; one of the same name takes its place later."""
+    return {
+        "timestamp": time_of(utc_s), "frame_id": MAP, "id": name, "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": False, **{part: parts.get(part, []) for part in _PARTS},
+    }  # fmt: skip
+
+
+def scene(*entities: Entity, gone: Sequence[str] = (), utc_s: float = 0.0) -> dict[str, object]:
+    """A SceneUpdate: entities that are new or changed, and names of those that are gone."""
+    deletions = [{"timestamp": time_of(utc_s), "type": 0, "id": name} for name in gone]
+    return {"deletions": deletions, "entities": list(entities)}
+
+
+def line(points: Sequence[Sequence[float]], colour: Colour, kind: int = STRIP, width: float = 3.0) -> Entity:
+    """A line of constant width on the screen through places [m]."""
+    return {
+        "type": kind, "pose": pose_of((0.0, 0.0, 0.0)), "thickness": width, "scale_invariant": True,
+        "points": [_point(point) for point in points], "color": _colour(colour), "colors": [], "indices": [],
+    }  # fmt: skip
+
+
+def text(words: str, place: Sequence[float], colour: Colour) -> Entity:
+    """Words that face the viewer."""
+    return {
+        "pose": pose_of(place), "billboard": True, "font_size": 14.0, "scale_invariant": True,
+        "color": _colour(colour), "text": words,
+    }  # fmt: skip
+
+
+def ball(place: Sequence[float], radius_m: float, colour: Colour) -> Entity:
+    """A sphere."""
+    size = 2.0 * radius_m
+    return {"pose": pose_of(place), "size": {"x": size, "y": size, "z": size}, "color": _colour(colour)}
+
+
+def circle(centre: Sequence[float], radius_m: float, colour: Colour) -> Entity:
+    """A level circle."""
+    angles = [2.0 * math.pi * side / _SIDES for side in range(_SIDES)]
+    points = [
+        (centre[0] + radius_m * math.cos(angle), centre[1] + radius_m * math.sin(angle), centre[2])
+        for angle in angles
+    ]
+    return line(points, colour, LOOP)
+
+
+def prism(wall: Obstacle, ceiling_m: float, colour: Colour) -> Entity:
+    """Walls and roof of an obstacle, no higher than the world, as triangles."""
+    base, top = max(wall.base_m, 0.0), min(wall.top_m, ceiling_m)
+    corners = wall.polygon_enu_m
+    points = list[tuple[float, float, float]]()
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        points += [(x0, y0, base), (x1, y1, base), (x1, y1, top)]
+        points += [(x0, y0, base), (x1, y1, top), (x0, y0, top)]
+    points += [(float(x), float(y), top) for triangle in _roof(corners) for x, y in triangle]
+    return {
+        "pose": pose_of((0.0, 0.0, 0.0)), "points": [_point(point) for point in points],
+        "color": _colour(colour), "colors": [], "indices": [],
+    }  # fmt: skip
+
+
+def _roof(corners: FloatArray) -> list[FloatArray]:
+    """Triangles (3, 2) that a polygon is made of, ``corners`` (N, 2) [m]."""
+    polygon = shapely.Polygon(corners)
+    found = shapely.delaunay_triangles(polygon).geoms
+    inside = [part for part in found if polygon.covers(part.representative_point())]
+    return [np.asarray(part.exterior.coords)[:3] for part in inside]
+
+
+def radar_entity(radar: Radar, utc_s: float) -> Entity:
+    """A radar, its range and its name."""
+    place = radar.position_enu_m
+    return entity(
+        f"radar {radar.name}", utc_s, spheres=[ball(place, 0.02 * radar.max_threat_radius_m, RADAR)],
+        lines=[circle(place, radar.max_threat_radius_m, RADAR)], texts=[text(radar.name, place, RADAR)],
+    )  # fmt: skip
+
+
+def track_entity(track: Mapping[str, object], utc_s: float) -> Entity:
+    """A moving threat as it is recorded: where it is, its threat radius, and where it drives in 10 s."""
+    place, velocity = _numbers(track.get("position_enu_m")), _numbers(track.get("velocity_enu_m_s"))
+    reach, name = _number(track.get("max_threat_radius_m")), str(track.get("identity"))
+    colour = PASSING if track.get("flies_on") else THREAT
+    ahead = [here + 10.0 * speed for here, speed in zip(place, velocity, strict=True)]
+    return entity(
+        f"track {name}", utc_s, spheres=[ball(place, max(5.0, 0.04 * reach), colour)],
+        lines=[circle(place, reach, colour), line([place, ahead], colour)], texts=[text(name, place, colour)],
+    )  # fmt: skip
+
+
+def tree_entity(trees: Mapping[str, object], utc_s: float) -> Entity:
+    """The search tree of a plan as it is recorded."""
+    places, parents = trees.get("tree_enu_m"), trees.get("tree_parents")
+    points = list[list[float]]()
+    if isinstance(places, list) and isinstance(parents, list):
+        rows = [_numbers(place) for place in places]
+        for row, parent in zip(rows, parents, strict=False):
+            if isinstance(parent, int) and 0 <= parent < len(rows):
+                points += [rows[parent], row]
+    return entity("search tree", utc_s, lines=[line(points, TREE, LIST, 1.0)])
+
+
+def _numbers(value: object) -> list[float]:
+    """Three numbers of a document; 0 for what is none."""
+    given = value if isinstance(value, list) else []
+    return [_number(entry) for entry in (*given, 0.0, 0.0, 0.0)[:3]]
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _point(place: Sequence[float]) -> dict[str, float]:
+    return {"x": float(place[0]), "y": float(place[1]), "z": float(place[2])}
+
+
+def _colour(colour: Colour) -> dict[str, float]:
+    return dict(zip("rgba", colour, strict=True))
