@@ -86,7 +86,8 @@ def settings_for(
         threat_level_max=threat_level_max,
         quality_min=quality_min,
     )
-    return chosen if method.startswith("safe-rrt") else _as_comparator(chosen)
+    is_ours = strategies.plays_game and strategies.races
+    return chosen if is_ours else _as_comparator(chosen)
 
 
 def _as_comparator(chosen: PlannerSettings) -> PlannerSettings:

@@ -209,36 +209,46 @@ def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bo
 
 
 def _found(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
-    """What :func:`_through_goals` finds, with no more given up before the DTs than has to be."""
-    found = _through_goals(exploration, should_stop)
+    """What is found with no more given up before the DTs than has to be.
+
+    Who starts under threat has nothing to keep away from: no race but one that weighs finds the way out.
+    """
     chase = exploration.chase
+    while chase.is_raced and chase.is_avoided and exploration.tree.caught[0]:
+        exploration.give_in(should_stop)
+    found = _tried(exploration, should_stop)
     while not found[0] and chase.may_give_in:
         if not exploration.hurry(should_stop):
             exploration.give_in(should_stop)
-        if chase.is_avoided:
-            found = _through_goals(exploration, should_stop)
-        elif chase.is_raced:
-            found = _weighed(exploration, should_stop, found)
-        else:
-            found = _through_goals(exploration, _patient(exploration, should_stop))
+        found = _tried(exploration, should_stop)
     return found
 
 
-def _weighed(exploration: Exploration, should_stop: Callable[[], bool], failed: Found) -> Found:
-    """The cheapest way by (9), seconds under threat weighed, at any airspeed; what failed where none is.
+def _tried(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
+    """What is found with as much asked of the path before the DTs as now is."""
+    chase = exploration.chase
+    if chase.is_raced and not chase.is_avoided:
+        return _weighed(exploration, should_stop)
+    is_last = bool(chase.note) and not chase.is_avoided
+    return _through_goals(exploration, _patient(exploration, should_stop) if is_last else should_stop)
+
+
+def _weighed(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
+    """The cheapest way by (9), seconds under threat weighed, at any airspeed; one that fails where none is.
 
     An airspeed at which no way can be as cheap as one that was found is not tried.
     """
     bounds = {airspeed: least_cost(exploration, airspeed) for airspeed in exploration.airspeeds_m_s}
-    cheapest, best, found = math.inf, exploration.limits.v_cruise, failed
+    cheapest, best, found = math.inf, math.nan, None
     for airspeed in sorted(bounds, key=bounds.__getitem__):
         if math.isfinite(cheapest) and (bounds[airspeed] >= cheapest or should_stop()):
             break
         exploration.start_afresh(airspeed)
         another = _through_goals(exploration, never)
         cost = weighed_between(exploration, another[1]) if another[0] else math.inf
-        if cost < cheapest:
+        if found is None or cost < cheapest:
             cheapest, best, found = cost, airspeed, another
+    assert found is not None  # cruise is always there to be tried
     if best != exploration.limits.v_cruise:  # of trees the last is kept
         exploration.start_afresh(best)
         found = _through_goals(exploration, never)

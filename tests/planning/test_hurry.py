@@ -12,7 +12,13 @@ from companion.config.rules import rules_of
 from companion.errors import ConfigError
 from companion.flight.shaping import commanded_airspeed_m_s
 from companion.planning.explore import Exploration
-from companion.planning.route import cost_between, route_from_path
+from companion.planning.route import (
+    FLOWN_SLACK_S,
+    cost_between,
+    pursuit_risk,
+    route_from_path,
+    route_from_tree,
+)
 from companion.planning.solver import solve
 from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings
@@ -20,7 +26,7 @@ from companion.vehicle.vehicle_model import VehicleModel
 from tests.games.generator import random_game
 from tests.games.oracle import first_caught_s, game_of
 from tests.sim.client import CONFIGS
-from tests.support.worlds import problem
+from tests.support.worlds import problem, track
 
 pytestmark = pytest.mark.compiled
 SEEDS = (6, 12)  # of games that the oracle wins by a faster flight alone
@@ -149,3 +155,16 @@ def test_where_no_way_is_safe_the_seconds_under_threat_are_weighed():
     assert "no way that moving threats could not bar" in ours.notes
     assert ours.pursuit.total_s < 20.0
     assert cruising.pursuit.total_s > 40.0
+
+
+def test_who_starts_within_reach_leaves_it():
+    """Beside a race that minds no threat, as none did once the start was under one."""
+    asked = problem(tracks=[track(330.0, 60.0, speed=10.0, radius=200.0)])
+    exploration = Exploration(asked, np.random.default_rng(1))
+    assert exploration.tree.caught[0]
+    goal = asked.goals[0]
+    is_there, end = exploration.reach_goal(np.array(goal.position_enu_m), 60.0, 0, lambda: False)
+    assert is_there
+    unaware = pursuit_risk(exploration, route_from_tree(exploration, end), slack_s=FLOWN_SLACK_S)
+    assert solve(asked).pursuit.total_s < 5.0
+    assert unaware.total_s > 15.0
