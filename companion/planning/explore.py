@@ -426,7 +426,8 @@ class Exploration:
         """
         self.sense(self.tree.state[root, :3])
         region, tree = np.append(goal, radius_m), self.tree
-        node = raced(tree, root, region, home, self.scene(), self.work, rng=self.rng)
+        is_weighed = not self.chase.is_avoided
+        node = raced(tree, root, region, home, self.scene(), self.work, rng=self.rng, is_weighed=is_weighed)
         self._is_barred = node < 0
         for deviations in RACED_ASIDE if self.problem.settings.weight_collision > 0.0 else ():
             if node < 0 or self._log_risk(node) < RISK_RACED:

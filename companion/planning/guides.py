@@ -22,6 +22,7 @@ FIELD_CELLS = 97  # each way, of the grid about a sub goal
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
 RACE_SHARE = 0.75  # of a goal's radius
 MAX_RACE = 2048  # steps of a race
+EAGER = (1.1, 3.0)  # times the way to go is counted: more finds a way sooner, dearer by no more than that
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
@@ -201,11 +202,12 @@ def has_way(guide: Guide, state: FloatArray) -> bool:
 
 def raced(
     tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
-    rng: np.random.Generator,
+    rng: np.random.Generator, is_weighed: bool = False,
 ) -> int:  # fmt: skip
     """Grow the earliest way to a goal that no DT could bar; its last node, or -1 where none was found.
 
-    In the plane only.
+    In the plane only. Where threats are weighed the cheapest, but for a tenth; where so many are as good that
+    there is no room for them, one that is found sooner.
 
     Parameters
     ----------
@@ -223,11 +225,18 @@ def raced(
         The scratch, which counts.
     rng : numpy.random.Generator
         The source of what the estimator of reachable nodes draws.
+    is_weighed : bool
+        Whether places that a DT could threaten are dear, else barred.
     """
     if not has_way(home, tree.state[root]):
         return -1
     rows = empty_rows(MAX_RACE)
-    n = race(tree, root, goal, RACE_SHARE * goal[3], home, scene, rows, work)
+    n = 0
+    for eager in EAGER if is_weighed else (1.0,):
+        way = home._replace(field=eager * home.field)
+        n = race(tree, root, goal, RACE_SHARE * goal[3], way, scene, rows, work)
+        if n > 0:
+            break
     if n == 0 or int(tree.count[0]) + n > len(tree.parent):
         return -1
     node, draws = root, rng.random((n, DRAWS))

@@ -249,7 +249,7 @@ def _weighed(exploration: Exploration, should_stop: Callable[[], bool]) -> Found
         if found is None or cost < cheapest:
             cheapest, best, found = cost, airspeed, another
     assert found is not None  # cruise is always there to be tried
-    if best != exploration.limits.v_cruise:  # of trees the last is kept
+    if found[0] and best != exploration.limits.v_cruise:  # of trees the last is kept
         exploration.start_afresh(best)
         found = _through_goals(exploration, never)
     return found
