@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: page-test page-vendor interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: page-test page-vendor mavproxy-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -13,7 +13,7 @@ MINUTES ?= 120
 SEEDS ?= 2
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
-QUICK := not slow and not bench and not real and not page
+QUICK := not slow and not bench and not real and not page and not mavproxy
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
 COVERAGE_MIN ?= 92
@@ -71,6 +71,11 @@ page-test: $(STAMP) ## drive the page in headless Chromium; needs Debian's chrom
 	@command -v chromedriver > /dev/null && command -v chromium > /dev/null || { \
 		echo "headless Chromium is needed: apt-get install chromium chromium-driver" >&2; exit 1; }
 	$(BIN)/pytest -q -m page tests/page
+
+mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/path/to/mavproxy.py, Xvfb, ImageMagick
+	@command -v Xvfb > /dev/null && command -v import > /dev/null && command -v "$${MAVPROXY:-mavproxy.py}" > /dev/null || { \
+		echo "MAVProxy with wxPython (MAVPROXY=...), xvfb and imagemagick are needed" >&2; exit 1; }
+	$(BIN)/pytest -q -m mavproxy tests/integrations
 
 page-vendor: ## make the page's libraries anew from packaging/page; needs node and npm
 	packaging/page/make_vendor.sh

@@ -6,6 +6,7 @@ import math
 
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
+from companion.link.messages.file_server import FileServer
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.token_bucket import TokenBucket, kept_for
 
@@ -38,10 +39,12 @@ class Speech:
         self._changes = TokenBucket(CHANGES_HZ, BURST_S * CHANGES_HZ)
         self._texts = TokenBucket(told, BURST_S * told)
         self._parameters: ParameterStore | None = None
+        self._files: FileServer | None = None
 
     def begin(self, parameters: ParameterStore) -> None:
         """Answer for these parameters from now on."""
         self._parameters = parameters
+        self._files = FileServer(lambda: parameters.files, self._codec.counters)
 
     def answer(self, frame: DecodedFrame, now_s: float) -> bytes:
         """What a frame calls for, as far as its sender's budget and that of all go."""
@@ -55,7 +58,7 @@ class Speech:
         ):
             self._codec.counters["unanswered"] += 1
             return b""
-        said = answer(frame, self._codec, self._parameters)
+        said = answer(frame, self._codec, self._parameters, self._files, now_s)
         budget.owe(len(said))
         self._answers.owe(len(said))
         return said

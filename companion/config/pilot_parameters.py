@@ -10,13 +10,13 @@ import json
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
+from companion.config.parameter_metadata import Parameter, documents
 from companion.safe_files import read_file, replace_file, set_aside
 
 Sender = tuple[int, int]  # system, component
@@ -27,24 +27,13 @@ DIGITS = 6  # that a 32-bit float carries for certain
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter: its name of at most 16 characters, and the key of ``planning`` that it stands for.
-
-    ``key`` is empty for the switch, which no mission file has.
-    """
-
-    name: str
-    key: str
-
-
 ENABLE = "SRRT_ENABLE"
 TABLE = (
-    Parameter(ENABLE, ""),
-    Parameter("SRRT_HORIZON", "time_horizon_s"),
-    Parameter("SRRT_SWAP_GAIN", "swap_gain"),
-    Parameter("SRRT_SWAP_MARG", "swap_margin_s"),
-    Parameter("SRRT_THREAT_MAX", "threat_level_max"),
+    Parameter(ENABLE, "", "Planner may replace missions", 0, 1.0),
+    Parameter("SRRT_HORIZON", "time_horizon_s", "Time between two plans", 1, 1.0),
+    Parameter("SRRT_SWAP_GAIN", "swap_gain", "Gain for which a path is replaced", 2, 0.01),
+    Parameter("SRRT_SWAP_MARG", "swap_margin_s", "Reserve of time for a hand-over", 1, 0.5),
+    Parameter("SRRT_THREAT_MAX", "threat_level_max", "Highest threat level of a path", 2, 0.05),
 )
 _BY_NAME = {entry.name: entry for entry in TABLE}
 
@@ -82,6 +71,11 @@ class Parameters:
     def names(self) -> tuple[str, ...]:
         """In the order of their numbers."""
         return tuple(_BY_NAME)
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """What stations may read of the parameters, by path: units, ranges, defaults of the mission file."""
+        return documents(TABLE, self._mission)
 
     @property
     def values_set(self) -> dict[str, float]:

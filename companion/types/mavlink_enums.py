@@ -54,6 +54,7 @@ class MessageId(IntEnum):
     ADSB_VEHICLE = 246
     STATUSTEXT = 253
     SETUP_SIGNING = 256
+    COMPONENT_METADATA = 397
 
 
 class Command(IntEnum):

@@ -30,6 +30,8 @@ ELSEWHERE = {
     "make test": "this run",
     REAL: "tests/real, with binaries of the user's",
 }
+MAVPROXY = "PYTHONPATH=integrations/mavproxy mavproxy.py --master=udp:127.0.0.1:14550 --map --console"
+ELSEWHERE[MAVPROXY] = "tests/integrations, with a MAVProxy of the user's"
 SYSTEMD = ("systemctl", "journalctl")
 SIM = "python -m sim mission_configs/first-flight.yaml --listen"
 

@@ -51,9 +51,11 @@ def test_numbers_and_names_are_the_dialects(name):
 
 
 def test_messages_have_their_ids():
-    assert {member.value: member.name for member in MessageId} == {
-        number: mavlink.mavlink_map[number].msgname for number in MessageId
+    lacking = {397: "COMPONENT_METADATA"}  # in common.xml, and not in pymavlink's copy
+    assert {member.value: member.name for member in MessageId} == lacking | {
+        number: mavlink.mavlink_map[number].msgname for number in MessageId if number not in lacking
     }
+    assert lacking.keys().isdisjoint(mavlink.mavlink_map)
 
 
 def test_a_number_that_is_none_is_told_as_a_number():

@@ -7,6 +7,7 @@ reason in ``Codec.counters`` and left out.
 from __future__ import annotations
 
 import math
+import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
@@ -35,6 +36,7 @@ from companion.link.wire.framing import (
     SIGNATURE,
     RawFrame,
     checksum,
+    packed_frame,
     raw_frame,
     renumbered,
 )
@@ -43,13 +45,15 @@ from companion.link.wire.signing import SETUP_SIGNING, Signer, Timestamps, witho
 from companion.link.wire.source_limits import SourceLimits
 from companion.link.wire.transport import Address
 from companion.types.events import Event
-from companion.types.mavlink_enums import ComponentId, MissionType, SystemState
+from companion.types.mavlink_enums import ComponentId, MessageId, MissionType, SystemState
 from companion.types.mission import MissionItem
 
 COMPONENT_ID = ComponentId.PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
+# COMPONENT_METADATA, which pymavlink's dialects lack, is sent only; its fields give this extra byte.
+_SENT_EXTRAS = _EXTRAS | {MessageId.COMPONENT_METADATA: 182}
 _LENGTHS_MAX = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
 _OWN_SYSTEM_UNTIL_KNOWN = 1
 
@@ -63,12 +67,12 @@ def signer_of(
     allow_mavlink1: bool = False,
 ) -> Signer:
     """Signer that knows the checksums of all messages of the dialect."""
-    return Signer(key, link_id, timestamps, _EXTRAS, allow_unsigned, allow_mavlink1=allow_mavlink1)
+    return Signer(key, link_id, timestamps, _SENT_EXTRAS, allow_unsigned, allow_mavlink1=allow_mavlink1)
 
 
 def is_intact(raw: bytes) -> bool:
     """Whether a frame's checksum fits; of messages that the dialect does not know it cannot be told."""
-    extra = _EXTRAS.get(raw_frame(raw).message_id)
+    extra = _SENT_EXTRAS.get(raw_frame(raw).message_id)
     if extra is None:
         return True
     body = len(raw) - 2 - (SIGNATURE if raw[0] == MAGIC_V2 and raw[2] & 1 else 0)
@@ -183,7 +187,7 @@ class Codec:
     @staticmethod
     def unsigned(raw: bytes) -> bytes:
         """A received frame without its signature, for a reader that has no key."""
-        return without_signature(raw, _EXTRAS)
+        return without_signature(raw, _SENT_EXTRAS)
 
     def _decoded(self, raw: RawFrame, stamp_s: float, address: Address | None) -> DecodedFrame:
         try:
@@ -394,13 +398,27 @@ class Codec:
         )
 
     def autopilot_version(self, version: int) -> bytes:
-        """AUTOPILOT_VERSION of this component: MAVLink 2, parameters, and a version as 0xMMmmpptt."""
+        """AUTOPILOT_VERSION of this component: MAVLink 2, parameters, files, and a version as 0xMMmmpptt."""
         nothing = [0] * 8
         able = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+        able |= mavlink.MAV_PROTOCOL_CAPABILITY_FTP
         return self._packed(
             mavlink.MAVLink_autopilot_version_message(
                 able, version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
             )
+        )
+
+    def component_metadata(self, boot_s: float, file_crc: int, uri: str) -> bytes:
+        """COMPONENT_METADATA: where the general document is, in fewer than 100 characters, and its CRC-32."""
+        payload = struct.pack("<II100s", int(boot_s * 1e3) % 2**32, file_crc, uri.encode("ascii"))
+        number, sequence = MessageId.COMPONENT_METADATA, self._writer.seq
+        self._writer.seq = (sequence + 1) % 256
+        return packed_frame(number, payload, sequence, self.own_ids, _SENT_EXTRAS[number])
+
+    def file_transfer(self, payload: bytes, target_system: int, target_component: int) -> bytes:
+        """FILE_TRANSFER_PROTOCOL with a payload of 251 bytes."""
+        return self._packed(
+            mavlink.MAVLink_file_transfer_protocol_message(0, target_system, target_component, list(payload))
         )
 
 
@@ -452,6 +470,9 @@ _REQUESTS: dict[str, Callable[[Any], Request]] = {
     ),
     "PARAM_SET": lambda m: Request(
         "parameter_set", m.target_system, m.target_component, m.param_type, (m.param_value,), m.param_id
+    ),
+    "FILE_TRANSFER_PROTOCOL": lambda m: Request(
+        "file", m.target_system, m.target_component, data=bytes(m.payload)
     ),
     "MISSION_REQUEST_LIST": lambda m: Request("mission_list", m.target_system, m.target_component),
     "MISSION_COUNT": lambda m: Request("mission_list", m.target_system, m.target_component),

@@ -1,7 +1,8 @@
 """How this component behaves towards others: what it answers when it is addressed.
 
 A component that stays silent makes ground stations wait and retry. It stores no missions and carries
-out no commands, and says so; it has parameters of its own; what is asked of others is left alone.
+out no commands, and says so; it has parameters of its own, and documents that describe them; what is
+asked of others is left alone.
 
 References
 ----------
@@ -11,11 +12,13 @@ values are REAL32, which every dialect's encoding leaves alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from companion import __version__
 from companion.link.messages.codec import Codec
+from companion.link.messages.file_server import FileServer, file_checksum
 from companion.link.wire.decoded_frame import DecodedFrame, Request
 from companion.types.mavlink_enums import (
     Command,
@@ -34,6 +37,11 @@ class ParameterStore(Protocol):
         """In the order of their numbers."""
         ...
 
+    @property
+    def files(self) -> Mapping[str, bytes]:
+        """What may be read about them, by path; the general metadata comes first."""
+        ...
+
     def value(self, name: str) -> float:
         """The value in force."""
         ...
@@ -47,7 +55,13 @@ class ParameterStore(Protocol):
         ...
 
 
-def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None = None) -> bytes:
+def answer(
+    frame: DecodedFrame,
+    codec: Codec,
+    parameters: ParameterStore | None = None,
+    files: FileServer | None = None,
+    now_s: float = 0.0,
+) -> bytes:
     """Return the bytes that a frame calls for, empty for none.
 
     Parameters
@@ -58,6 +72,10 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
         The link's codec, under whose ids the answer is encoded.
     parameters : ParameterStore, optional
         Parameters of this component; left out, it has none.
+    files : FileServer, optional
+        What may be read by MAVLink FTP, the general metadata first; left out, nothing.
+    now_s : float, optional
+        Clock reading [s].
     """
     request = frame.request
     if request is None:
@@ -69,12 +87,31 @@ def answer(frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None 
         return _parameter_list(request, codec, parameters)
     if (request.target_system, request.target_component) != (system, component):
         return b""  # an answer to a broadcast would be one of many, and the autopilot gives it
+    return _addressed_answer(request, frame, codec, parameters, _Reading(files, now_s))
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """What may be read, and when it is asked for."""
+
+    files: FileServer | None
+    now_s: float
+
+
+def _addressed_answer(
+    request: Request, frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None, reading: _Reading
+) -> bytes:
+    """Answer to what is asked of this component alone."""
+    sender = (frame.system_id, frame.component_id)
     if request.kind == "command":
-        return _command_answer(request, frame, codec)
+        return _command_answer(request, sender, codec, reading)
+    if request.kind == "file":
+        files = reading.files
+        told = () if files is None else files.answers(request.data, sender, reading.now_s)
+        return b"".join(codec.file_transfer(payload, *sender) for payload in told)
     if request.kind == "mission_list":
         # The autopilot's own count, sent to us in a download, is no request.
-        is_autopilot = frame.system_id == system and frame.component_id == 1
-        return b"" if is_autopilot else codec.mission_refusal(frame.system_id, frame.component_id)
+        return b"" if sender == (codec.own_ids[0], 1) else codec.mission_refusal(*sender)
     return b"" if parameters is None else _parameter_answer(request, frame, codec, parameters)
 
 
@@ -123,8 +160,7 @@ def _parameter_answer(
     return _told(name, codec, parameters) + said
 
 
-def _command_answer(request: Request, frame: DecodedFrame, codec: Codec) -> bytes:
-    sender = (frame.system_id, frame.component_id)
+def _command_answer(request: Request, sender: tuple[int, int], codec: Codec, reading: _Reading) -> bytes:
     if request.number == Command.REQUEST_MESSAGE:
         wanted = int(request.parameters[0])
         accepted = codec.command_ack(request.number, CommandResult.ACCEPTED, *sender)
@@ -132,6 +168,11 @@ def _command_answer(request: Request, frame: DecodedFrame, codec: Codec) -> byte
             return accepted + codec.autopilot_version(_packed_version())
         if wanted == MessageId.HEARTBEAT:
             return accepted + codec.heartbeat()
+        if wanted == MessageId.COMPONENT_METADATA and reading.files is not None:
+            path, document = next(iter(reading.files.files.items()))
+            return accepted + codec.component_metadata(
+                reading.now_s, file_checksum(document), f"mftp://{path}"
+            )
     return codec.command_ack(request.number, CommandResult.UNSUPPORTED, *sender)
 
 

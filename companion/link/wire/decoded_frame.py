@@ -87,8 +87,8 @@ class Request:
     Parameters
     ----------
     kind : str
-        ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``, or
-        ``mission_list``.
+        ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``,
+        ``mission_list``, or ``file``.
     number : int
         The command, the sequence number of a ping, or of a parameter the index, -1 for one by its name, and
         where it is to be set its MAV_PARAM_TYPE.
@@ -97,6 +97,8 @@ class Request:
         value that a parameter is to have.
     name : str
         Name of the parameter that is asked for or set; '' for other requests.
+    data : bytes
+        Payload of MAVLink FTP; empty for other requests.
     """
 
     kind: str
@@ -105,6 +107,7 @@ class Request:
     number: int = 0
     parameters: tuple[float, ...] = ()
     name: str = ""
+    data: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,29 @@ def raw_frame(raw: bytes, *, is_verified: bool = True) -> RawFrame:
     return RawFrame(raw, raw[3], raw[4], raw[5], is_verified)
 
 
+def packed_frame(
+    message_id: int, payload: bytes, sequence: int, sender: tuple[int, int], extra: int
+) -> bytes:
+    """Pack an unsigned MAVLink 2 frame of any message; trailing zeros of its payload are left out.
+
+    Parameters
+    ----------
+    message_id : int
+        Which message.
+    payload : bytes
+        As it lies in the frame, of at most 255 bytes.
+    sequence : int
+        The frame's number.
+    sender : tuple of int
+        System and component.
+    extra : int
+        The message's extra byte.
+    """
+    payload = payload.rstrip(b"\0") or b"\0"
+    body = bytes((len(payload), 0, 0, sequence, *sender)) + message_id.to_bytes(3, "little") + payload
+    return bytes((MAGIC_V2,)) + body + checksum(body, extra).to_bytes(_CHECKSUM, "little")
+
+
 def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
     """Return an unsigned frame with another sequence number and the checksum that goes with it."""
     changed = bytearray(raw)
