@@ -17,10 +17,9 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import asdict
-from enum import Enum
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -62,17 +61,8 @@ PageListen = Annotated[
 ]  # fmt: skip
 PageToken = Annotated[
     str,
-    typer.Option(
-        "--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers on other computers have to know."
-    ),
+    typer.Option("--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers elsewhere have to know."),
 ]
-
-
-class Engine(Enum):
-    """What makes a campaign's runs."""
-
-    PROCESSES = "processes"
-    DASK = "dask"
 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -233,12 +223,7 @@ def run(
     ] = 2_000,
     page: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            max=65535,
-            envvar="COMPANION_PAGE",
-            help="Port of the page that shows flights in a browser.",
-        ),
+        typer.Option(min=1, max=65535, envvar="COMPANION_PAGE", help="Port of the page that shows flights."),
     ] = None,
     page_listen: PageListen = "",
     page_token: PageToken = "",
@@ -394,8 +379,8 @@ def campaign(
     spec: Annotated[Path, typer.Argument(help="A campaign's file, as in campaigns.")],
     jobs: Annotated[int, typer.Option(min=1, help="Processes that make runs at once.")] = 1,
     engine: Annotated[
-        Engine, typer.Option(help="Processes here, or workers of a scheduler.")
-    ] = Engine.PROCESSES,
+        Literal["processes", "dask"], typer.Option(help="Processes here, or workers of a scheduler.")
+    ] = "processes",
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
@@ -407,7 +392,7 @@ def campaign(
     """Plan or fly by the thousand: methods by missions, settings and seeds, each run a row."""
     from companion.evidence.evidence_commands import campaign_from_file
 
-    if (engine is Engine.DASK) != (scheduler is not None):
+    if (engine == "dask") != (scheduler is not None):
         found, expected = scheduler or "nothing", "with --engine dask an address, else none"
         raise ConfigError("command line", None, "--scheduler", found, expected)
     campaign_from_file(spec, jobs=jobs, resumes=resume, folder=out, console=console, scheduler=scheduler)

@@ -23,7 +23,7 @@ from companion.types.plan import Plan, PursuitRisk
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
-SAFE_GAIN = 0.15  # by which a path is cheaper for which one that is safe from moving threats is left
+SAFE_TIMES = 3.0  # swap_gain: by so much is cheaper for what one that is safe from moving threats is left
 CAUGHT_SHARE, CAUGHT_S = 0.75, 1.0  # of the flown path's seconds that a DT could threaten, and less
 
 
@@ -238,7 +238,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
     is_riskier = case.plan.pursuit.total_s > case.flown_risk.total_s + CAUGHT_S
     swap_gain = float(case.state.mission.planning.swap_gain)
-    if gain < (max(SAFE_GAIN, swap_gain) if case.holds_flown else swap_gain) or is_riskier:
+    if gain < swap_gain * (SAFE_TIMES if case.holds_flown else 1.0) or is_riskier:
         return None
     instead = f" instead of {flown_cost:.1f}"
     if flown_cost == math.inf:

@@ -215,6 +215,7 @@ def _carried_otherwise(
         for style in _styles(state):
             for airspeed in airspeeds:
                 waypoints, violations = _with_some_circle(state, whole, whole, style, airspeed)
+                violations = violations or _blown_off(state, whole, waypoints)
                 if not violations and _num_items(waypoints) <= max_waypoints:
                     return waypoints, until_s, ()
     return failed[0], until_s, failed[1]
@@ -377,11 +378,13 @@ def _with_some_circle(
     """As :func:`_with_circle`, at a commanded airspeed.
 
     In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
-    wide as in still air if its track in the wind has.
+    wide as in still air if its track in the wind has. Faster than at cruise the track into any is looked at.
     """
     vehicle = state.rules.vehicle.at_speed(_airspeed_at_end(part, state.rules.vehicle, airspeed_m_s))
     radius, narrow = vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m
     usual = _with_circle(state, path, part, style, radius, airspeed_m_s)
+    if not usual[1] and vehicle.airspeed_cruise_m_s > state.rules.vehicle.airspeed_cruise_m_s:
+        usual = usual[0], _blown_off(state, part, usual[0])
     if not usual[1] or radius <= narrow:
         return usual
     waypoints, violations = _with_circle(state, path, part, style, narrow, airspeed_m_s)

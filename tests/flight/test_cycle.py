@@ -317,7 +317,7 @@ def test_a_mission_carries_three_horizons_and_ends_in_a_circle():
 PILLARS = (
     "obstacles:\n" + BLOCK.format("north", 1000, 60, 1250, 300) + BLOCK.format("south", 1000, -300, 1250, -60)
 )
-GORGE = "obstacles:\n" + BLOCK.format("north", -50, 40, 1700, 60) + BLOCK.format("south", -50, -60, 1700, -40)
+GORGE = "obstacles:\n" + BLOCK.format("north", -50, 40, 2700, 60) + BLOCK.format("south", -50, -60, 2700, -40)
 
 
 def test_the_circle_is_put_where_it_is_clear():

@@ -62,7 +62,7 @@ def assert_hangs_together(exploration, branches, root):
         assert tree.time[i] > tree.time[up]
         assert tree.cost[i] > tree.cost[up]
         step = tree.state[i, :3] - tree.state[up, :3]
-        assert np.linalg.norm(step) <= 25.0 * limits.tau * (1.0 + 1e-6)
+        assert np.linalg.norm(step) <= limits.v_cruise * limits.tau * (1.0 + 1e-6)
     counted = np.bincount(tree.parent[nodes], minlength=int(tree.count[0]))
     assert (tree.children[[root, *nodes]] == counted[[root, *nodes]]).all()
 
