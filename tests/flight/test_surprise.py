@@ -130,7 +130,7 @@ def broken_off(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "seed", "within_s"), [(Dialect.ARDUPILOT, 4, 1.6), (Dialect.PX4, 2, 1.6)]
+    ("dialect", "seed", "within_s"), [(Dialect.ARDUPILOT, 4, 1.6), (Dialect.PX4, 5, 1.6)]
 )
 def test_a_vehicle_that_turns_towards_the_path_ends_the_search_under_way(dialect, seed, within_s, broken_off):
     assert turn_answered_s(dialect, seed) <= within_s
