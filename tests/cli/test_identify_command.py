@@ -13,7 +13,7 @@ def test_it_prints_what_can_be_pasted_into_a_mission_file(companion):
     assert result.code == 0
     assert "\nvehicle:\n" in result.out
     assert "\n  position_std_m: 1  # " in result.out
-    assert "\n  # climb_rate_std_rad_s: too little: 56 s along plans" in result.out
+    assert "\n  # climb_rate_std_rad_s: too little: 54 s along plans" in result.out
 
 
 def test_json_is_one_document_of_all_recordings(companion):
