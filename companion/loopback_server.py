@@ -42,7 +42,7 @@ class Request:
 
 
 @dataclass(slots=True, eq=False)
-class Connection:
+class _Connection:
     """One that asks: until when it may, what it has said, and what it is still to be told."""
 
     line: socket.socket
@@ -88,7 +88,7 @@ class LoopbackServer:
         self, port: int, page: Callable[[str], Answer], now_s: Callable[[], float] = time.monotonic
     ) -> None:
         self._page, self._now_s = page, now_s
-        self._connections: set[Connection] = set()
+        self._connections: set[_Connection] = set()
         self._listener = socket.create_server((LOOPBACK, port), backlog=CONNECTIONS_MAX)
         self._listener.setblocking(False)
         self.address: tuple[str, int] = self._listener.getsockname()
@@ -119,20 +119,14 @@ class LoopbackServer:
         self._listener.close()
 
     def _accept(self) -> None:
-        try:
-            line, _ = self._listener.accept()
-        except OSError:  # gone again, or no descriptors left
+        line = accepted(self._listener, is_full=len(self._connections) >= CONNECTIONS_MAX)
+        if line is None:
             return
-        line.setblocking(False)
-        if len(self._connections) >= CONNECTIONS_MAX:
-            with line, contextlib.suppress(OSError):
-                line.send(head_of(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
-            return
-        connection = Connection(line, self._now_s() + TIMEOUT_S)
+        connection = _Connection(line, self._now_s() + TIMEOUT_S)
         self._connections.add(connection)
         self._selector.register(line, selectors.EVENT_READ, connection)
 
-    def _go_on(self, connection: Connection) -> None:
+    def _go_on(self, connection: _Connection) -> None:
         """Hear or tell as much as goes without waiting."""
         try:
             if connection.told:
@@ -144,7 +138,7 @@ class LoopbackServer:
         except OSError:
             self._drop(connection)
 
-    def _hear(self, connection: Connection) -> None:
+    def _hear(self, connection: _Connection) -> None:
         data = connection.line.recv(HEAD_MAX)
         if not data:
             self._drop(connection)
@@ -152,13 +146,13 @@ class LoopbackServer:
             connection.answer(self._answer(bytes(connection.asked)))
             self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
-    def _tell(self, connection: Connection) -> None:
+    def _tell(self, connection: _Connection) -> None:
         if connection.tell():
             # Closed at once, unheard words of the other's would take the answer back.
             connection.line.shutdown(socket.SHUT_WR)
             self._selector.modify(connection.line, selectors.EVENT_READ, connection)
 
-    def _drop(self, connection: Connection) -> None:
+    def _drop(self, connection: _Connection) -> None:
         self._connections.discard(connection)
         self._selector.unregister(connection.line)
         connection.line.close()
@@ -170,6 +164,20 @@ class LoopbackServer:
             return head_of(request)
         answer = self._page(request.target.partition("?")[0])
         return head_of(answer) + (b"" if request.method == "HEAD" else answer.body)
+
+
+def accepted(listener: socket.socket, *, is_full: bool) -> socket.socket | None:
+    """Who has come, not to be waited for; None for one too many, which is told so, or one that is gone."""
+    try:
+        line, _ = listener.accept()
+    except OSError:  # gone again, or no descriptors left
+        return None
+    line.setblocking(False)
+    if not is_full:
+        return line
+    with line, contextlib.suppress(OSError):
+        line.send(head_of(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
+    return None
 
 
 def request_of(asked: bytes) -> Request | Answer:

@@ -212,11 +212,22 @@ def evidence_of(store: RunStore) -> Evidence:
     ConfigError
         If there is no row yet.
     """
-    rows, told = list(store.rows()), store.identity()
+    return evidence_from(*stored(store))
+
+
+def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[str, int]]:
+    """A campaign's rows, what they are of, and the dimension of each mission.
+
+    Raises
+    ------
+    ConfigError
+        If there is no row yet.
+    """
+    rows = list(store.rows())
     if not rows:
         raise ConfigError("results", None, "FOLDER", "a campaign without a row", "one that has been run")
     dimensions = {name: mission_from_text(text, name).dimension for name, text in store.texts().items()}
-    return evidence_from(rows, told, dimensions)
+    return rows, store.identity(), dimensions
 
 
 def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: Mapping[str, int]) -> Evidence:

@@ -21,10 +21,10 @@ from companion.assurance.emergency import (
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.flight.shaping import carried, waypoints_of
-from companion.frames import course_from_direction, speed_made_good
+from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion, StartState
-from companion.types.path import Path
+from companion.types.path import Path, straight_path
 from companion.types.plan import Plan
 
 AHEAD_ROWS = 24  # of straight flight, tried where no plan leads anywhere
@@ -180,18 +180,10 @@ def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> l
 
 def straight_ahead(state: StartState, wind_enu_m_s: tuple[float, float]) -> Path:
     """Level flight on from a start at its airspeed; nothing is known of threats along it."""
-    rows = np.arange(AHEAD_ROWS + 1.0)
-    along = np.array([np.cos(state.direction_rad), np.sin(state.direction_rad), 0.0])
-    count, course = len(rows), course_from_direction(state.direction_rad)
-    made_good = speed_made_good(course, state.airspeed_m_s, wind_enu_m_s)
-    return Path(
-        times_s=np.asarray(state.stamp_s + ROW_S * rows, dtype=np.float64),
-        positions_enu_m=np.asarray(state.position_enu_m) + ROW_S * made_good * rows[:, None] * along[None, :],
-        courses_rad=np.full(count, course),
-        climb_angles_rad=np.zeros(count),
-        speeds_m_s=np.full(count, state.airspeed_m_s),
-        position_covariances_m2=np.repeat(state.error_covariance[None, :3, :3], count, axis=0),
-        collision_free=np.ones(count),
-        threat_levels=np.full(count, 1.0),  # not known: every place that is known comes first
+    return straight_path(
+        ROW_S * np.arange(AHEAD_ROWS + 1.0), state.stamp_s, np.asarray(state.position_enu_m),
+        course_from_direction(state.direction_rad), state.airspeed_m_s,
+        covariance_m2=state.error_covariance[:3, :3],
+        threat_level=1.0,  # not known: every place that is known comes first
         wind_enu_m_s=wind_enu_m_s,
-    )
+    )  # fmt: skip

@@ -26,7 +26,7 @@ from companion.mission.waypoints import (
     waypoints_from_path,
 )
 from companion.types.mission import MissionItem
-from companion.types.path import Path
+from companion.types.path import Path, straight_path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, default_guidance, track_of_circle, track_of_legs
@@ -223,21 +223,14 @@ def _carried_otherwise(
 
 def _run_on(path: Path, metres: float) -> Path:
     """The path and so much straight and level flight behind it."""
-    course, steps = float(path.courses_rad[-1]), np.arange(1.0 + math.ceil(metres / RUN_ON_STEP_M))
-    along = np.array([math.sin(course), math.cos(course), 0.0])
-    made_good = speed_made_good(course, float(path.speeds_m_s[-1]), path.wind_enu_m_s)
-    count = len(steps)
-    ahead = Path(
-        times_s=path.times_s[-1] + steps * RUN_ON_STEP_M / made_good,
-        positions_enu_m=path.positions_enu_m[-1] + steps[:, None] * RUN_ON_STEP_M * along,
-        courses_rad=np.full(count, course),
-        climb_angles_rad=np.zeros(count),
-        speeds_m_s=np.full(count, path.speeds_m_s[-1]),
-        position_covariances_m2=np.repeat(path.position_covariances_m2[-1:], count, axis=0),
-        collision_free=np.ones(count),
-        threat_levels=np.full(count, path.threat_levels[-1]),
+    course, airspeed = float(path.courses_rad[-1]), float(path.speeds_m_s[-1])
+    made_good = speed_made_good(course, airspeed, path.wind_enu_m_s)
+    ahead = straight_path(
+        np.arange(1.0 + math.ceil(metres / RUN_ON_STEP_M)) * RUN_ON_STEP_M / made_good,
+        float(path.times_s[-1]), path.positions_enu_m[-1], course, airspeed,
+        covariance_m2=path.position_covariances_m2[-1], threat_level=float(path.threat_levels[-1]),
         wind_enu_m_s=path.wind_enu_m_s,
-    )
+    )  # fmt: skip
     return path.followed_by(ahead)
 
 

@@ -18,9 +18,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from http import HTTPStatus
 
-from companion.loopback_server import HEAD_MAX, Answer, Request, head_of, request_of
+from companion.loopback_server import HEAD_MAX, Answer, Request, accepted, head_of, request_of
 from companion.page.access import Access
 from companion.page.feed import Feed
 from companion.page.pages import Pages
@@ -169,16 +168,10 @@ class PageServer:
         self._woken.close()
 
     def _accept(self) -> None:
-        try:
-            line, _ = self._listener.accept()
-        except OSError:  # gone again, or no descriptors left
+        line = accepted(self._listener, is_full=len(self._viewers) >= CONNECTIONS_MAX)
+        if line is None:
             return
-        line.setblocking(False)
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _PORTION)  # nor does the system keep much for it
-        if len(self._viewers) >= CONNECTIONS_MAX:
-            with line, contextlib.suppress(OSError):
-                line.send(head_of(Answer(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", b"")))
-            return
         viewer = _Viewer(line, self._now_s() + TIMEOUT_S)
         self._viewers.add(viewer)
         self._selector.register(line, selectors.EVENT_READ, lambda: self._go_on(viewer))

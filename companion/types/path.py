@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray
+from companion.frames import FloatArray, speed_made_good
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +94,46 @@ class Path:
             [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
         )
         return [[round(float(value), 6) for value in row] for row in table]
+
+
+def straight_path(
+    after_s: FloatArray, begin_s: float, begin_enu_m: FloatArray, course_rad: float, airspeed_m_s: float, *,
+    covariance_m2: FloatArray, threat_level: float, wind_enu_m_s: tuple[float, float],
+) -> Path:  # fmt: skip
+    """Level flight straight on, over the ground, at an airspeed in the wind.
+
+    Parameters
+    ----------
+    after_s : ndarray, shape (N,)
+        Seconds after the beginning, of each row.
+    begin_s : float
+        Clock reading there [s].
+    begin_enu_m : ndarray, shape (3,)
+        Where it begins [m].
+    course_rad : float
+        Clockwise from north [rad].
+    airspeed_m_s : float
+        Kept all along.
+    covariance_m2 : ndarray, shape (3, 3)
+        Covariance of the position, the same all along [m²].
+    threat_level : float
+        The same all along.
+    wind_enu_m_s : tuple of float
+        Velocity of the air, east and north [m/s].
+    """
+    count, along = len(after_s), np.array([math.sin(course_rad), math.cos(course_rad), 0.0])
+    lengths_m = after_s * speed_made_good(course_rad, airspeed_m_s, wind_enu_m_s)
+    return Path(
+        times_s=begin_s + after_s,
+        positions_enu_m=begin_enu_m + lengths_m[:, None] * along,
+        courses_rad=np.full(count, course_rad),
+        climb_angles_rad=np.zeros(count),
+        speeds_m_s=np.full(count, airspeed_m_s),
+        position_covariances_m2=np.repeat(covariance_m2[None], count, axis=0),
+        collision_free=np.ones(count),
+        threat_levels=np.full(count, threat_level),
+        wind_enu_m_s=wind_enu_m_s,
+    )
 
 
 def _joined(before: FloatArray, behind: FloatArray) -> FloatArray:

@@ -62,7 +62,12 @@ class VehicleModel:
 
     def _radius_at(self, speed_m_s: float) -> float:
         """``turn_radius_min_m``, or that of ``bank_max_rad`` at a speed, where it is larger [m]."""
-        return max(self.turn_radius_min_m, speed_m_s**2 / (GRAVITY_M_S2 * math.tan(self.bank_max_rad)))
+        return max(self.turn_radius_min_m, speed_m_s**2 / self._sideways_max_m_s2)
+
+    @property
+    def _sideways_max_m_s2(self) -> float:
+        """Acceleration in a turn banked by ``bank_max_rad`` [m/s²]."""
+        return GRAVITY_M_S2 * math.tan(self.bank_max_rad)
 
     @property
     def faster_m_s(self) -> tuple[float, ...]:
@@ -121,7 +126,7 @@ class VehicleModel:
             v_cruise=self.airspeed_cruise_m_s,
             a_max=self.acceleration_max_m_s2,
             r_min=self.turn_radius_in(wind),
-            sideways_max=GRAVITY_M_S2 * math.tan(self.bank_max_rad),
+            sideways_max=self._sideways_max_m_s2,
             straight_min=self.straight_length_min_m,
             climb_max=self.slope_in(self.climb_angle_max_rad, wind),
             descent_max=self.slope_in(self.descent_angle_max_rad, wind),

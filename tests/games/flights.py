@@ -30,23 +30,25 @@ def without_threats(text):
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def by_levels(text):
-    """The service plans by threat levels alone, without the game of paper 2.3."""
-    document = yaml.safe_load(text)
-    document["planning"]["method"] = "safe-rrt-rs"
-    return yaml.safe_dump(document, sort_keys=False)
+def by_method(method):
+    """The service plans by another method."""
 
+    def changed(text):
+        document = yaml.safe_load(text)
+        document["planning"]["method"] = method
+        return yaml.safe_dump(document, sort_keys=False)
 
-def at_cruise(text):
-    """The service plays the game at cruise."""
-    document = yaml.safe_load(text)
-    document["planning"]["method"] = "safe-rrt-cruise"
-    return yaml.safe_dump(document, sort_keys=False)
+    return changed
 
 
 # Mission file of the service, made of the game's, by planner. If it names no moving threat, reports of
 # them do not get through to the service either.
-PLANNERS = {"ours": unchanged, "cruise": at_cruise, "rs": by_levels, "blind": without_threats}
+PLANNERS = {
+    "ours": unchanged,
+    "cruise": by_method("safe-rrt-cruise"),
+    "rs": by_method("safe-rrt-rs"),
+    "blind": without_threats,
+}
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,9 @@ from pathlib import Path
 from companion.campaign.campaign_spec import Scalar
 from companion.campaign.engines.runners import json_text
 from companion.campaign.run_store import Row, RunStore
-from companion.config.load import mission_from_text
 from companion.errors import ConfigError
 from companion.evidence.evidence_tables import RATES
-from companion.evidence.samples import GROUPS, Evidence, evidence_from
+from companion.evidence.samples import GROUPS, Evidence, evidence_from, stored
 
 ENDING = ".csv"
 _MARK = "# "
@@ -40,14 +39,11 @@ def kept_text(store: RunStore) -> str:
     ConfigError
         If there is no row yet.
     """
-    rows, told = list(store.rows()), store.identity()
-    if not rows:
-        raise ConfigError("results", None, "FOLDER", "a campaign without a row", "one that has been run")
+    rows, told, dimensions = stored(store)
     names = kept_names(str(told["kind"]))
     commits, machines = (
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("commit", "machine")
     )
-    dimensions = {name: mission_from_text(text, name).dimension for name, text in store.texts().items()}
     head = {"identity": told, "dimensions": dimensions, "commits": commits, "machines": machines}
     buffer = io.StringIO()
     buffer.write(f"{_MARK}{json_text(head)}\n")
