@@ -22,12 +22,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.assurance import curves
+from companion.assurance.check_limits import CheckLimits
 from companion.assurance.coming_back import OUT_MIN_M, OVERSHOOT_RADII, WayBack
 from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
 from companion.assurance.edges import (
@@ -39,14 +39,14 @@ from companion.assurance.edges import (
     straight_violations,
 )
 from companion.assurance.exposure import Exposure
-from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds
+from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.violation import Violation, listed, outside
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, ThreatPicture
 
-__all__ = ["CheckLimits", "Checker", "Violation"]
+__all__ = ["Checker", "Violation"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -61,49 +61,6 @@ CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie
 CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
 LOITER_SIDES = 72
 BETWEEN_ROWS = "climb angle between rows [rad]"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckLimits:
-    """What a path has to keep.
-
-    Parameters
-    ----------
-    bounds : tuple of float
-        East, north, up, each low and high [m].
-    margin_m : float
-        Distance from obstacles beyond what the covariance asks for [m].
-    deviations : float
-        Standard deviations of position added to the margin.
-    turn_radius_min_m, straight_length_min_m : float
-        Smallest radius of a turn, and shortest straight flight between two turns [m].
-    bank_max_rad : float
-        With the wind behind a turn is wider: its radius is flown at no more bank than this.
-    climb_angle_max_rad, descent_angle_max_rad : float
-        Both positive [rad].
-    airspeed_min_m_s, airspeed_max_m_s : float
-        Limits of the airspeed [m/s].
-    threat_level_max : float
-        Largest threat level of a row; 1 limits nothing.
-    quality_min : float
-        Smallest product of p_c over the rows.
-    altitude_tolerance_m : float
-        Widens the altitude band, for an aircraft in flight [m].
-    """
-
-    bounds: tuple[float, float, float, float, float, float]
-    margin_m: float
-    deviations: float = 1.0
-    turn_radius_min_m: float
-    straight_length_min_m: float
-    climb_angle_max_rad: float
-    descent_angle_max_rad: float
-    airspeed_min_m_s: float
-    airspeed_max_m_s: float
-    bank_max_rad: float = math.radians(40.0)
-    threat_level_max: float = 1.0
-    quality_min: float = 0.0
-    altitude_tolerance_m: float = 0.0
 
 
 class Checker:
@@ -293,8 +250,7 @@ class Checker:
         low, high = self._climbs
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
         for angle, is_upper in ((high, True), (-low, False)):
-            level = airspeeds * math.cos(angle) + np.maximum(speeds.fastest_m_s - speeds.level_m_s, 0.0)
-            limit = np.arctan2(airspeeds * math.sin(angle), level)
+            limit = slope_over_ground(angle, airspeeds, speeds.fastest_m_s - speeds.level_m_s)
             steep = ahead & ~((angles if is_upper else -angles) <= limit + CLIMB_TOLERANCE_RAD)
             sign, name = (1.0, "upper") if is_upper else (-1.0, "lower")
             yield from listed("climb", rows, steep, angles, sign * limit, f"{BETWEEN_ROWS}, {name}")
@@ -350,6 +306,7 @@ class Checker:
     def check_legs(
         self, positions_enu_m: FloatArray, *, ends_in_loiter: bool, loiter_radius_m: float | None,
         loiter_centre_enu_m: FloatArray | None = None, may_come_back: bool = False,
+        wind_enu_m_s: tuple[float, float] = (0.0, 0.0), airspeed_m_s: float | None = None,
     ) -> tuple[Violation, ...]:  # fmt: skip
         """Every rule that mission waypoints break as they are flown: straight legs and fly-by corners.
 
@@ -365,6 +322,10 @@ class Checker:
             Centre of the loiter, where that is not the last waypoint but a point beside it [m].
         may_come_back : bool
             As in :meth:`check_path`.
+        wind_enu_m_s : tuple of float
+            What pushes from behind makes climbs over the ground flatter: velocity of the air [m/s].
+        airspeed_m_s : float, optional
+            Slowest on the legs [m/s]; left out, the slowest there is.
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
@@ -376,7 +337,7 @@ class Checker:
                 for row in np.flatnonzero(~usable)
             )
         with np.errstate(all="ignore"):
-            found = list(self._leg_violations(points))
+            found = list(self._leg_violations(points, wind_enu_m_s, airspeed_m_s))
             if may_come_back:
                 found = self._way_back(points[0], 0.0).left_of(found, points)
             centre = points[-1] if loiter_centre_enu_m is None else np.asarray(loiter_centre_enu_m)
@@ -432,7 +393,9 @@ class Checker:
             max(out, 0.0), {entry.detail: entry.value for entry in near}, self.limits.turn_radius_min_m
         )
 
-    def _leg_violations(self, points: FloatArray) -> Iterator[Violation]:
+    def _leg_violations(
+        self, points: FloatArray, wind_enu_m_s: tuple[float, float], airspeed_m_s: float | None
+    ) -> Iterator[Violation]:
         """Bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
         yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
         rows = np.arange(1, len(points))
@@ -444,9 +407,12 @@ class Checker:
         moving = lengths > POINT_TOLERANCE_M
         angles = np.arctan2(away[:, 2], lengths)
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
-        yield from outside(
-            "climb", rows, flown, angles, self._climbs, tolerance=CLIMB_TOLERANCE_RAD, detail=BETWEEN_ROWS
-        )
+        airspeed = self.limits.airspeed_min_m_s if airspeed_m_s is None else airspeed_m_s
+        gained = tailwinds(away, airspeed, wind_enu_m_s)
+        for rises, most, sign in ((angles, self._climbs[1], 1.0), (-angles, -self._climbs[0], -1.0)):
+            limit = slope_over_ground(most, airspeed, gained)
+            steep = flown & ~(rises <= limit + CLIMB_TOLERANCE_RAD)
+            yield from listed("climb", rows, steep, angles, sign * limit, BETWEEN_ROWS)
         kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
         if len(kept) >= 3:
             yield from self._corner_violations(points[kept], kept)

@@ -53,9 +53,7 @@ def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
     climbs = np.arctan2(edges.rises_m, edges.lengths_m)
     level = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * np.cos(climbs)
     courses = path.courses_rad[:-1] + edges.turns_rad * np.array([[0.0], [0.5], [1.0]])
-    along = wind.east_m_s * np.sin(courses) + wind.north_m_s * np.cos(courses)
-    across = wind.east_m_s * np.cos(courses) - wind.north_m_s * np.sin(courses)
-    speeds = along + np.sqrt(np.maximum(level**2 - across**2, 0.0))
+    speeds = _made_good(courses, level, wind.east_m_s, wind.north_m_s)
     return GroundSpeeds(
         most=(speeds.max(axis=0) + wind.std_m_s) / level,
         least=np.maximum(speeds.min(axis=0) - wind.std_m_s, 0.0) / level,
@@ -63,3 +61,62 @@ def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
         level_m_s=level,
         is_windy=wind.east_m_s != 0.0 or wind.north_m_s != 0.0,
     )
+
+
+def tailwinds(legs_enu_m: FloatArray, airspeed_m_s: float, wind_enu_m_s: tuple[float, float]) -> FloatArray:
+    """What the wind adds to the speed over the ground along straight legs.
+
+    Parameters
+    ----------
+    legs_enu_m : ndarray, shape (K, 3)
+        From the beginning to the end of each [m].
+    airspeed_m_s : float
+        At which they are flown [m/s].
+    wind_enu_m_s : tuple of float
+        Velocity of the air over the ground, east and north [m/s].
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        Negative against the wind [m/s].
+    """
+    courses = np.arctan2(legs_enu_m[:, 0], legs_enu_m[:, 1])
+    level = airspeed_m_s * np.cos(np.arctan2(legs_enu_m[:, 2], np.hypot(legs_enu_m[:, 0], legs_enu_m[:, 1])))
+    return _made_good(courses, level, *wind_enu_m_s) - level
+
+
+def slope_over_ground(
+    angle_rad: float, airspeeds_m_s: FloatArray | float, gained_m_s: FloatArray
+) -> FloatArray:
+    """Steepest flight over the ground, of an angle that is the steepest in still air.
+
+    Against the wind it stays that angle: how much steeper could be flown is not made use of.
+
+    Parameters
+    ----------
+    angle_rad : float
+        Positive, of a climb or a descent in still air [rad].
+    airspeeds_m_s : ndarray, shape (K,)
+        At which it is flown; one number for all [m/s].
+    gained_m_s : ndarray, shape (K,)
+        By how much the level speed over the ground exceeds that in the air [m/s].
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        Positive [rad].
+    """
+    level = airspeeds_m_s * np.cos(angle_rad) + np.maximum(gained_m_s, 0.0)
+    slopes: FloatArray = np.arctan2(airspeeds_m_s * np.sin(angle_rad), level)
+    return slopes
+
+
+def _made_good(courses: FloatArray, level_m_s: FloatArray, east_m_s: float, north_m_s: float) -> FloatArray:
+    """Speeds over the ground by the triangle of velocities, shape (M, K), or (K,) as courses are.
+
+    ``courses`` (M, K), ``level_m_s`` (K,), level airspeeds; [rad], [m/s].
+    """
+    along = east_m_s * np.sin(courses) + north_m_s * np.cos(courses)
+    across = east_m_s * np.cos(courses) - north_m_s * np.sin(courses)
+    speeds: FloatArray = along + np.sqrt(np.maximum(level_m_s**2 - across**2, 0.0))
+    return speeds

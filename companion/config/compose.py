@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from companion.assurance.checker import CheckLimits
+from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
 from companion.planning.comparators import settings_for

@@ -438,6 +438,8 @@ def _with_circle(
             loiter_radius_m=radius,
             loiter_centre_enu_m=centre,
             may_come_back=True,
+            wind_enu_m_s=state.wind_enu_m_s,
+            airspeed_m_s=float(part.speeds_m_s.min()),
         )
 
     flown, violations = merge_close_waypoints(flown, wrong_with)

@@ -13,9 +13,12 @@ from tests.support.paths import box, check_limits, prism_distance
 LEGS = [(0.0, 0.0, 100.0), (0.0, 500.0, 100.0), (500.0, 500.0, 100.0)]
 
 
-def check(points, obstacles=(), loiter=125.0, ends=True, **changes):
+def check(points, obstacles=(), loiter=125.0, ends=True, wind=(0.0, 0.0), airspeed=None, **changes):
     checker = Checker(obstacles, check_limits(**changes))
-    return checker.check_legs(np.array(points, dtype=float), ends_in_loiter=ends, loiter_radius_m=loiter)
+    return checker.check_legs(
+        np.array(points, dtype=float), ends_in_loiter=ends, loiter_radius_m=loiter,
+        wind_enu_m_s=wind, airspeed_m_s=airspeed,
+    )  # fmt: skip
 
 
 def rules(violations):
@@ -55,6 +58,22 @@ def test_climb_between_waypoints():
     assert rules(check(steep)) == {"climb"}
     assert check([(0, 0, 100.0), (0, 500, 180.0)]) == ()
     assert rules(check([(0, 0, 100.0), (0, 0, 150.0)])) == {"climb"}  # straight up
+
+
+@pytest.mark.parametrize("rise", [1.0, -1.0], ids=["climb", "descent"])
+def test_with_the_wind_behind_a_climb_is_flatter_over_the_ground(rise):
+    # 10° at 25 m/s rises 4.34 m/s. Over the ground 24.62 + 10 m/s north: 62.7 m in 500 m. Against it and
+    # across no more is granted than in still air, 88.2 m.
+    def leg(height):
+        return [(0, 0, 200.0), (0, 500, 200.0 + rise * height)]
+
+    behind = {"wind": (0.0, 10.0), "airspeed": 25.0}
+    assert check(leg(62.0), **behind) == ()
+    assert rules(check(leg(64.0), **behind)) == {"climb"}
+    assert check(leg(88.0), wind=(0.0, -10.0), airspeed=25.0) == ()
+    assert check(leg(88.0), wind=(10.0, 0.0), airspeed=25.0) == ()
+    assert rules(check(leg(89.5), wind=(0.0, -10.0), airspeed=25.0)) == {"climb"}
+    assert rules(check(leg(62.0), wind=(0.0, 10.0))) == {"climb"}  # at the slowest that there is
 
 
 def test_a_turn_that_has_no_room_on_its_legs():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from companion.assurance.checker import CheckLimits
+from companion.assurance.check_limits import CheckLimits
 from companion.types.path import Path
 from companion.types.threat import Obstacle
 

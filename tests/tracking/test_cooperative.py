@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from filterpy.common import Q_continuous_white_noise
+from filterpy.kalman import KalmanFilter
 
+from companion.tracking.track import TrackSettings
 from companion.tracking.tracker import Tracker
 from companion.types.events import Emitter
 from companion.types.threat import DynamicThreat
@@ -49,6 +52,37 @@ def test_what_flies_on_straight_is_foreseen_far_better_than_what_may_turn_at_onc
         spreads[identity] = np.sqrt(track.covariance[0, 0])
         assert track.position_enu_m[0] == pytest.approx(60.0 * 39.0, abs=3.0 * spreads[identity])
     assert spreads["icao:00ABCE"] < 0.4 * spreads["system:42"]
+
+
+def followed_by_kalman(times, sightings, at_s, stds, acceleration_std):
+    """filterpy's filter of the constant velocity model: position and velocity along one axis, both seen."""
+    model = KalmanFilter(dim_x=2, dim_z=2)
+    model.x, model.P = np.array(sightings[0]), np.diag(np.square(stds))
+    model.H, model.R = np.eye(2), np.diag(np.square(stds))
+    for elapsed_s, sighting in [
+        *zip(np.diff(times), sightings[1:], strict=True), (at_s - times[-1], None)
+    ]:  # fmt: skip
+        noise = Q_continuous_white_noise(2, dt=elapsed_s, spectral_density=acceleration_std**2)
+        model.predict(F=np.array([[1.0, elapsed_s], [0.0, 1.0]]), Q=noise)
+        if sighting is not None:
+            model.update(np.array(sighting))
+    return model.x, model.P
+
+
+def test_it_is_followed_as_the_kalman_filter_of_constant_velocity_follows_it():
+    times, settings = np.array([0.0, 1.0, 2.5, 3.0, 7.0, 8.0, 9.0, 15.0]), TrackSettings()
+    target, aside = Tracker(FRAME, (), seed=7), 5.0 * np.random.default_rng(1).standard_normal(len(times))
+    for stamp, off in zip(times, aside, strict=True):
+        sighting = report(stamp, 60.0 * stamp + off, 0.0, velocity=(60.0, 0.0, 0.0), std=5.0)
+        target.observe(replace(sighting, identity="icao:00ABCE", emitter=Emitter.AIR), stamp)
+    (track,) = target.tracks(25.0)
+    sightings = [(60.0 * stamp + off, 60.0) for stamp, off in zip(times, aside, strict=True)]
+    stds = (5.0, settings.filter.velocity_std_m_s)
+    mean, covariance = followed_by_kalman(times, sightings, 25.0, stds, settings.steady_acceleration_std_m_s2)
+    spread = np.sqrt(np.diag(covariance))
+    assert track.position_enu_m[0] == pytest.approx(mean[0], abs=0.1 * spread[0])
+    assert track.velocity_enu_m_s[0] == pytest.approx(mean[1], abs=0.1 * spread[1])
+    assert np.asarray(track.covariance)[:2, :2] == pytest.approx(covariance, rel=0.05)
 
 
 def test_one_aircraft_by_adsb_and_remote_id_is_one_track():
