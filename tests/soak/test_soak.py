@@ -60,8 +60,8 @@ def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(number, tm
 def test_flights_that_once_ended_in_a_wall_do_not(seed, tmp_path):
     """243: into a mission whose first waypoint lay on the other side of the bank. 471: a late repetition
     turned back to a waypoint behind. 999: at the end of three quarters of a circle a leg led past the corner
-    of a wall at nine metres, and was flown twelve metres wide. 484: from a circle to the last waypoint of a
-    curve, before a wall and across its leg. 670: seen once, never again.
+    of a wall at nine metres, and was flown twelve metres wide. 484 and 670: from a circle to the last waypoint
+    of a curve, before a wall and across its leg.
     """
     how, _ = flight(seed - 1, 1, tmp_path)
     assert how == "goal"

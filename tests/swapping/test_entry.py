@@ -11,13 +11,14 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.flight_state import first_state
-from companion.flight.shaping import waypoints_of
+from companion.flight.shaping import guidance_of, waypoints_of
 from companion.swapping.entry import entry_of, may_be_entered
 from companion.swapping.swap_protocol import Entry
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
+from companion.vehicle.guidance import track_of_legs
 from tests.mission.made import path_along, waypoints
-from tests.sim.client import PLAIN, mission_file
+from tests.sim.client import CONFIGS, PLAIN, mission_file
 
 DATA = Path(__file__).parents[1] / "data"
 EAST = 0.5 * math.pi
@@ -26,6 +27,7 @@ OPEN = PLAIN.replace(
 )
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
 BLOCK = "obstacles:\n  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
+WITHOUT_WALLS = (CONFIGS / "paper-2d.yaml").read_text(encoding="utf-8").partition("obstacles:")[0]
 BOTH = pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
 
 
@@ -210,3 +212,31 @@ def test_a_px4_that_is_low_reaches_its_waypoint_late():
         (1919.0, 819.4, 100), (1882.8, 692.8, 100), (1891.0, 665.7, 100), (2252.3, 460.0, 100),
     )  # fmt: skip
     assert entry_of(made, state, from_there(state), places, number=0) is None
+
+
+def test_out_of_a_circle_to_the_last_waypoint_of_a_curve_before_a_wall():
+    """paper-2d, seed 670 of the soak: a minute late it was let in at the curve's end, across its leg.
+
+    Flown, it met the wall at (1498, 476) after 5.4 s; the way that is foreseen is there, too.
+    """
+    curve = [
+        (1244.4, 409.1), (1227.8, 453.8), (1229.9, 501.4), (1250.4, 544.5), (1286.0, 576.1),
+        (1331.2, 591.4), (1378.7, 588.0), (1421.2, 566.3), (1451.8, 529.7), (1471.0, 484.7),
+    ]  # fmt: skip
+    made = replace(first_state(mission_file("paper-2d.yaml"), 0.0), flies_by=False)
+    state = on((1357.0, 509.0, 100.0), course_deg=120.0, speed=27.0, bank_deg=-15.0, wind=(2.2, 2.4))
+    places = replace(
+        after(state, *((east, north, 100.0) for east, north in curve)),
+        loiter_centre_enu_m=np.array([1356.0, 435.6, 100.0]),
+        distances_m=47.7 * np.arange(-8.0, 2.0),  # it is beside the last but one
+    )
+    assert entry_of(made, state, from_there(state), places, number=9) is None
+    way = track_of_legs(
+        guidance_of(made), state, places.positions_enu_m[9:],
+        loiter=(places.loiter_centre_enu_m, 125.0), ends_s=10.0, step_s=0.1,
+    )  # fmt: skip
+    (met,) = way.positions_enu_m[np.isclose(way.times_s, 5.4)]
+    assert math.dist(met[:2], (1498.0, 476.0)) < 10.0
+    # What the wall decides: without it the same entry does.
+    no_walls = replace(first_state(mission_from_text(WITHOUT_WALLS, "open.yaml"), 0.0), flies_by=False)
+    assert entry_of(no_walls, state, from_there(state), places, number=9) == 9
