@@ -104,8 +104,8 @@ async def _serve_stream(
     try:
         while data := await reader.read(_RECEIVE_BYTES):
             clients.receive(channel, data)
-    except ConnectionError:
-        pass
+    except (ConnectionError, asyncio.CancelledError):
+        pass  # cancelled when all is over: Python 3.11's streams print a traceback of a task that says so
     finally:
         clients.remove(channel)
         writer.close()

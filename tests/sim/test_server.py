@@ -128,6 +128,28 @@ def test_serving_ends_when_told_to():
     assert math.isfinite(simulator.truth.path[-1][1])
 
 
+def test_its_end_is_quiet_while_a_client_is_there():
+    simulator, said = Simulator(plain_mission(), seed=1), []
+    port = free_port(socket.SOCK_STREAM)
+
+    async def session() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: said.append(context))
+        server = asyncio.create_task(serve(simulator, f"tcp://127.0.0.1:{port}", speed=20.0))
+        await asyncio.sleep(0.1)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        await heartbeats(reader, 1)
+        server.cancel()
+        await asyncio.gather(server, return_exceptions=True)
+        (task,) = asyncio.all_tasks() - {asyncio.current_task()}  # what serves this client
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        writer.close()
+        await writer.wait_closed()
+
+    asyncio.run(session())
+    assert said == []
+
+
 @pytest.mark.parametrize("url", ["serial:///dev/ttyS0:57600", "tcp://127.0.0.1", "udpin://:x", "nonsense"])
 def test_an_address_that_cannot_be_listened_on_is_said_so(url):
     with pytest.raises(LinkError, match="expected udpin://"):
