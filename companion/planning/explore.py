@@ -15,7 +15,7 @@ from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.branches import activate
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
-from companion.kernels.search.growth import FAR, LEAST_CLEAR, assess
+from companion.kernels.search.growth import FAR, assess
 from companion.kernels.workspace import workspace
 from companion.planning.guides import (
     NO_GUIDE,
@@ -24,7 +24,7 @@ from companion.planning.guides import (
     guide_home,
     guide_to,
     has_way,
-    raced,
+    raced_with_room,
     ways_before,
     ways_clear,
 )
@@ -35,8 +35,6 @@ from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import Chase, pursuit_game
 
 ShouldStop = Callable[[], bool]
-RACED_ASIDE = (3.0, 2.0)  # deviations that a race keeps from walls where one along them is too risky
-RISK_RACED = 0.05  # of -log Q
 RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
 
 
@@ -324,6 +322,19 @@ class Exploration:
         self.ways, self._scene, self._is_barred = None, None, False
         self.reset_tree()
 
+    def kept(self) -> Callable[[], None]:
+        """What goes back to the search as it is now: the next is grown in its place."""
+        limits, ways, threats, is_barred = self.limits, self.ways, self.threats, self._is_barred
+        rows = [array[: self.tree.count[0]].copy() for array in self.tree]
+
+        def go_back() -> None:
+            self.limits, self.ways, self.threats, self._is_barred = limits, ways, threats, is_barred
+            self._scene = None
+            for array, row in zip(self.tree, rows, strict=True):
+                array[: len(row)] = row
+
+        return go_back
+
     def give_in(self, should_stop: ShouldStop) -> None:
         """Start afresh at cruise with less asked of the path before the DTs, with little if time is short.
 
@@ -384,7 +395,7 @@ class Exploration:
         used: list[FloatArray] = []
         settings, home = self.problem.settings, self.guide_home(goal, root)
         if self.chase.is_raced:
-            node = self._raced(goal, radius_m, root, home)
+            node = self._raced(goal, radius_m, root, home, should_stop)
             return node >= 0, max(node, root)
         self._is_barred = self._has_no_way(home, root)
         while not self.is_spent(should_stop):
@@ -410,7 +421,9 @@ class Exploration:
                 end, in_a_row, used = root, 0, []
         return False, end
 
-    def _raced(self, goal: FloatArray, radius_m: float, root: int, home: Guide) -> int:
+    def _raced(
+        self, goal: FloatArray, radius_m: float, root: int, home: Guide, should_stop: ShouldStop
+    ) -> int:
         """The node at a goal of the earliest way there that no DT could bar; -1 where none was found.
 
         Parameters
@@ -423,21 +436,16 @@ class Exploration:
             The node from which it is to be reached.
         home : Guide
             The goal's distance field.
+        should_stop : callable
+            Whether the budget has ended.
         """
         self.sense(self.tree.state[root, :3])
-        region, tree = np.append(goal, radius_m), self.tree
-        is_weighed = not self.chase.is_avoided
-        node = raced(tree, root, region, home, self.scene(), self.work, rng=self.rng, is_weighed=is_weighed)
+        node = raced_with_room(
+            self.tree, root, np.append(goal, radius_m), home, self.scene(), self.work, rng=self.rng,
+            should_stop=should_stop, is_weighed=not self.chase.is_avoided,
+            shuns_risk=self.problem.settings.weight_collision > 0.0,
+        )  # fmt: skip
         self._is_barred = node < 0
-        for deviations in RACED_ASIDE if self.problem.settings.weight_collision > 0.0 else ():
-            if node < 0 or self._log_risk(node) < RISK_RACED:
-                break
-            spread = position_deviation(tree.cov_error[node], tree.cov_estimate[node], self.limits.dimension)
-            aside = self.limits._replace(margin=max(self.limits.margin, deviations * spread))
-            scene = self.scene()._replace(limits=aside)
-            another = raced(tree, root, region, home, scene, self.work, rng=self.rng)
-            if another >= 0 and self._log_risk(another) < self._log_risk(node):
-                node = another
         if node >= 0:
             self.sub_goals.append(goal)
             self.centres.append(self.tree.state[root, :3].copy())
@@ -448,14 +456,6 @@ class Exploration:
         if not self.chase.is_avoided or self.limits.dimension == 3:
             return False
         return not has_way(home, self.tree.state[root])
-
-    def _log_risk(self, node: int) -> float:
-        """-log Q of (8) over the branch to a node."""
-        total = 0.0
-        while node >= 0:
-            total -= math.log(max(float(self.tree.clear[node]), LEAST_CLEAR))
-            node = int(self.tree.parent[node])
-        return total
 
     def _next_sub_goal(
         self, end: int, centre: FloatArray, goal: FloatArray, home: Guide, used: list[FloatArray]

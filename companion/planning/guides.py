@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from companion.frames import FloatArray
+from companion.kernels.aircraft.lqg_mp import position_deviation
 from companion.kernels.arrays import Game, Guide, Limits, Obstacles, Scene, Tree
 from companion.kernels.geometry.distance_field import distance_to_go, fill_distances, fill_free
 from companion.kernels.search.dynamic_domain_rrt import DRAWS
-from companion.kernels.search.growth import grow
+from companion.kernels.search.growth import LEAST_CLEAR, grow
 from companion.kernels.search.path_edit import air_time
-from companion.kernels.search.state_lattice import race
+from companion.kernels.search.state_lattice import UNFINISHED, race, race_from
 from companion.kernels.threat.pursuit_game import fill_ways_free
-from companion.kernels.workspace import Workspace, empty_rows
+from companion.kernels.workspace import PathRows, Workspace, empty_rows
 from companion.planning.settings import PlannerSettings
 
 FIELD_CELLS = 97  # each way, of the grid about a sub goal
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
 RACE_SHARE = 0.75  # of a goal's radius
+RACED_ASIDE = (3.0, 2.0)  # deviations that a race keeps from walls where one along them is too risky
+RISK_RACED = 0.05  # of -log Q
 MAX_RACE = 2048  # steps of a race
-EAGER = (1.1, 3.0)  # times the way to go is counted: more finds a way sooner, dearer by no more than that
+BURST = 4_000  # poses of a race between which it is asked whether time is over
+EAGER, KEEN = 1.1, 3.0  # times the way to go is counted: more finds a way sooner, dearer by no more than that
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
@@ -200,14 +206,59 @@ def has_way(guide: Guide, state: FloatArray) -> bool:
     return math.isfinite(distance_to_go(guide, state[0], state[1]))
 
 
+def raced_with_room(
+    tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
+    rng: np.random.Generator, should_stop: Callable[[], bool], is_weighed: bool, shuns_risk: bool,
+) -> int:  # fmt: skip
+    """As :func:`raced`, and where that way leads along walls again, farther from them; the less risky one.
+
+    Parameters
+    ----------
+    tree, root, goal, home, scene, work, rng, should_stop, is_weighed
+        As there; ``goal`` (4,).
+    shuns_risk : bool
+        Whether risk counts at all.
+    """
+    race_to = partial(
+        raced, tree, root, goal, home, work=work, rng=rng, should_stop=should_stop, is_weighed=is_weighed
+    )
+    node, limits = race_to(scene=scene), scene.limits
+    for deviations in RACED_ASIDE if shuns_risk else ():
+        if node < 0 or log_risk(tree, node) < RISK_RACED:
+            break
+        spread = position_deviation(tree.cov_error[node], tree.cov_estimate[node], limits.dimension)
+        aside = limits._replace(margin=max(limits.margin, deviations * spread))
+        another = race_to(scene=scene._replace(limits=aside))
+        if another >= 0 and log_risk(tree, another) < log_risk(tree, node):
+            node = another
+    return node
+
+
+def log_risk(tree: Tree, node: int) -> float:
+    """-log Q of (8) over the branch to a node.
+
+    Parameters
+    ----------
+    tree : Tree
+        What it belongs to.
+    node : int
+        The branch's end.
+    """
+    total = 0.0
+    while node >= 0:
+        total -= math.log(max(float(tree.clear[node]), LEAST_CLEAR))
+        node = int(tree.parent[node])
+    return total
+
+
 def raced(
     tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
-    rng: np.random.Generator, is_weighed: bool = False,
+    rng: np.random.Generator, should_stop: Callable[[], bool], is_weighed: bool = False,
 ) -> int:  # fmt: skip
     """Grow the earliest way to a goal that no DT could bar; its last node, or -1 where none was found.
 
-    In the plane only. Where threats are weighed the cheapest, but for a tenth; where so many are as good that
-    there is no room for them, one that is found sooner.
+    In the plane only. Where threats are weighed the cheapest, but for a tenth; where time or room is over
+    before that is known, one that is found far sooner.
 
     Parameters
     ----------
@@ -225,18 +276,21 @@ def raced(
         The scratch, which counts.
     rng : numpy.random.Generator
         The source of what the estimator of reachable nodes draws.
+    should_stop : callable
+        Asked now and then whether time is over.
     is_weighed : bool
         Whether places that a DT could threaten are dear, else barred.
     """
     if not has_way(home, tree.state[root]):
         return -1
-    rows = empty_rows(MAX_RACE)
-    n = 0
-    for eager in EAGER if is_weighed else (1.0,):
-        way = home._replace(field=eager * home.field)
-        n = race(tree, root, goal, RACE_SHARE * goal[3], way, scene, rows, work)
-        if n > 0:
-            break
+    rows, n = empty_rows(MAX_RACE), 0
+    if is_weighed:
+        keen = home._replace(field=KEEN * home.field)
+        rows, n = _run(tree, root, goal, keen, scene, work, should_stop=lambda: False)
+        home = home._replace(field=EAGER * home.field)
+    if n > 0 or not is_weighed:
+        better, m = _run(tree, root, goal, home, scene, work, should_stop=should_stop)
+        rows, n = (better, m) if m > 0 else (rows, n)
     if n == 0 or int(tree.count[0]) + n > len(tree.parent):
         return -1
     node, draws = root, rng.random((n, DRAWS))
@@ -247,3 +301,15 @@ def raced(
         if node < 0:
             break
     return int(node)
+
+
+def _run(
+    tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
+    should_stop: Callable[[], bool],
+) -> tuple[PathRows, int]:  # fmt: skip
+    """A race to ``goal`` (4,) [m] until time is over; its steps, and how many they are, 0 without a way."""
+    rows, field = empty_rows(MAX_RACE), race_from(tree, root, scene.limits)
+    n = race(field, goal, RACE_SHARE * goal[3], home, scene, rows, BURST, work)
+    while n == UNFINISHED and not should_stop():
+        n = race(field, goal, RACE_SHARE * goal[3], home, scene, rows, BURST, work)
+    return rows, max(n, 0)

@@ -239,20 +239,18 @@ def _weighed(exploration: Exploration, should_stop: Callable[[], bool]) -> Found
     An airspeed at which no way can be as cheap as one that was found is not tried.
     """
     bounds = {airspeed: least_cost(exploration, airspeed) for airspeed in exploration.airspeeds_m_s}
-    cheapest, best, found = math.inf, math.nan, None
+    cheapest, best = math.inf, None
     for airspeed in sorted(bounds, key=bounds.__getitem__):
         if math.isfinite(cheapest) and (bounds[airspeed] >= cheapest or should_stop()):
             break
         exploration.start_afresh(airspeed)
-        another = _through_goals(exploration, never)
-        cost = weighed_between(exploration, another[1]) if another[0] else math.inf
-        if found is None or cost < cheapest:
-            cheapest, best, found = cost, airspeed, another
-    assert found is not None  # cruise is always there to be tried
-    if found[0] and best != exploration.limits.v_cruise:  # of trees the last is kept
-        exploration.start_afresh(best)
-        found = _through_goals(exploration, never)
-    return found
+        found = _through_goals(exploration, should_stop)
+        cost = weighed_between(exploration, found[1]) if found[0] else math.inf
+        if best is None or cost < cheapest:
+            cheapest, best = cost, (found, exploration.kept())
+    assert best is not None  # cruise is always there to be tried
+    best[1]()
+    return best[0]
 
 
 def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Callable[[], bool]:

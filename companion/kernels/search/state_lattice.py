@@ -35,6 +35,7 @@ CELLS = 300  # along the longer side of the bounds, of at least a step each
 DIRECTIONS, TURN_STATES = 16, 3
 STRAIGHT_STEPS = 2  # of a piece between which a turn may begin
 CAPACITY = 200_000  # poses looked at
+UNFINISHED = -1
 
 
 class Poses(NamedTuple):
@@ -56,52 +57,24 @@ class Poses(NamedTuple):
     caught: IntArray
 
 
-@kernel
-def race(
-    tree: Tree, i: int, goal: FloatArray, radius: float, home: Guide, scene: Scene, rows: PathRows,
-    work: Workspace,
-) -> int:  # fmt: skip
-    """Steps from node ``i`` to within ``radius`` of a goal, none of which a DT could threaten by then.
+class Race(NamedTuple):
+    """A race as far as it has come.
 
-    ``goal`` (3,) [m], ``home`` its distance field. ``rows`` receives the steps, the node's own first; returns
-    how many there are, 0 where no way was found.
+    ``poses`` looked at; ``keys`` and ``waiting`` (P,) the heap of those that may be gone on from; ``best``
+    (C,) the earliest that a cell was come to, ``due`` counted [s], minus infinity once it was gone on from;
+    ``sizes`` (2,) of the poses and of the heap.
     """
-    scene, work, home = borrowed(scene), borrowed(work), borrowed(home)
-    limits, b = scene.limits, scene.limits.bounds
-    work.points[:] = 0.0
-    cell = max(limits.v_cruise * limits.tau, max(b[1] - b[0], b[3] - b[2]) / CELLS)
-    across = int((b[3] - b[2]) / cell) + 1
-    seen = np.zeros((int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES, dtype=np.bool_)
-    poses = _poses_from(tree, i)
-    keys, waiting = np.empty(CAPACITY + 1), np.empty(CAPACITY + 1, dtype=np.int64)
-    count, size = 1, push(keys, waiting, 0, poses.time[0], 0)
-    while size > 0:
-        at = waiting[0]
-        size = pop_least(keys, waiting, size)
-        place = _cell_of(poses.state[at], poses.turn[at], b, cell, across)
-        if seen[place]:
-            continue
-        seen[place] = True
-        for way in range(-1, 2):
-            before = count
-            count, last = _go_on(poses, count, at, way, goal, radius, home, scene, work)
-            if last < 0:
-                continue
-            if math.hypot(poses.state[last, 0] - goal[0], poses.state[last, 1] - goal[1]) <= radius:
-                return _steps_to(last, poses, rows)
-            if count + int(limits.straight_min) >= CAPACITY:
-                return 0
-            if seen[_cell_of(poses.state[last], poses.turn[last], b, cell, across)]:
-                count = before
-                continue
-            left = distance_to_go(home, poses.state[last, 0], poses.state[last, 1]) / limits.v_cruise
-            size = push(keys, waiting, size, poses.time[last] + poses.due[last] + left, last)
-    return 0
+
+    poses: Poses
+    keys: FloatArray
+    waiting: IntArray
+    best: FloatArray
+    sizes: IntArray
 
 
 @kernel
-def _poses_from(tree: Tree, i: int) -> Poses:
-    """Room for the search, with node ``i`` as its first pose."""
+def race_from(tree: Tree, i: int, limits: Limits) -> Race:
+    """A race that begins at node ``i``."""
     poses = Poses(
         np.empty((CAPACITY, 6)),
         np.full(CAPACITY, -1),
@@ -114,57 +87,128 @@ def _poses_from(tree: Tree, i: int) -> Poses:
     )
     poses.state[0], poses.time[0], poses.caught[0] = tree.state[i], tree.time[i], tree.caught[i]
     poses.turn[0], poses.straight[0] = tree.turn[i], tree.straight[i]
-    return poses
+    b, (cell, across) = limits.bounds, _grid(limits)
+    best = np.full((int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES, np.inf)
+    keys, waiting = np.empty(CAPACITY + 1), np.empty(CAPACITY + 1, dtype=np.int64)
+    sizes = np.array([1, push(keys, waiting, 0, poses.time[0], 0)])
+    return Race(poses, keys, waiting, best, sizes)
 
 
 @kernel
-def _go_on(
-    poses: Poses, count: int, at: int, way: int, goal: FloatArray, radius: float, home: Guide, scene: Scene,
+def race(
+    field: Race, goal: FloatArray, radius: float, home: Guide, scene: Scene, rows: PathRows, most: int,
     work: Workspace,
-) -> tuple[int, int]:  # fmt: skip
+) -> int:  # fmt: skip
+    """Steps to within ``radius`` of a goal, none of which a DT could threaten by then.
+
+    ``goal`` (3,) [m], ``home`` its distance field. After ``most`` poses :data:`UNFINISHED`; else ``rows``
+    receives the steps, where the race begins first, and it returns how many there are, 0 where no way was
+    found.
+    """
+    field, scene, work, home = borrowed(field), borrowed(scene), borrowed(work), borrowed(home)
+    limits, poses, best, sizes = scene.limits, field.poses, field.best, field.sizes
+    work.points[:] = 0.0
+    cell, across = _grid(limits)
+    for _ in range(most):
+        if sizes[1] == 0:
+            return 0
+        at = field.waiting[0]
+        sizes[1] = pop_least(field.keys, field.waiting, sizes[1])
+        place = _cell_of(poses.state[at], poses.turn[at], limits.bounds, cell, across)
+        if poses.time[at] + poses.due[at] > best[place]:
+            continue
+        best[place] = -math.inf
+        if sizes[0] + int(limits.straight_min) >= CAPACITY:
+            return 0
+        for way in range(-1, 2):
+            first = sizes[0]
+            last = _fly_on(poses, first, at, way, goal, radius, home, limits)
+            if last < first:
+                continue
+            there = _cell_of(poses.state[last], poses.turn[last], limits.bounds, cell, across)
+            is_goal = math.hypot(poses.state[last, 0] - goal[0], poses.state[last, 1] - goal[1]) <= radius
+            if not is_goal and best[there] == -math.inf:
+                continue
+            if not _is_judged_fit(poses, first, last, scene, work):
+                continue
+            if is_goal:
+                return _steps_to(last, poses, rows)
+            gone = poses.time[last] + poses.due[last]
+            if gone >= best[there]:
+                continue
+            best[there] = gone
+            left = distance_to_go(home, poses.state[last, 0], poses.state[last, 1]) / limits.v_cruise
+            sizes[0] = last + 1
+            sizes[1] = push(field.keys, field.waiting, sizes[1], gone + left, last)
+    return UNFINISHED
+
+
+@kernel
+def _grid(limits: Limits) -> tuple[float, int]:
+    """Size of a cell of place [m], and how many there are from south to north."""
+    b = limits.bounds
+    cell = max(limits.v_cruise * limits.tau, max(b[1] - b[0], b[3] - b[2]) / CELLS)
+    return cell, int((b[3] - b[2]) / cell) + 1
+
+
+@kernel
+def _fly_on(
+    poses: Poses, first: int, at: int, way: int, goal: FloatArray, radius: float, home: Guide, limits: Limits
+) -> int:
     """Steps from pose ``at``: a turn's to the left (1) or right (-1), or as many straight ones as have to be.
 
-    How many poses there are then, and the last of them; -1 where the steps cannot be flown to their end. They
-    end at once within ``radius`` of ``goal`` (3,) [m].
+    They become poses from ``first`` on, of which only where and how they are flown is known. The last of
+    them; less than ``first`` where they cannot be flown to their end. They end at once within ``radius`` of
+    ``goal`` (3,) [m].
     """
-    limits, tau, first = scene.limits, scene.limits.tau, count
+    tau = limits.tau
     is_straight = poses.straight[at] >= limits.straight_min - 1e-6
     if way != 0 and poses.turn[at] != way and (poses.turn[at] != 0 or not is_straight):
-        return count, -1
-    steps, last = _steps(poses, at, way, limits), at
-    for _ in range(steps):
-        here, out = poses.state[last], poses.state[count]
+        return -1
+    before = at
+    for n in range(first, first + _steps(poses, at, way, limits)):
+        here, out = poses.state[before], poses.state[n]
         a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - here[5]) / tau))
         slow, fast = min(here[5], here[5] + a * tau), max(here[5], here[5] + a * tau)
         w = way * slow / turn_radius(fast, limits)
         advance(here, a, w, 0.0, tau, out)
         if state_status(out, limits) != OK or distance_to_go(home, out[0], out[1]) == math.inf:
-            return first, -1
+            return -1
+        poses.parent[n], poses.rate[n] = before, w
+        poses.turn[n], poses.straight[n] = straight_after(
+            poses.turn[before], poses.straight[before], w, tau * 0.5 * (out[5] + here[5])
+        )
+        before = n
+        if math.hypot(out[0] - goal[0], out[1] - goal[1]) <= radius:
+            break
+    return before
+
+
+@kernel
+def _is_judged_fit(poses: Poses, first: int, last: int, scene: Scene, work: Workspace) -> bool:
+    """Whether poses ``first`` to ``last`` keep clear of all; when they are passed, and what they cost."""
+    limits, tau, is_avoided = scene.limits, scene.limits.tau, scene.search.pursuit == AVOID
+    per_second = scene.search.cost_distance * limits.v_cruise / scene.search.unit
+    for n in range(first, last + 1):
+        before = poses.parent[n]
+        here, out = poses.state[before], poses.state[n]
         work.stats[0] += 1
-        if not is_edge_clear(here, out, w, scene.obstacles, limits):
-            return first, -1
+        if not is_edge_clear(here, out, poses.rate[n], scene.obstacles, limits):
+            return False
         taken = tau * slowness(here, out, limits)
-        time = poses.time[last] + taken
+        time = poses.time[before] + taken
         caught = 1 if is_caught(scene.game, out[0], out[1], out[2], time) else 0
+        if is_avoided and caught > poses.caught[before]:
+            return False
         level = _level(out, time, scene, work)
-        is_avoided = scene.search.pursuit == AVOID
-        if (is_avoided and caught > poses.caught[last]) or level > scene.search.level_max:
-            return first, -1
+        if level > scene.search.level_max:
+            return False
         dear = scene.search.cost_threat * level
         if not is_avoided:
             dear += scene.search.cost_caught * caught * taken
-        per_second = scene.search.cost_distance * limits.v_cruise / scene.search.unit
-        poses.due[count] = poses.due[last] + dear / per_second
-        poses.parent[count], poses.time[count], poses.rate[count] = last, time, w
-        poses.turn[count], poses.straight[count] = straight_after(
-            poses.turn[last], poses.straight[last], w, tau * 0.5 * (out[5] + here[5])
-        )
-        poses.caught[count] = caught
-        last = count
-        count += 1
-        if math.hypot(out[0] - goal[0], out[1] - goal[1]) <= radius:
-            break
-    return count, last
+        poses.due[n] = poses.due[before] + dear / per_second
+        poses.time[n], poses.caught[n] = time, caught
+    return True
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from companion.kernels.geometry.distance_field import fill_distances
-from companion.kernels.search.state_lattice import race
+from companion.kernels.search.state_lattice import UNFINISHED, race, race_from
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.types.threat import Obstacle, Radar
@@ -19,12 +19,20 @@ from tests.support.worlds import problem, track
 WALL = Obstacle("wall", np.array([(700.0, 0.0), (760.0, 0.0), (760.0, 1000.0), (700.0, 1000.0)]), 0.0, 300.0)
 
 
-def raced(asked):
+def run(exploration, goal, home, burst=10**6):
+    """Rows of a race from the root, and how many."""
+    rows, field = empty_rows(2048), race_from(exploration.tree, 0, exploration.limits)
+    while True:
+        n = race(field, goal, 45.0, home, exploration.scene(), rows, burst, exploration.work)
+        if n != UNFINISHED:
+            return rows, n
+
+
+def raced(asked, burst=10**6):
     """Rows of the race to the only goal (N, 6), their times (N,), and the exploration."""
     exploration = Exploration(asked, np.random.default_rng(1))
     goal = np.array(asked.goals[0].position_enu_m)
-    home, rows = exploration.guide_home(goal), empty_rows(2048)
-    n = race(exploration.tree, 0, goal, 45.0, home, exploration.scene(), rows, exploration.work)
+    rows, n = run(exploration, goal, exploration.guide_home(goal), burst)
     return rows.states[:n], rows.times[:n], exploration
 
 
@@ -55,6 +63,13 @@ def test_it_keeps_the_turn_radius_the_straight_rule_and_the_margin():
             last, since = 0.0, since + step
     inside = (states[:, 0] > 700.0 - 15.0) & (states[:, 0] < 775.0) & (states[:, 1] < 1015.0)
     assert not (inside & (np.hypot(states[:, 0] - 760.0, states[:, 1] - 1000.0) > 15.0)).any()
+
+
+def test_a_race_in_bursts_is_the_same_race():
+    asked = problem([WALL], tracks=[track(725.0, 725.0, speed=4.0, radius=200.0)])
+    at_once, in_bursts = raced(asked), raced(asked, burst=7)
+    assert np.array_equal(at_once[0], in_bursts[0])
+    assert at_once[2].stats[0] == in_bursts[2].stats[0]
 
 
 def test_a_dt_that_could_bar_the_way_is_gone_round_and_outrun():
@@ -119,17 +134,7 @@ def test_where_threats_are_weighed_no_way_over_a_grid_is_cheaper(east):
     while exploration.chase.is_avoided:
         exploration.give_in(lambda: False)
     goal = np.array(asked.goals[0].position_enu_m)
-    rows = empty_rows(2048)
-    n = race(
-        exploration.tree,
-        0,
-        goal,
-        45.0,
-        exploration.guide_home(goal),
-        exploration.scene(),
-        rows,
-        exploration.work,
-    )
+    rows, n = run(exploration, goal, exploration.guide_home(goal))
     caught = np.array([
         exploration.chase.is_caught(place[:3], time)
         for place, time in zip(rows.states[1:n], rows.times[1:n], strict=True)
@@ -155,6 +160,6 @@ def test_threat_levels_above_the_limit_are_not_entered():
 def test_without_a_way_home_nothing_is_found():
     exploration = Exploration(problem(), np.random.default_rng(1))
     goal = np.array([1350.0, 1350.0, 150.0])
-    home, rows = exploration.guide_home(goal), empty_rows(2048)
+    home = exploration.guide_home(goal)
     fill_distances(goal, home, np.zeros(home.field.shape))
-    assert race(exploration.tree, 0, goal, 45.0, home, exploration.scene(), rows, exploration.work) == 0
+    assert run(exploration, goal, home)[1] == 0
