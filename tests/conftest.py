@@ -5,6 +5,10 @@ import os
 import re
 from pathlib import Path
 
+# Before numpy is imported, which reads it once. Matrices here have six rows: threads that share them out
+# do nothing but wait for each other, and the planner's tables took 25 times the processor time for it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling

@@ -292,9 +292,9 @@ def measures_of(
     exploration: Exploration, route: Route, assessment: Assessment, searched_s: float, num_nodes: int
 ) -> Measures:
     """The measures of the paper's tables (its 5.3), over the radars known to the planner."""
-    waypoint, secondary = radar_memberships(
-        route.states[:, :3], NUM_SECONDARY, exploration.problem.snapshot.threats
-    )
+    # A copy: of a route of one row a part of its columns is an array of another type, and would compile anew.
+    positions = np.ascontiguousarray(route.states[:, :3])
+    waypoint, secondary = radar_memberships(positions, NUM_SECONDARY, exploration.problem.snapshot.threats)
     total = waypoint.sum() + secondary.sum()
     free = np.prod((1.0 - np.minimum(waypoint, 1.0)) ** (1.0 / len(route)))
     return Measures(

@@ -12,7 +12,7 @@ from tests.flight.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness
 
 SPEED_M_S, MEET_S, PERIOD_S = 50.0, 60.0, 0.5
-UNTIL_S = 100.0
+UNTIL_S = MEET_S + 20.0  # a kilometre past where they would have met, faster than it can be followed
 
 
 def crossed(dialect, up_m=100.0, *, is_told=True):

@@ -7,6 +7,7 @@ import pytest
 from shapely.geometry import LineString, Point
 
 from companion.config import mission_from_text
+from companion.flight.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.mission_types import MissionKind
@@ -95,7 +96,11 @@ def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_
     harness = SitlHarness(mission, dialect=dialect)
     home_at(harness, *HOME)
     fenced_by(harness, radius_m, 0.0)
-    harness.fly(220.0)
+
+    def look(harness):
+        harness.is_over = harness.app.mode is Mode.ARRIVED
+
+    harness.fly(220.0, look)
     assert harness.app.mode.value == "arrived"
     rows = np.array(harness.simulator.truth.path)[:, 1:3]
     reach = np.linalg.norm(rows - HOME, axis=1).max()

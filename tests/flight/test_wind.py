@@ -5,23 +5,47 @@ import re
 import numpy as np
 import pytest
 
+from companion.config import mission_from_text
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import Dialect
+from sim.bench.arrival import fly_in_wind
+from tests.flight.test_geofences import BOTH
 from tests.support.sitl_harness import SitlHarness
-from tests.torture.harness import NARROW
-from tests.torture.wind import MEDIAN_MAX_S, windy_flight
+from tests.torture.harness import NARROW, WORLD
+from tests.torture.wind import MEDIAN_MAX_S
+
+# Three and a half kilometres round two gates, which are planned in a tenth of what the papers' maps take.
+GATES = mission_from_text(
+    WORLD.replace("{east_m: 1750, north_m: 750, up_m: 100}", "{east_m: 3400, north_m: 0, up_m: 100}")
+    .replace("east_m: [-600, 2600]", "east_m: [-600, 4200]")
+    .replace("total_planning_time_s: 80", "total_planning_time_s: 160")
+    .replace("time_horizon_s: 8", "time_horizon_s: 15"),
+    "gates.yaml",
+)
+WIND = (10, 135, 1)  # speed, where from, seed
 
 
-@pytest.mark.parametrize("dialect", [Dialect.ARDUPILOT, pytest.param(Dialect.PX4, marks=pytest.mark.slow)])
-def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect, monkeypatch):
-    case = ("paper-2d", dialect, 10, 135, 1)
-    _, how, errors_s = windy_flight(case)
-    assert how == "goal"
-    assert len(errors_s) >= 8
+def assert_it_is_known(mission, dialect, num_places):
+    """By a service that hears of the wind, and not by one that does not."""
+    ending, errors_s = fly_in_wind(mission, dialect, *WIND)
+    assert ending == "goal"
+    assert len(errors_s) >= num_places
     assert np.median(np.abs(errors_s)) <= MEDIAN_MAX_S
-    monkeypatch.setattr(OwnshipEstimator, "_wind_now", lambda self, now_s: ((0.0, 0.0), 0.0))
-    _, _, blind_s = windy_flight(case)
+    with pytest.MonkeyPatch.context() as deaf:
+        deaf.setattr(OwnshipEstimator, "_wind_now", lambda self, now_s: ((0.0, 0.0), 0.0))
+        _, blind_s = fly_in_wind(mission, dialect, *WIND)
     assert np.median(np.abs(blind_s)) > 7.0 * MEDIAN_MAX_S
+
+
+@BOTH
+def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect):
+    assert_it_is_known(GATES, dialect, 24)
+
+
+@pytest.mark.slow
+@BOTH
+def test_it_is_known_on_narrow_maps(dialect):
+    assert_it_is_known(NARROW["paper-2d"], dialect, 8)
 
 
 def test_in_a_wind_too_strong_for_plans_what_is_flown_is_kept_and_the_pilot_told():

@@ -16,14 +16,16 @@ from tests.proofs.test_uncertainty_pays import noisy
 from tests.sim.client import CONFIGS
 
 
-def problem_of(mission, seed=1, **changes):
-    problem = offline_problem(mission, offline_world(mission), None, seed)
+def problem_of(told, seed=1, **changes):
+    problem = offline_problem(*told, None, seed)
     return replace(problem, settings=replace(problem.settings, **changes))
 
 
 @pytest.fixture(scope="module")
 def hazy():
-    return noisy(load_mission(CONFIGS / "paper-2d.yaml"))
+    """A mission and its world, whose radars' shadows take a second."""
+    mission = noisy(load_mission(CONFIGS / "paper-2d.yaml"))
+    return mission, offline_world(mission)
 
 
 def exploration_of(problem):
@@ -63,5 +65,6 @@ def test_what_risk_costs_buys_quality(hazy, seed):
 
 def test_where_nothing_is_near_it_changes_nothing():
     mission = load_mission(CONFIGS / "paper-2d.yaml")
-    one, other = (solve(problem_of(mission, cost_collision=cost)) for cost in (0.0, 10.0))
+    told = mission, offline_world(mission)
+    one, other = (solve(problem_of(told, cost_collision=cost)) for cost in (0.0, 10.0))
     assert np.array_equal(one.path.positions_enu_m, other.path.positions_enu_m)

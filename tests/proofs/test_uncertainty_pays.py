@@ -14,7 +14,7 @@ from tests.sim.client import CONFIGS
 
 NOISE = 3.0  # times that of the mission files: the paper's Q is of about this
 MARGIN_M = 1.0  # so that nothing but p_c keeps away from walls
-SEEDS, FLIGHTS = range(1, 6), 400  # 2,000 flights a side
+FLIGHTS = 400  # along a path
 
 
 def noisy(mission):
@@ -27,14 +27,15 @@ def noisy(mission):
     return mission.model_copy(update={"vehicle": vehicle.model_copy(update=noise), "planning": planning})
 
 
-def share_hit(mission, settings):
+def share_hit(mission, settings, seeds):
     """Of closed-loop flights along a planner's paths the share that touches an obstacle at a node."""
     hit = total = 0
+    world = offline_world(mission)
     walls = [
         (shapely.Polygon(block.polygon_enu_m), block.base_m, block.top_m) for block in mission.obstacle_list
     ]
-    for seed in SEEDS:
-        problem = offline_problem(mission, offline_world(mission), None, seed)
+    for seed in seeds:
+        problem = offline_problem(mission, world, None, seed)
         chosen = replace(problem, settings=settings(problem.settings))
         plan = solve(chosen)
         assert plan.reaches_goal
@@ -52,9 +53,23 @@ def blind(settings):
     return replace(settings, strategies=replace(settings.strategies, use_uncertainty=False))
 
 
-@pytest.mark.parametrize("name", ["paper-2d", pytest.param("paper-3d", marks=pytest.mark.slow)])
-def test_of_2000_flights_at_the_papers_noise_a_third_as_many_touch_a_wall(name):
+def assert_it_pays(name, seeds):
     mission = noisy(load_mission(CONFIGS / f"{name}.yaml"))
-    ours, blindly = share_hit(mission, lambda settings: settings), share_hit(mission, blind)
+    ours, blindly = share_hit(mission, lambda settings: settings, seeds), share_hit(mission, blind, seeds)
     assert blindly > 0.05
     assert ours <= blindly / 3.0, f"{ours:.3f} against {blindly:.3f}"
+
+
+def test_of_800_flights_at_the_papers_noise_a_third_as_many_touch_a_wall():
+    """Enough to tell: blind paths touch in 24 %, which 800 flights know to 1.5 % (one sigma).
+
+    Of a planner that only halved it 12 % would touch, and below a third, 8 %, lie 3.1 standard deviations of
+    the difference: it would pass once in 1,000 times.
+    """
+    assert_it_pays("paper-2d", (1, 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper-2d", "paper-3d"])
+def test_of_2000_flights_at_the_papers_noise_a_third_as_many_touch_a_wall(name):
+    assert_it_pays(name, range(1, 6))

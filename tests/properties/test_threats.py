@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,6 +29,14 @@ WALLS = (
 OPEN, WALLED = packed((), BOUNDS), packed(WALLS, BOUNDS)
 NORMALS = np.random.default_rng(5).standard_normal((60, 3))
 NO_POINTS, NO_REACH = np.zeros((1, 4)), np.zeros(0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def coarse():
+    """Shadows on a node every 15 m, half the thickness of the wall: each example draws radars anew."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("companion.world.threats.SHADOW_NODES", 81)
+        yield
 
 
 def threats_of(radars, obstacles):

@@ -17,17 +17,42 @@ from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import FIRST_FLIGHT
 
 
-@pytest.mark.parametrize(
-    "name", ["first-flight", "paper-2d", pytest.param("paper-3d", marks=pytest.mark.slow)]
-)
-def test_a_flight_compiles_nothing(name):
+def compiled_late(mission, *seconds):
+    """Kernels that a flight compiles after the warm-up, and how many plans it makes."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.support.signatures", CONFIGS / f"{name}.yaml"],
+        [sys.executable, "-m", "tests.support.signatures", mission, *map(str, seconds)],
         capture_output=True, text=True, check=True, timeout=600.0,
     )  # fmt: skip
     kernels, plans, late = re.fullmatch(r"(\d+) kernels, (\d+) plans, late: (.*)\n", done.stdout).groups()
     assert int(kernels) > 20
-    assert int(plans) >= 4
+    return late, int(plans)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["first-flight", *(pytest.param(name, marks=pytest.mark.slow) for name in ("paper-2d", "paper-3d"))],
+)
+def test_a_flight_compiles_nothing(name):
+    late, plans = compiled_late(CONFIGS / f"{name}.yaml")
+    assert plans >= 4
+    assert late == "[]"
+
+
+PARKED = "east_m: 950, north_m: 750, speed_m_s: 0, max_threat_radius_m: 250"
+PURSUERS = {
+    "from aside": "east_m: 1500, north_m: 200, speed_m_s: 10, max_threat_radius_m: 100",
+    "in the way": "east_m: 950, north_m: 750, speed_m_s: 12, max_threat_radius_m: 250",
+}
+
+
+@pytest.mark.parametrize("where", ["from aside", pytest.param("in the way", marks=pytest.mark.slow)])
+def test_a_flight_that_is_pursued_compiles_nothing(where, tmp_path):
+    """From aside it is raced past; in the way it leaves none, so that plans end where they begin."""
+    assert PARKED in FIRST_FLIGHT
+    mission = tmp_path / "pursued.yaml"
+    mission.write_text(FIRST_FLIGHT.replace(PARKED, PURSUERS[where]), encoding="utf-8")
+    late, plans = compiled_late(mission, 100)
+    assert plans >= 3
     assert late == "[]"
 
 

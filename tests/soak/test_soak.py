@@ -41,19 +41,6 @@ def test_a_flight_of_the_soak_ends(tmp_path):
     assert lasted_s > 30.0
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        pytest.param(242, id="out of a holding circle", marks=pytest.mark.slow),
-        pytest.param(470, id="an entry asked for again, 2 s late, turned the aircraft back"),
-    ],
-)
-def test_a_flight_that_once_entered_a_mission_into_a_wall_keeps_clear(number, tmp_path):
-    """Flights of a soak from seed 1, both paper-2d under faults."""
-    how, _ = flight(number, 1, tmp_path)
-    assert how != "collision"
-
-
 # Flights of earlier versions that met an obstacle: paper-2d, the last two on PX4.
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [243, 471, 999, 484, 670])

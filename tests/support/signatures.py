@@ -1,9 +1,8 @@
-"""Kernels that a flight compiles after all: ``python -m tests.support.signatures MISSION``.
+"""Kernels that a flight compiles after all: ``python -m tests.support.signatures MISSION [SECONDS]``.
 
 In a process of its own, since compiled signatures stay with a process.
 """
 
-import asyncio
 import importlib
 import pkgutil
 import sys
@@ -13,11 +12,11 @@ from numba.core.dispatcher import Dispatcher
 
 import companion.kernels
 from companion.config import load_mission
+from companion.flight.modes import Mode
 from companion.flight.progress import start_by_motion
 from companion.service.warm_up import warm_up
 from companion.tasks.plan_maker import Planner, least_threat_request
-from companion.types.events import Dialect
-from sim.sitl import Flight
+from tests.support.sitl_harness import SitlHarness
 
 
 def compiled():
@@ -44,12 +43,17 @@ def place(start):
 
 
 def main():
-    """Warm up, fly, compare."""
+    """Warm up, fly to the goal or for some seconds, compare."""
     mission = load_mission(sys.argv[1])
     warm_up(mission)
     before = compiled()
-    flight = Flight(mission, 1, None, Dialect.ARDUPILOT)
-    asyncio.run(flight.fly())
+    harness = SitlHarness(mission)
+    flight = harness.flight
+
+    def look(harness):
+        harness.is_over = harness.app.mode is Mode.ARRIVED
+
+    harness.fly(min([flight.limit_s, *map(float, sys.argv[2:])]), look)
     emergency(flight)
     after = compiled()
     late = sorted(name for name in after if after[name] - before[name])

@@ -51,8 +51,15 @@ def test_random_schedules(dialect, seed):
     assert not verdict.collision
 
 
-@BOTH
-@pytest.mark.parametrize("world", ["paper-2d", "paper-3d"])
+@pytest.mark.parametrize(
+    ("world", "dialect"),
+    [
+        ("paper-2d", Dialect.ARDUPILOT),
+        ("paper-3d", Dialect.PX4),
+        pytest.param("paper-2d", Dialect.PX4, marks=pytest.mark.slow),
+        pytest.param("paper-3d", Dialect.ARDUPILOT, marks=pytest.mark.slow),
+    ],
+)
 def test_random_schedules_on_narrow_maps(dialect, world):
     verdict, _ = random_flight(dialect, 5, world)
     assert verdict.violations == []
