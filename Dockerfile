@@ -46,7 +46,7 @@ RUN useradd --system --create-home --home-dir /var/lib/companion --groups dialou
 COPY --from=build /opt/companion /opt/companion
 COPY mission_configs /usr/share/companion/mission_configs
 ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU_NAME=generic \
-    COMPANION_METRICS=9105 PYTHONUNBUFFERED=1
+    COMPANION_METRICS=9105 PYTHONUNBUFFERED=1 OPENBLAS_NUM_THREADS=1
 # Kernels are compiled here, so that the service plans at once. They are for any processor of the
 # architecture: compiled for the one that builds the image, they would not be used on another. What is
 # imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
