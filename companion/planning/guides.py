@@ -214,15 +214,15 @@ def raced_with_room(
 
     Parameters
     ----------
-    tree, root, goal, home, scene, work, rng, should_stop, is_weighed
-        As there; ``goal`` (4,).
+    goal : ndarray, shape (4,)
+        Centre and radius of the goal region [m].
+    tree, root, home, scene, work, rng, should_stop, is_weighed
+        As there.
     shuns_risk : bool
         Whether risk counts at all.
     """
-    race_to = partial(
-        raced, tree, root, goal, home, work=work, rng=rng, should_stop=should_stop, is_weighed=is_weighed
-    )
-    node, limits = race_to(scene=scene), scene.limits
+    race_to = partial(raced, tree, root, goal, home, work=work, rng=rng, should_stop=should_stop)
+    node, limits = race_to(scene=scene, is_weighed=is_weighed), scene.limits
     for deviations in RACED_ASIDE if shuns_risk else ():
         if node < 0 or log_risk(tree, node) < RISK_RACED:
             break
