@@ -484,6 +484,7 @@ class Exploration:
         chosen = choose_sub_goal(
             end=self.tree.state[end].copy(),
             goal=goal,
+            stamp_s=float(self.tree.time[end]),
             elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
             scene=self.scene(),
             settings=self.problem.settings,

@@ -89,6 +89,7 @@ class PlannerSettings:
     sub_goal_tolerance_steps: float = 8.0
     sub_goal_level_max: float = 0.5
     weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
+    weight_sub_goal_caught: float = 1.0  # in (5), of a second that a DT could threaten after it (ours)
     weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
     weights_obstacles_3d: tuple[float, float, float] = (0.7, 0.15, 0.15)
     k_clear: float = 1.0  # k_c of (7)
