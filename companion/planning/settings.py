@@ -75,9 +75,10 @@ class PlannerSettings:
     """Parameters of the paper's sections 3 and 4, lengths in metres unless they weigh planning units.
 
     ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
-    total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*,
-    ``smooth_iterations`` the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown
-    while it is being optimised (a mission swap begins where the aircraft will be by then: 0).
+    total planning time where no clock stops the planner; ``optimise_iterations`` is the least
+    of RRT*, which goes on while it gains, up to ``optimise_iterations_max``; ``smooth_iterations`` bounds
+    the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown while it is being
+    optimised (a mission swap begins where the aircraft will be by then: 0).
     """
 
     strategies: Strategies = Strategies()
@@ -120,6 +121,7 @@ class PlannerSettings:
     max_iterations: int = 60_000
     least_iterations: int = 1_000  # of a search that races left no time for
     optimise_iterations: int = 80
+    optimise_iterations_max: int = 800
     smooth_iterations: int = 200
     flown_meanwhile_s: float = 0.0
     burst: int = 100

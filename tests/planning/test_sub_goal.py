@@ -21,7 +21,6 @@ def chosen(
     exploration = Exploration(
         problem(obstacles, radars, start=start, goal=goal, **changes), np.random.default_rng(1)
     )
-    exploration.sense(np.array(start))
     asked = exploration.problem
     return choose_sub_goal(
         end=exploration.tree.state[0].copy(), goal=np.array(goal), stamp_s=0.0, elapsed_s=0.0,
