@@ -36,17 +36,19 @@ def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | No
         raise ConfigError(mission.name, None, "method", name, "one of " + ", ".join(sorted(METHODS)))
     vehicle, settings = vehicle_of(mission), planner_settings_of(mission, name)
     world = snapshot if settings.strategies.minds_dts else snapshot.with_tracks(0.0, ())
+    east, north = float(mission.start.east_m), float(mission.start.north_m)
     std = float(mission.vehicle.initial_position_std_m)
     start = StartState(
         stamp_s=0.0,
-        position_enu_m=(float(mission.start.east_m), float(mission.start.north_m), float(mission.start.up_m)),
+        position_enu_m=(east, north, float(mission.start.up_m)),
         direction_rad=direction_from_course(math.radians(mission.start.course_deg)),
         climb_rad=0.0,
         airspeed_m_s=vehicle.airspeed_cruise_m_s,
         error_covariance=initial_covariances(vehicle, std, std),
         estimate_covariance=np.zeros((6, 6)),
     )
-    return Problem(start, goals_of(mission), world, vehicle, settings, seed)
+    sensed = world.with_known(world.sensed(east, north, settings.sensing_horizon_m))
+    return Problem(start, goals_of(mission), sensed, vehicle, settings, seed)
 
 
 def offline_world(mission: MissionConfig) -> Snapshot:

@@ -63,7 +63,7 @@ def bounds_of(mission: MissionConfig) -> tuple[float, float, float, float, float
 
 
 def world_of(mission: MissionConfig, *, none_known: bool = True) -> Snapshot:
-    """First snapshot of the mission's world; ``none_known``: static threats are still to be sensed."""
+    """First snapshot of the mission's world; ``none_known``: those not listed are still to be sensed."""
     return first_snapshot(
         dimension=mission.dimension,
         unit_m=float(mission.unit_m),

@@ -150,8 +150,8 @@ class PlanningConfig(Section):
     """How plans are made, and when the flown one is replaced."""
 
     sensing_horizon_m: Length
-    """Radars are known from this near on, and sub goals lie on this circle: a larger one turns away
-    earlier, and takes longer to plan."""
+    """Radars that are not known beforehand are sensed from this near on, and sub goals lie on this circle:
+    a larger one turns away earlier, and takes longer to plan."""
     time_horizon_s: Seconds
     """Longest time between two plans; a mission in the autopilot reaches three of these ahead. A shorter
     one plans and replaces missions more often."""
@@ -204,6 +204,8 @@ class RadarConfig(Section):
     """R_max: beyond it there is no threat."""
     boundary_coefficient_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     """K_R of the lower boundary h_B = K_R·L²: below it the radar does not see."""
+    known_beforehand: bool = True
+    """If false, nothing is known of it before the aircraft itself is `sensing_horizon_m` from its area."""
 
 
 class DynamicThreatConfig(Section):
@@ -441,6 +443,7 @@ class MissionConfig(Section):
                 position_enu_m=(float(entry.east_m), float(entry.north_m), float(entry.up_m)),
                 max_threat_radius_m=float(entry.max_threat_radius_m),
                 boundary_coefficient_per_m=float(entry.boundary_coefficient_per_m),
+                is_listed=entry.known_beforehand,
             )
             for entry in self.radars
         )

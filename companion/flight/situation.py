@@ -79,7 +79,7 @@ class Situation:
         self._read(rules)
         self.ownship.go_by(_ages_of(rules.mission))
         kept = np.array([radar in sensed for radar in rules.mission.radars], dtype=np.int64)
-        self._snapshot = self._snapshot.with_known(kept)
+        self._snapshot = self._snapshot.with_known(np.maximum(self._snapshot.threats.known, kept))
 
     def follow_fences(self, rules: Rules) -> None:
         """Go by other fences from now on."""

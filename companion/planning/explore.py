@@ -87,6 +87,7 @@ class Exploration:
         self.airspeeds_m_s = (problem.vehicle.airspeed_cruise_m_s, *faster)
         self._left = list(faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
+        self.threats = snapshot.threats  # no more: what will be sensed from a sub goal is known to nobody yet
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
             snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
@@ -108,8 +109,7 @@ class Exploration:
         self.reset_tree()
 
     def reset_tree(self) -> None:
-        """Start the tree afresh at the root, with the threats known there."""
-        self.threats = self.problem.snapshot.threats
+        """Start the tree afresh at the root."""
         start, tree, snapshot = self.problem.start, self.tree, self.problem.snapshot
         self.num_nodes += int(tree.count[0])
         tree.count[0] = 1
@@ -169,18 +169,6 @@ class Exploration:
         """Whether the budget has ended, or DTs that are to be avoided bar the way."""
         return self._is_barred or self.iterations >= self._budget_end or should_stop()
 
-    def sense(self, centre: FloatArray) -> None:
-        """Static threats about a sub task's centre become known, and stay so.
-
-        Parameters
-        ----------
-        centre : ndarray, shape (3,)
-            Centre of the sensing horizon [m].
-        """
-        snapshot = self.problem.snapshot
-        near = snapshot.sensed(centre[0], centre[1], self.problem.settings.sensing_horizon_m)
-        self.threats = self.threats._replace(known=np.maximum(self.threats.known, near))
-
     def run_sub_task(
         self, sub_goal: FloatArray, tolerance_m: float, centre: FloatArray, should_stop: ShouldStop
     ) -> int:
@@ -231,7 +219,7 @@ class Exploration:
         tolerance_m : float
             Distance at which it is reached.
         """
-        if self._scene is None or self._scene.threats is not self.threats:
+        if self._scene is None:
             snapshot = self.problem.snapshot
             self._scene = Scene(
                 pursuers=self.pursuers,
@@ -324,12 +312,11 @@ class Exploration:
 
     def kept(self) -> Callable[[], None]:
         """What goes back to the search as it is now: the next is grown in its place."""
-        limits, ways, threats, is_barred = self.limits, self.ways, self.threats, self._is_barred
+        limits, ways, is_barred = self.limits, self.ways, self._is_barred
         rows = [array[: self.tree.count[0]].copy() for array in self.tree]
 
         def go_back() -> None:
-            self.limits, self.ways, self.threats, self._is_barred = limits, ways, threats, is_barred
-            self._scene = None
+            self.limits, self.ways, self._scene, self._is_barred = limits, ways, None, is_barred
             for array, row in zip(self.tree, rows, strict=True):
                 array[: len(row)] = row
 
@@ -439,7 +426,6 @@ class Exploration:
         should_stop : callable
             Whether the budget has ended.
         """
-        self.sense(self.tree.state[root, :3])
         node = raced_with_room(
             self.tree, root, np.append(goal, radius_m), home, self.scene(), self.work, rng=self.rng,
             should_stop=should_stop, is_weighed=not self.chase.is_avoided,
@@ -480,10 +466,10 @@ class Exploration:
         ndarray, shape (3,)
             The sub goal, or the goal itself [m].
         """
-        self.sense(centre)
         chosen = choose_sub_goal(
             end=self.tree.state[end].copy(),
             goal=goal,
+            stamp_s=float(self.tree.time[end]),
             elapsed_s=float(self.tree.time[end] - self.tree.time[0]),
             scene=self.scene(),
             settings=self.problem.settings,

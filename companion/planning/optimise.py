@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -21,12 +22,16 @@ from companion.planning.route import (
     Route,
     assess_route,
     branch_to,
+    cost_between,
+    pursuit_risk,
     route_from_tree,
     visits_goals,
-    weighed_between,
 )
 
 SPARE_ROWS = 64
+LEAST_GAIN = 0.002  # of the path's cost, below which a burst of RRT* has gained nothing
+PATIENCE = 200  # iterations without gain after which it ends
+RISK_SPARE = 1e-3  # of -log Q, which no optimising takes more of
 NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
 
 
@@ -43,6 +48,8 @@ def rrt_star_route(
     exploration: Exploration, route: Route, end: int, should_stop: Callable[[], bool]
 ) -> Optimised:
     """RRT* on what remains of the tree: below the first waypoint that is not reached meanwhile.
+
+    It goes on while it gains, until it is told to stop or the iterations are used up.
 
     Parameters
     ----------
@@ -61,13 +68,19 @@ def rrt_star_route(
     root = free_node(exploration, goal, settings.flown_meanwhile_s)
     branches = branches_below(exploration, root)
     rewired = pruned = 0
-    left = settings.optimise_iterations
-    while left > 0 and root != goal and not should_stop():
-        burst = min(settings.burst, left)
-        left -= burst
+    least, most, done, idle = settings.optimise_iterations, settings.optimise_iterations_max, 0, 0
+    while least > 0 and root != goal and not should_stop():
+        end_of_stretch = least if done < least else most
+        if done >= end_of_stretch or (done >= least and idle >= PATIENCE):
+            break
+        burst = min(settings.burst, end_of_stretch - done)
+        done += burst
+        cost = tree.cost[goal]
         draws = exploration.rng.random((burst, STAR_DRAWS))
         more, less = rrt_star(tree, branches, scene, root, goal, draws, exploration.star_work)
         rewired, pruned = rewired + more, pruned + less
+        has_gained = tree.cost[goal] < (1.0 - LEAST_GAIN) * cost
+        idle = 0 if has_gained else idle + burst
     return Optimised(route_from_tree(exploration, goal), rewired, pruned)
 
 
@@ -124,7 +137,8 @@ def smoothed_route(
     """Smooth a path by Dubins curves: short cuts between its waypoints, until the iterations are used up.
 
     Rewiring on the path alone, judged by the cost with the DTs where they can be when a row is passed.
-    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps.
+    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps. None is
+    kept that a DT could threaten for longer, and all of them together cost next to nothing of Q.
 
     Returns
     -------
@@ -137,6 +151,8 @@ def smoothed_route(
     """
     problem, settings = exploration.problem, exploration.problem.settings
     kept, weight = 0, settings.weight_collision
+    spare = RISK_SPARE if weight > 0.0 else math.inf
+    caught_weight = settings.weight_caught(exploration.chase.pursuit)
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
@@ -151,14 +167,18 @@ def smoothed_route(
         if not visits_goals(shorter.states, problem.goals):
             continue
         # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
-        old = weighed_between(exploration, route, i + 1, j + 1)
-        new = weighed_between(exploration, shorter, i + 1, at + 1)
-        if new >= old - 1e-9:
+        before_s = pursuit_risk(exploration, route, i + 1, j + 1).total_s
+        after_s = pursuit_risk(exploration, shorter, i + 1, at + 1).total_s
+        gain = cost_between(exploration, route, i + 1, j + 1) - cost_between(
+            exploration, shorter, i + 1, at + 1
+        )
+        gain += caught_weight * (before_s - after_s)
+        if after_s > before_s or gain <= 1e-9:
             continue
         laid = assess_route(exploration, shorter.until(at), known, i + 1)
-        old += weight * known.log_risk(i + 1, j)
-        new += weight * laid.log_risk(i + 1, at)
-        if new < old - 1e-9:
+        more = laid.log_risk(i + 1, at) - known.log_risk(i + 1, j)
+        if more <= spare and gain - weight * more > 1e-9:
+            spare = min(spare, spare - more)
             route = Route.of(shorter.rows, len(shorter))
             known = assess_route(exploration, route, laid, at + 1)
             kept += 1
@@ -181,3 +201,22 @@ def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[
     if not is_clear(rows, i + 1, at + 1, obstacles, limits):
         return None
     return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at
+
+
+def is_no_worse(exploration: Exploration, route: Route, known: Assessment, risk: tuple[float, float]) -> bool:
+    """Whether a route costs neither Q, where that counts, nor seconds under threat.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found it.
+    route : Route
+        A path.
+    known : Assessment
+        What is known along it.
+    risk : tuple of float
+        -log Q, and the seconds that a DT could threaten, of the path that it is compared with.
+    """
+    is_counted = exploration.problem.settings.weight_collision > 0.0
+    keeps_quality = not is_counted or known.log_risk() <= risk[0] + RISK_SPARE
+    return keeps_quality and pursuit_risk(exploration, route).total_s <= risk[1]

@@ -75,9 +75,10 @@ class PlannerSettings:
     """Parameters of the paper's sections 3 and 4, lengths in metres unless they weigh planning units.
 
     ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
-    total planning time where no clock stops the planner; ``optimise_iterations`` bounds RRT*,
-    ``smooth_iterations`` the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown
-    while it is being optimised (a mission swap begins where the aircraft will be by then: 0).
+    total planning time where no clock stops the planner; ``optimise_iterations`` is the least
+    of RRT*, which goes on while it gains, up to ``optimise_iterations_max``; ``smooth_iterations`` bounds
+    the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown while it is being
+    optimised (a mission swap begins where the aircraft will be by then: 0).
     """
 
     strategies: Strategies = Strategies()
@@ -89,6 +90,7 @@ class PlannerSettings:
     sub_goal_tolerance_steps: float = 8.0
     sub_goal_level_max: float = 0.5
     weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
+    weight_sub_goal_caught: float = 1.0  # in (5), of a second that a DT could threaten after it (ours)
     weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
     weights_obstacles_3d: tuple[float, float, float] = (0.7, 0.15, 0.15)
     k_clear: float = 1.0  # k_c of (7)
@@ -119,6 +121,7 @@ class PlannerSettings:
     max_iterations: int = 60_000
     least_iterations: int = 1_000  # of a search that races left no time for
     optimise_iterations: int = 80
+    optimise_iterations_max: int = 800
     smooth_iterations: int = 200
     flown_meanwhile_s: float = 0.0
     burst: int = 100

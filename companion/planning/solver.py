@@ -15,7 +15,7 @@ from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
-from companion.planning.optimise import rrt_star_route, smoothed_route
+from companion.planning.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem, StartState
 from companion.planning.route import (
     FLOWN_SLACK_S,
@@ -192,7 +192,9 @@ def _optimised(
     notes.append(f"RRT*: {best.num_rewired} edges rewired, {best.num_pruned} nodes pruned")
     candidates = [found] if best.route is found else [found, best.route]
     judged = [(candidate, assess_route(exploration, candidate)) for candidate in candidates]
-    chosen = min(judged, key=lambda pair: worth(exploration, *pair))
+    risk = judged[0][1].log_risk(), pursuit_risk(exploration, found).total_s
+    fit = [pair for pair in judged if is_no_worse(exploration, *pair, risk)]
+    chosen = min(fit, key=lambda pair: worth(exploration, *pair))
     smooth, known, kept = smoothed_route(exploration, *chosen, should_stop)
     notes.append(f"{kept} short cuts")
     return min((smooth, known), chosen, key=lambda pair: worth(exploration, *pair)) if kept else chosen

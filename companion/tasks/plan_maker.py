@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from companion.clock import Clock
@@ -137,6 +137,8 @@ class Planner:
         settings = rules.replan_settings if request.improves else rules.settings
         if request.purpose != PLAN:
             settings = rules.least_threat_settings
+        if request.is_urgent:  # who is surprised does not wait for a shorter way
+            settings = replace(settings, optimise_iterations_max=settings.optimise_iterations)
         problem = Problem(
             start=request.start.state,
             goals=request.goals,

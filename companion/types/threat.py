@@ -44,12 +44,15 @@ class Radar:
         R_max, slant [m].
     boundary_coefficient_per_m : float
         K_R of the detection boundary h_B = K_R·L² [1/m]; 0 in the plane.
+    is_listed : bool
+        Whether it is known before it is sensed.
     """
 
     name: str
     position_enu_m: tuple[float, float, float]
     max_threat_radius_m: float
     boundary_coefficient_per_m: float = 0.0
+    is_listed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,11 +104,11 @@ def first_snapshot(
     radars: Sequence[Radar],
     none_known: bool = True,
 ) -> Snapshot:
-    """Build the fields once; ``none_known`` starts with every static threat still to be sensed."""
+    """Build the fields once; by ``none_known`` static threats that are not listed are yet to be sensed."""
     packed = packed_obstacles(obstacles, bounds)
     threats = packed_threats(radars, packed, bounds)
     if none_known:
-        threats = threats._replace(known=np.zeros(len(radars), dtype=np.int64))
+        threats = threats._replace(known=np.array([radar.is_listed for radar in radars], dtype=np.int64))
     return Snapshot(
         number=0,
         stamp_s=0.0,

@@ -18,6 +18,7 @@ from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
 from companion.flight.shaping import at_row, carried, guidance_of, waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
+from companion.planning.plan_runner import StopRule
 from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk
@@ -364,6 +365,17 @@ def test_equal_flights_plan_alike_and_the_next_plan_is_another():
     assert one.seed == other.seed == 100_004
     assert first.plan(request, lambda: False).seed == 100_005
     assert judge(begun(WALL), one, begin).verdict is Verdict.FIRST_PLAN
+
+
+def test_an_urgent_plan_is_not_kept_waiting_for_a_shorter_one():
+    made, asked = begun(WALL), {}
+    begin = start_after(made, state(stamp=0.0), 4.0)
+    world = world_of(mission_from_text(OPEN + WALL, "open.yaml"))
+    for is_urgent in (False, True):
+        rule = StopRule(lambda _asked: False)
+        Planner(1).plan(plan_request(made, begin, world, is_urgent=is_urgent), rule)
+        asked[is_urgent] = rule.asked
+    assert asked[True] < asked[False]
 
 
 def crowded(*places):

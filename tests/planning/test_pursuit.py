@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.campaign.runs import offline_problem, offline_world
-from companion.config import mission_from_text
+from companion.config import load_mission, mission_from_text
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
 from companion.types.plan import PlanStatus, PursuitRisk
@@ -95,6 +95,17 @@ def test_in_space_seconds_under_threat_are_weighed():
     plan, plain = solve(asked), solve(asked, flown=solve(without_game(asked)).path)
     assert plan.reaches_goal
     assert plan.pursuit.total_s <= plain.flown_pursuit.total_s
+
+
+@pytest.mark.slow
+def test_a_way_above_a_pursuer_is_climbed_to_in_time():
+    """On the map a way above 500 m is out of its reach; from below it by then there is none."""
+    mission = load_mission("mission_configs/paper-3d.yaml")
+    asked = [offline_problem(mission, offline_world(mission), None, seed) for seed in range(1, 9)]
+    seconds = [solve(one).pursuit.total_s for one in asked]
+    weightless = [replace(one, settings=replace(one.settings, weight_sub_goal_caught=0.0)) for one in asked]
+    assert np.median(seconds) == 0.0
+    assert sum(seconds) < 0.25 * sum(solve(one).pursuit.total_s for one in weightless)
 
 
 @given(st.integers(0, 1000))

@@ -116,9 +116,11 @@ def problem(
     )
     if tracks:
         snapshot = snapshot.with_tracks(0.0, tracks)
+    asked = small_settings(**changes)
+    snapshot = snapshot.with_known(snapshot.sensed(*start[:2], asked.sensing_horizon_m))
     covariance = initial_covariances(VEHICLE, 2.0, 2.0)
     begin = StartState(0.0, start, direction, 0.0, 25.0, covariance, np.zeros((6, 6)))
-    return Problem(begin, (GoalRegion(goal, 60.0),), snapshot, VEHICLE, small_settings(**changes), seed)
+    return Problem(begin, (GoalRegion(goal, 60.0),), snapshot, VEHICLE, asked, seed)
 
 
 def is_blocked(p, q, obstacles):
