@@ -47,7 +47,7 @@ def test_a_flight_of_the_soak_ends(tmp_path):
 def test_flights_that_once_ended_in_a_wall_do_not(seed, tmp_path):
     """243: into a mission whose first waypoint lay on the other side of the bank. 471: a late repetition
     turned back to a waypoint behind. 999: at the end of three quarters of a circle a leg led past the corner
-    of a wall at nine metres, and was flown twelve metres wide. 484 and 670: from a circle to the last waypoint
+    of a wall at nine metres, and was flown twelve metres wide. 484, 670: from a circle to the last waypoint
     of a curve, before a wall and across its leg.
     """
     how, _ = flight(seed - 1, 1, tmp_path)
