@@ -32,6 +32,7 @@ SPARE_ROWS = 64
 LEAST_GAIN = 0.002  # of the path's cost, below which a burst of RRT* has gained nothing
 PATIENCE = 200  # iterations without gain after which it ends
 RISK_SPARE = 1e-3  # of -log Q, which no optimising takes more of
+SPEED_SPARE_M_S = 0.1  # by which a short cut may be faster than the row that it leads to
 NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
 
 
@@ -191,7 +192,9 @@ def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[
     With it the row that ``j`` has become.
     """
     limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
-    n = len(route)
+    n, states = len(route), route.states
+    if states[i, 5] > states[j, 5] + SPEED_SPARE_M_S:  # it would be as fast to its end
+        return None
     rows = empty_rows(n + SPARE_ROWS)
     status, m, at = splice(route.rows, n, i, NOWHERE, False, j, limits, rows)
     if status != JOINED or rows.times[at] >= route.times[j]:
