@@ -70,6 +70,8 @@ def rrt_star_route(
     branches = branches_below(exploration, root)
     rewired = pruned = 0
     least, most, done, idle = settings.optimise_iterations, settings.optimise_iterations_max, 0, 0
+    if tree.state[0, 5] > exploration.limits.v_cruise:  # an edge holds the speed that it begins with
+        most = least
     while least > 0 and root != goal and not should_stop():
         end_of_stretch = least if done < least else most
         if done >= end_of_stretch or (done >= least and idle >= PATIENCE):
