@@ -50,7 +50,7 @@ def rrt_star_route(
 ) -> Optimised:
     """RRT* on what remains of the tree: below the first waypoint that is not reached meanwhile.
 
-    It goes on while it gains, until it is told to stop or the iterations are used up.
+    In space it goes on while it gains, until it is told to stop or the iterations are used up.
 
     Parameters
     ----------
@@ -70,7 +70,9 @@ def rrt_star_route(
     branches = branches_below(exploration, root)
     rewired = pruned = 0
     least, most, done, idle = settings.optimise_iterations, settings.optimise_iterations_max, 0, 0
-    if tree.state[0, 5] > exploration.limits.v_cruise:  # an edge holds the speed that it begins with
+    # In the plane next to nothing is gained, but paths come to lie along the limits; an edge holds the speed
+    # that it begins with.
+    if exploration.limits.dimension == 2 or tree.state[0, 5] > exploration.limits.v_cruise:
         most = least
     while least > 0 and root != goal and not should_stop():
         end_of_stretch = least if done < least else most
