@@ -77,8 +77,8 @@ class PlannerSettings:
     ``sub_task_iterations`` stands for the time horizon of a sub task, ``max_iterations`` for the
     total planning time where no clock stops the planner; ``optimise_iterations`` is the least
     of RRT*, which in space goes on while it gains, up to ``optimise_iterations_max``;
-    ``smooth_iterations`` bounds the short cuts after it. ``flown_meanwhile_s``: how much of the path is flown while it is being
-    optimised (a mission swap begins where the aircraft will be by then: 0).
+    ``smooth_iterations`` bounds the short cuts after it. ``flown_meanwhile_s``: how much of the path is
+    flown while it is being optimised (a mission swap begins where the aircraft will be by then: 0).
     """
 
     strategies: Strategies = Strategies()
