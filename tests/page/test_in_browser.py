@@ -20,6 +20,7 @@ from companion.world.pursuit import pursuit_game
 from tests.docs.test_commands import free_port
 from tests.page import browser
 from tests.page.flown import Told, ownship, track
+from tests.page.wire_flight import WATCH, WireFlight, measured
 
 pytestmark = [pytest.mark.page, pytest.mark.xdist_group("page")]
 ROOT = Path(__file__).parents[2]
@@ -129,6 +130,27 @@ def test_a_live_flight(window, tmp_path):
         flight.terminate()
         flight.wait()
         flight.stdout.close()
+
+
+def test_from_the_wire_to_the_pixel(window, tmp_path):
+    """Of a service that flies in real time: vehicles that are detected, and the pilot's switch."""
+    with WireFlight(tmp_path) as flight:
+        page = window()
+        page.host = f"http://127.0.0.1:{flight.page_port}/"
+        page.open(page.host)
+        page.until("window.companionPage?.page.store.mission", seconds=120.0)
+        page.run(WATCH)
+        tracks, modes, colours = measured(flight, page)
+        for name, found in (("vehicle", tracks), ("pilot's switch", modes)):
+            sys.stdout.write(
+                f"from the wire to the pixel, {name}: median {np.median(found):.0f} ms, "
+                f"at most {max(found):.0f} ms, of {len(found)}\n"
+            )
+        assert (len(tracks), len(modes)) == (60, 10)
+        assert colours == {"85,97,109"}, "what was seen is a vehicle that hunts nobody, where it is"
+        assert np.median(tracks) < TO_PIXEL_MS
+        assert np.median(modes) < TO_PIXEL_MS
+        assert page.is_content()
 
 
 def in_view(page, selector):

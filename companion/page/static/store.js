@@ -58,6 +58,9 @@ export class Store {
       case "/tracks":
         this.tracks = message.tracks;
         break;
+      case "/track": // of one that was detected just now; the next "/tracks" tells all
+        this.tracks = [...this.tracks.filter((track) => track.identity !== message.track.identity), message.track];
+        break;
       case "/snapshot":
         this.known = message.known_threats;
         if (message.obstacles) {
