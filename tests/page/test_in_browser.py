@@ -16,15 +16,17 @@ from companion.page.access import Access
 from companion.page.feed import Feed
 from companion.page.page_server import PageServer
 from companion.page.playback import Playback
+from companion.ui.report import write_report
 from companion.world.pursuit import pursuit_game
 from tests.docs.test_commands import free_port
 from tests.page import browser
 from tests.page.flown import Told, ownship, track
 from tests.page.wire_flight import WATCH, WireFlight, measured
+from tests.ui.flights import mission, record, snapshot_of
 
 pytestmark = [pytest.mark.page, pytest.mark.xdist_group("page")]
 ROOT = Path(__file__).parents[2]
-PHONE = (390, 844)
+PHONE, PAPER = (390, 844), (718, 1047)
 FIRST_PICTURE_MS, TO_PIXEL_MS, FRAME_MS = 1_000.0, 150.0, 1_000.0 / 60.0
 GROWTH_MAX_MB = 20.0
 OWN = ("chrome:", "data:", "blob:", "about:")
@@ -436,6 +438,22 @@ def test_on_a_telephone(window, live):
     )
     assert [name for name, width, height in sizes if min(width, height) < 34] == []
     assert page.is_content()
+
+
+def test_the_report_fits_on_paper(window, tmp_path):
+    """A4 upright with margins, as a browser prints it: nothing is wider, and nothing has to be scrolled."""
+    config = mission()
+    file, _ = write_report(tmp_path, config, snapshot_of(config), record())
+    page = window(PAPER)
+    page.cdp("Emulation.setEmulatedMedia", media="print")
+    page.open(file.as_uri())
+    assert page.run("return document.documentElement.scrollWidth") <= PAPER[0]
+    hidden = page.run(
+        "return [...document.querySelectorAll('.scroll, figure > div')].filter((one) =>"
+        "one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1).length"
+    )
+    assert hidden == 0
+    assert page.complaints() == []
 
 
 @pytest.mark.parametrize("is_dark", [False, True])

@@ -129,7 +129,7 @@ class WireFlight:
 
 
 # Notes, in the page, when each moving threat, and each answer to what the pilot can do, was to be seen: at
-# the beginning of the picture after the one in which it was drawn, so not before that was handed to the screen.
+# the beginning of the picture after the one in which it was drawn, so not before that is handed over.
 WATCH = """
 const {page} = window.companionPage;
 const seen = (window.seenOnPage = {tracks: {}, words: []});
