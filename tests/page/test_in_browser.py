@@ -221,6 +221,22 @@ def test_a_threat_is_told_by_its_level_and_its_time(window, live):
     assert page.text("#verdict-why") == "Under threat now: level 1.10, the limit is 1.00."
 
 
+def test_a_threat_on_the_way_ahead_is_told_with_when_it_begins(window, live):
+    _, server = live
+    page = window()
+    page.look(server)
+    page.run(
+        "const {page} = window.companionPage; const {plan} = page.store;"
+        "const here = page.store.ahead(Infinity)[0].row;"
+        "plan.threat_levels = plan.path.map((_, row) => row >= here + 10 && row < here + 14 ? 0.4 : 0);"
+        "page.drawnAt.panels = -Infinity; page.changed({panels: true})"
+    )
+    page.until("document.querySelector('#verdict-word').innerText === 'Take care'")
+    assert page.text("#verdict-why") == (
+        "The way ahead comes under threat in 10 s: up to level 0.40, the limit is 1.00."
+    )
+
+
 def test_who_comes_later_sees_the_same(window, live):
     """A plan that was handed over, seen at once and by one that opens the page behind it."""
     told, server = live
