@@ -12,6 +12,7 @@ from companion.loopback_server import Answer, Request, head_of
 from companion.page.feed import Feed
 from companion.page.playback import Playback
 from companion.page.world_document import WorldDocument
+from companion.ui.vocabulary import as_script
 
 STATIC = "static"
 KINDS = {
@@ -108,4 +109,4 @@ def static_files() -> dict[str, bytes]:
         inside = entry.iterdir() if entry.is_dir() else (entry,)
         prefix = f"{entry.name}/" if entry.is_dir() else ""
         found |= {f"{prefix}{file.name}": file.read_bytes() for file in inside if file.is_file()}
-    return found
+    return found | {"kinds.js": as_script()}

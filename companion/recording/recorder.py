@@ -28,12 +28,14 @@ from companion.world.snapshot import Snapshot
 TRACK_ROWS_MAX = 30_000  # of all vehicles: a few megabytes, and 100 minutes of one at 5 Hz
 STATE_ROWS_MAX = 72_000  # four hours at 5 Hz; of longer flights every second row is kept in memory
 DECISIONS_MAX = 20_000
+TRACK = "/track"  # one vehicle, between two rows of all: told to an onlooker, and not written down
 TLOG, MCAP, MISSION_FILE = "flight.tlog", "flight.mcap", "mission.yaml"
 LIBRARIES = ("numpy", "numba", "scipy", "pymavlink", "mavsdk", "mcap")
 _LOCATION_S = 1.0
 _COVARIANCE_DIAGONAL = 2  # foxglove.LocationFix: only the diagonal is known
 
 Listener = Callable[[str, float, Mapping[str, object], bytes], None]
+Onlooker = Callable[[str, bytes], None]
 
 _log = logging.getLogger(__name__)
 
@@ -98,6 +100,7 @@ class Recorder:
         self._tlog: TlogWriter | None = None
         self._log: FlightLog | None = None
         self._listener: Listener | None = None
+        self._onlooker: Onlooker | None = None
         self._num_track_rows = 0
         self._located_s = -math.inf
         self._obstacles: tuple[Obstacle, ...] | None = None
@@ -113,12 +116,23 @@ class Recorder:
             if self.about is not None:
                 self._log = FlightLog(self.folder / MCAP, self.epoch_s)
 
-    def listen(self, listener: Listener) -> None:
+    def listen(self, listener: Listener, onlooker: Onlooker | None = None) -> None:
         """Tell somebody each message as it is written down: topic, stamp [s], what it says, that as JSON.
 
-        It is told in the middle of a flight: the listener neither waits nor raises.
+        An onlooker is told topic and JSON of what is heard between these, too, and is not written down.
+        They are told in the middle of a flight: they neither wait nor raise.
         """
-        self._listener = listener
+        self._listener, self._onlooker = listener, onlooker
+
+    @property
+    def has_onlooker(self) -> bool:
+        """Whether somebody wants to know what is heard between two rows of the recording."""
+        return self._onlooker is not None
+
+    def glimpse(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
+        """Tell the onlooker alone."""
+        if self._onlooker is not None:
+            self._onlooker(topic, encoded(now_s, message))
 
     def begin(self, now_s: float, remembered: Mapping[str, object] | None = None) -> None:
         """Write what the recording is about."""

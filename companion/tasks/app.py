@@ -29,6 +29,7 @@ from companion.flight.flight_state import (
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
+from companion.tasks.glimpses import Glimpses
 from companion.tasks.standing import Standing
 from companion.token_bucket import TokenBucket
 from companion.types.events import (
@@ -92,7 +93,7 @@ class App:
         self._changed: MissionConfig | None = None
         self._link_watch = LinkWatch(self.link, self.announcer)
         self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
-        self._standing = Standing(parts)
+        self._standing, self._glimpses = Standing(parts), Glimpses(parts)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
@@ -203,6 +204,7 @@ class App:
                 speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
                 self._flight.apply(after_movement_told, event.height_above_home_m, speed_m_s)
             self.situation.observe(event, now)
+            self._glimpses.note(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
         """Forget a flight that the autopilot was switched off after: its mission begins anew."""
@@ -249,6 +251,7 @@ class App:
             )
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             self.announcer.decide(DecisionKind.PARAMETERS, f"replanning is switched off by {ENABLE}")
+        self._note_standing()
 
     # --- what is changed
 
@@ -364,13 +367,17 @@ class App:
             **self.link.status(),
         }
         self.recorder.link(now, told)
-        standing = self._standing.message(
-            self.autopilot_mode, is_heard=self.hears_autopilot, is_warm=self._is_warm
-        )
-        self.recorder.standing(now, standing)
+        self._note_standing()
         if self.recorder.failure and not self._said_failure and self.link.has_heard:
             self._said_failure = True
             self.announcer.decide(DecisionKind.RECORDING, f"stopped, flight goes on: {self.recorder.failure}")
+
+    def _note_standing(self) -> None:
+        """Record how the service stands."""
+        standing = self._standing.message(
+            self.autopilot_mode, is_heard=self.hears_autopilot, is_warm=self._is_warm
+        )
+        self.recorder.standing(self._clock.now_s(), standing)
 
     async def _states(self) -> None:
         """Record the flight, and notice the goal."""

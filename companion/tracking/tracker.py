@@ -155,6 +155,11 @@ class Tracker:
         self._end_old(now_s)
         return tuple(self._tracks[identity].state(now_s) for identity in sorted(self._tracks))
 
+    def track(self, identity: str, now_s: float) -> TrackState | None:
+        """Return one vehicle as estimated at an instant; None of one that is not tracked. It ends none."""
+        found = self._tracks.get(identity)
+        return None if found is None else found.state(now_s)
+
     def heard_s(self, now_s: float) -> dict[str, float]:
         """When each vehicle was seen last [s], by identity in their order; without estimating anything."""
         self._end_old(now_s)

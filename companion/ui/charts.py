@@ -18,8 +18,11 @@ from companion.types.encounter import Encounter
 from companion.types.record import FlightRecord
 from companion.ui import style
 from companion.ui.threats_met import closest_text, nearest_first, seconds_text, words_of
+from companion.ui.vocabulary import decision_words
 from companion.world.snapshot import Snapshot
 
+# Shares of a chart's width at which its axes begin and end; further in where words stand beside them.
+LEFT, WORDS_LEFT, RIGHT = 0.085, 0.185, 0.885
 WIDTH_IN, HEIGHT_IN = 9.6, 3.1
 HIGH_THREAT = 0.5  # from which the paper counts a waypoint as highly threatened
 BESIDE_M = 30.0
@@ -117,8 +120,8 @@ def _draw_encounter(axes: Axes, entry: Encounter, colour: str, start_s: float) -
 
 def decision_chart(record: FlightRecord, start_s: float) -> Figure:
     """Return when which kind of decision was made."""
-    figure, axes = _new_chart()
-    told = [printable(entry.kind) for entry in record.decisions]
+    figure, axes = _new_chart(WORDS_LEFT)
+    told = [printable(decision_words(entry.kind).head) for entry in record.decisions]
     kinds = [kind for kind, _ in Counter(told).most_common(KINDS_MAX)]  # equally many: the first one first
     rows = {kind: row for row, kind in enumerate(sorted(kinds, key=told.index))}
     if len(set(told)) > len(rows):
@@ -193,9 +196,9 @@ def obstacle_tops(snapshot: Snapshot, flown: FloatArray) -> tuple[FloatArray, Fl
     return rows[:, 0], tops
 
 
-def _new_chart() -> tuple[Figure, Axes]:
+def _new_chart(left: float = LEFT) -> tuple[Figure, Axes]:
     figure = style.new_figure(WIDTH_IN, HEIGHT_IN)
-    axes = figure.add_axes((0.085, 0.17, 0.80, 0.62))
+    axes = figure.add_axes((left, 0.17, RIGHT - left, 0.62))
     axes.grid(visible=True, axis="y")
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes

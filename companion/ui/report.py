@@ -20,6 +20,7 @@ from companion.ui.charts import (
 )
 from companion.ui.plots import flight_map, flight_start
 from companion.ui.threats_met import encounter_table
+from companion.ui.vocabulary import decision_words
 from companion.ui.who_flew import who_flew_table
 from companion.world.snapshot import Snapshot
 
@@ -34,7 +35,8 @@ UNITS = (
 )
 
 STYLE_SHEET = """
-:root { color-scheme: light; --ink: #1d2733; --muted: #5b6773; --line: #dfe4e9; --soft: #f5f7f9; }
+:root { color-scheme: light; --ink: #1d2733; --muted: #55616d; --line: #d9dfe5; --soft: #f3f5f8;
+        --watch: #8a5a00; --danger: #b3122a; }
 * { box-sizing: border-box; }
 body { margin: 0; color: var(--ink); background: #fff; line-height: 1.5;
        font-family: system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
@@ -50,7 +52,9 @@ table { border-collapse: collapse; width: 100%; font-size: .93rem; font-variant-
 th, td { text-align: left; vertical-align: top; padding: .38rem .7rem; border-bottom: 1px solid var(--line); }
 thead th { position: sticky; top: 0; background: var(--soft); white-space: nowrap; }
 td.number, th.number { text-align: right; white-space: nowrap; }
-td.kind { white-space: nowrap; font-weight: 600; }
+td.kind { min-width: 7rem; font-weight: 600; }
+td.kind[data-state="watch"] { color: var(--watch); }
+td.kind[data-state="danger"] { color: var(--danger); }
 td.text { overflow-wrap: anywhere; min-width: 14rem; }
 td.why { color: var(--muted); font-size: .85rem; }
 tbody tr:hover { background: var(--soft); }
@@ -60,7 +64,18 @@ tbody tr:hover { background: var(--soft); }
 .summary th { font-weight: 400; color: var(--muted); }
 .summary td { text-align: right; font-weight: 600; }
 p.lead + .scroll { margin-top: .6rem; }
-@media print { .scroll { max-height: none; overflow: visible; } thead th { position: static; } }
+@media print {
+  main { max-width: none; padding: 0; }
+  .scroll { max-height: none; overflow: visible; border: 0; }
+  figure > div { overflow: visible; }
+  figure img, figure svg { min-width: 0; }
+  table, td.why { font-size: .74rem; }
+  th, td { padding: .2rem .35rem; }
+  thead th, th.number { position: static; white-space: normal; }
+  td.kind, td.text { min-width: 0; }
+  tr, figure { break-inside: avoid; }
+  h2 { break-after: avoid; }
+}
 """
 
 
@@ -270,15 +285,7 @@ def _decisions(record: FlightRecord, start_s: float) -> str:
     decisions = record.decisions
     if not decisions:
         return "<p>No decision was recorded.</p>"
-    rows = "\n".join(
-        f'<tr><td class="number">{style.clock_text(entry.stamp_s - start_s)}</td>'
-        f'<td class="number">{style.day_time_text(record.epoch_s, entry.stamp_s)}</td>'
-        f'<td class="kind">{in_page(entry.kind)}</td><td class="text">{in_page(entry.text)}</td>'
-        f'<td class="text why">{_why(entry)}</td>'
-        f'<td class="number">{_milliseconds(entry.plan_ms)}</td>'
-        f'<td class="number">{_milliseconds(entry.track_to_mission_ms)}</td></tr>'
-        for entry in decisions
-    )
+    rows = "\n".join(_decision_row(record, entry, start_s) for entry in decisions)
     return f"""<div class="scroll" tabindex="0" role="region" aria-label="Decisions">
 <table>
 <thead><tr>
@@ -291,6 +298,18 @@ def _decisions(record: FlightRecord, start_s: float) -> str:
 </tbody>
 </table>
 </div>"""
+
+
+def _decision_row(record: FlightRecord, entry: Decision, start_s: float) -> str:
+    head, state = decision_words(entry.kind)
+    return (
+        f'<tr><td class="number">{style.clock_text(entry.stamp_s - start_s)}</td>'
+        f'<td class="number">{style.day_time_text(record.epoch_s, entry.stamp_s)}</td>'
+        f'<td class="kind" data-state="{state}">{in_page(head)}</td>'
+        f'<td class="text">{in_page(entry.text)}</td><td class="text why">{_why(entry)}</td>'
+        f'<td class="number">{_milliseconds(entry.plan_ms)}</td>'
+        f'<td class="number">{_milliseconds(entry.track_to_mission_ms)}</td></tr>'
+    )
 
 
 def _why(decision: Decision) -> str:

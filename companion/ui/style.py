@@ -24,9 +24,9 @@ from companion.plain_text import in_page, printable
 from companion.safe_files import SHARED, replace_file
 
 INK: Final = "#1d2733"
-MUTED: Final = "#66727f"
+MUTED: Final = "#55616d"
 GRID: Final = "#e3e7eb"
-OBSTACLE: Final = "#3f4a56"
+OBSTACLE: Final = "#5b6773"
 OBSTACLE_CLEAR: Final = "#aab3bc"
 RADAR: Final = "#9a2c08"
 FLOWN: Final = "#0a4fa3"

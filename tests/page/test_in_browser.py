@@ -16,14 +16,17 @@ from companion.page.access import Access
 from companion.page.feed import Feed
 from companion.page.page_server import PageServer
 from companion.page.playback import Playback
+from companion.ui.report import write_report
 from companion.world.pursuit import pursuit_game
 from tests.docs.test_commands import free_port
 from tests.page import browser
 from tests.page.flown import Told, ownship, track
+from tests.page.wire_flight import WATCH, WireFlight, measured
+from tests.ui.flights import mission, record, snapshot_of
 
 pytestmark = [pytest.mark.page, pytest.mark.xdist_group("page")]
 ROOT = Path(__file__).parents[2]
-PHONE = (390, 844)
+PHONE, PAPER = (390, 844), (718, 1047)
 FIRST_PICTURE_MS, TO_PIXEL_MS, FRAME_MS = 1_000.0, 150.0, 1_000.0 / 60.0
 GROWTH_MAX_MB = 20.0
 OWN = ("chrome:", "data:", "blob:", "about:")
@@ -131,6 +134,27 @@ def test_a_live_flight(window, tmp_path):
         flight.stdout.close()
 
 
+def test_from_the_wire_to_the_pixel(window, tmp_path):
+    """Of a service that flies in real time: vehicles that are detected, and the pilot's switch."""
+    with WireFlight(tmp_path) as flight:
+        page = window()
+        page.host = f"http://127.0.0.1:{flight.page_port}/"
+        page.open(page.host)
+        page.until("window.companionPage?.page.store.mission", seconds=120.0)
+        page.run(WATCH)
+        tracks, modes, colours = measured(flight, page)
+        for name, found in (("vehicle", tracks), ("pilot's switch", modes)):
+            sys.stdout.write(
+                f"from the wire to the pixel, {name}: median {np.median(found):.0f} ms, "
+                f"at most {max(found):.0f} ms, of {len(found)}\n"
+            )
+        assert (len(tracks), len(modes)) == (60, 10)
+        assert colours == {"85,97,109"}, "what was seen is a vehicle that hunts nobody, where it is"
+        assert np.median(tracks) < TO_PIXEL_MS
+        assert np.median(modes) < TO_PIXEL_MS
+        assert page.is_content()
+
+
 def in_view(page, selector):
     return page.run(
         "const box = document.querySelector(arguments[0]).getBoundingClientRect();"
@@ -195,6 +219,22 @@ def test_a_threat_is_told_by_its_level_and_its_time(window, live):
     told.state(23.0, level=1.1)  # this mission's limit is 1
     page.until("document.querySelector('#verdict-word').innerText === 'In danger'")
     assert page.text("#verdict-why") == "Under threat now: level 1.10, the limit is 1.00."
+
+
+def test_a_threat_on_the_way_ahead_is_told_with_when_it_begins(window, live):
+    _, server = live
+    page = window()
+    page.look(server)
+    page.run(
+        "const {page} = window.companionPage; const {plan} = page.store;"
+        "const here = page.store.ahead(Infinity)[0].row;"
+        "plan.threat_levels = plan.path.map((_, row) => row >= here + 10 && row < here + 14 ? 0.4 : 0);"
+        "page.drawnAt.panels = -Infinity; page.changed({panels: true})"
+    )
+    page.until("document.querySelector('#verdict-word').innerText === 'Take care'")
+    assert page.text("#verdict-why") == (
+        "The way ahead comes under threat in 10 s: up to level 0.40, the limit is 1.00."
+    )
 
 
 def test_who_comes_later_sees_the_same(window, live):
@@ -414,6 +454,22 @@ def test_on_a_telephone(window, live):
     )
     assert [name for name, width, height in sizes if min(width, height) < 34] == []
     assert page.is_content()
+
+
+def test_the_report_fits_on_paper(window, tmp_path):
+    """A4 upright with margins, as a browser prints it: nothing is wider, and nothing has to be scrolled."""
+    config = mission()
+    file, _ = write_report(tmp_path, config, snapshot_of(config), record())
+    page = window(PAPER)
+    page.cdp("Emulation.setEmulatedMedia", media="print")
+    page.open(file.as_uri())
+    assert page.run("return document.documentElement.scrollWidth") <= PAPER[0]
+    hidden = page.run(
+        "return [...document.querySelectorAll('.scroll, figure > div')].filter((one) =>"
+        "one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1).length"
+    )
+    assert hidden == 0
+    assert page.complaints() == []
 
 
 @pytest.mark.parametrize("is_dark", [False, True])

@@ -41,6 +41,7 @@ class SitlHarness:
         self.is_cut = False
         self.is_over = False
         self.is_killed = False
+        self.is_warm = True
         self.apps = []
         self.checkpoint = None
         self.signer = None
@@ -89,7 +90,7 @@ class SitlHarness:
             mission, link, clock, self.recorder, seed=self.flight.seed, runner=InlineRunner(),
             checkpoint=self.checkpoint,
         )  # fmt: skip
-        self.flight.app = App(parts)
+        self.flight.app = App(parts, is_warm=self.is_warm)
         self.apps.append(self.flight.app)
         return asyncio.create_task(self.app.run())
 

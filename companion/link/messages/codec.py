@@ -110,7 +110,7 @@ class Codec:
         self._writer = mavlink.MAVLink(None, srcComponent=COMPONENT_ID)
         self._telemetry = Telemetry(self.identity)
         self._tracks = Tracks(self._telemetry, track_sources)
-        self._chunk_id = 0
+        self._chunk_id, self._state = 0, int(SystemState.BOOT)
         self._signer = signer
         self._limits = limits
         if signer is not None:
@@ -237,20 +237,29 @@ class Codec:
 
     def heartbeat(self, state: int = SystemState.ACTIVE) -> bytes:
         """HEARTBEAT of an onboard controller."""
+        self._state = state
+        return self.heartbeat_again()
+
+    def heartbeat_again(self) -> bytes:
+        """HEARTBEAT with the state that was told last; until one was, that it is starting."""
         return self._packed(
             mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, self._state, 3
             )
         )
 
     def status_text(self, severity: int, text: str) -> bytes:
-        """STATUSTEXT, in as many chunks as the text needs; characters beyond ASCII become '?'."""
+        """STATUSTEXT, in as many chunks as the text needs; characters beyond ASCII become '?'.
+
+        A station takes the first chunk that is not full for the last: where all are, an empty one follows.
+        """
         encoded = text.encode("ascii", "replace")
         chunks = [
             encoded[start : start + STATUSTEXT_CHARACTERS]
             for start in range(0, max(len(encoded), 1), STATUSTEXT_CHARACTERS)
         ]
         if len(chunks) > 1:
+            chunks += [b""] if len(chunks[-1]) == STATUSTEXT_CHARACTERS else []
             self._chunk_id = self._chunk_id % 0xFFFF + 1
         number = self._chunk_id if len(chunks) > 1 else 0
         return b"".join(

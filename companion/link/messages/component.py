@@ -167,7 +167,7 @@ def _command_answer(request: Request, sender: tuple[int, int], codec: Codec, rea
         if wanted == MessageId.AUTOPILOT_VERSION:
             return accepted + codec.autopilot_version(_packed_version())
         if wanted == MessageId.HEARTBEAT:
-            return accepted + codec.heartbeat()
+            return accepted + codec.heartbeat_again()
         if wanted == MessageId.COMPONENT_METADATA and reading.files is not None:
             path, document = next(iter(reading.files.files.items()))
             return accepted + codec.component_metadata(

@@ -99,6 +99,10 @@ class Page {
       this.drawnAt = { panels: -Infinity, strips: -Infinity, reach: -Infinity }; // all of it at once
     }
     if (!Number.isFinite(this.store.begin) && this.store.rows.length) this.store.begin = this.store.rows[0][0];
+    const { standing, version } = this.store;
+    const key = `${standing?.mode}/${standing?.emergency}/${standing?.is_in_trouble}/${version.decisions}`;
+    if (key !== this.standingKey) this.drawnAt.panels = -Infinity; // who flies, and what was decided, is told at once
+    this.standingKey = key;
     this.changed({ panels: true, strips: true });
   }
 

@@ -60,10 +60,10 @@ function verdictAhead(store, limit) {
     const when = left > 0 ? `in ${span(left)}` : "now";
     return ["watch", "Take care", `A pursuer that knew the whole way could threaten it ${when}; the planner looks for a better one.`];
   }
-  const ahead = store.levelAhead;
-  if (ahead !== null && ahead > 0.01) {
-    const isOver = limit !== undefined && ahead > limit;
-    return [isOver ? "danger" : "watch", isOver ? "In danger" : "Take care", `The way ahead comes under threat: up to level ${ahead.toFixed(2)}, the limit is ${limit?.toFixed(2)}.`];
+  const ahead = store.threatAhead(0.01);
+  if (ahead?.level > 0.01) {
+    const isOver = limit !== undefined && ahead.level > limit;
+    return [isOver ? "danger" : "watch", isOver ? "In danger" : "Take care", `The way ahead comes under threat in ${span(ahead.in_s)}: up to level ${ahead.level.toFixed(2)}, the limit is ${limit?.toFixed(2)}.`];
   }
   if (!store.mission) return ["unknown", "Not planned yet", "The first plan is being made."];
   return ["safe", "Safe", "Nothing that is known can threaten the way ahead, whatever it does."];

@@ -58,6 +58,9 @@ export class Store {
       case "/tracks":
         this.tracks = message.tracks;
         break;
+      case "/track": // of one that was detected just now; the next "/tracks" tells all
+        this.tracks = [...this.tracks.filter((track) => track.identity !== message.track.identity), message.track];
+        break;
       case "/snapshot":
         this.known = message.known_threats;
         if (message.obstacles) {
@@ -185,11 +188,12 @@ export class Store {
     return found;
   }
 
-  // The highest threat level of what is left of the flown plan.
-  get levelAhead() {
-    const rows = this.ahead(Infinity);
-    if (!rows.length) return null;
-    return Math.max(...rows.map((entry) => this.plan.threat_levels[entry.row] ?? 0));
+  // The highest threat level of what is left of the flown plan, and in how many seconds it is first more than `least`.
+  threatAhead(least) {
+    const levels = this.ahead(Infinity).map((entry) => [this.plan.threat_levels[entry.row] ?? 0, entry.in_s]);
+    if (!levels.length) return null;
+    const begin = levels.find(([level]) => level > least);
+    return { level: Math.max(...levels.map(([level]) => level)), in_s: begin ? begin[1] : null };
   }
 
   get goals() {

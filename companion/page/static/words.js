@@ -1,5 +1,7 @@
 // Figures and decisions as a person says them.
 
+import { KINDS } from "./kinds.js"; // from the service, which has them for the report, too
+
 export function clock(seconds) {
   if (!Number.isFinite(seconds)) return "--:--";
   const whole = Math.floor(Math.abs(seconds));
@@ -31,35 +33,6 @@ export function side(from, to, course) {
   if (Math.abs(turned) >= 150) return "behind";
   return turned > 0 ? "to the right" : "to the left";
 }
-
-// How each kind of decision begins, and how loud it is.
-const KINDS = {
-  swap: ["New way flown", ""],
-  keep: ["Kept the way being flown", ""],
-  "no plan": ["Found no plan", "watch"],
-  rejected: ["Plan refused by the check", "watch"],
-  emergency: ["Emergency", "danger"],
-  mode: ["Mode", ""],
-  suspended: ["The pilot flies", "watch"],
-  arrived: ["Arrived", ""],
-  landed: ["Landed", ""],
-  landing: ["Landing", "watch"],
-  mission: ["Mission", ""],
-  takeover: ["Takes over", ""],
-  fault: ["Fault", "watch"],
-  ready: ["Ready", ""],
-  handback: ["Handing back", ""],
-  restart: ["Restarted", ""],
-  link: ["Link", "watch"],
-  stale: ["Data too old", "watch"],
-  fresh: ["Data is fresh again", ""],
-  fence: ["Fences", ""],
-  rally: ["Rally points", ""],
-  reload: ["Mission file read again", ""],
-  parameters: ["Parameters", "watch"],
-  recording: ["Recording", ""],
-  stopped: ["Service stopped", "watch"],
-};
 
 export function decisionWords(decision) {
   const [head, state] = KINDS[decision.kind] ?? [decision.kind, ""];

@@ -1,0 +1,63 @@
+"""Words that the page and the report share: how each kind of decision begins, and how loud it is."""
+
+from __future__ import annotations
+
+import json
+from typing import Final, NamedTuple
+
+WATCH: Final = "watch"
+DANGER: Final = "danger"
+
+
+class Words(NamedTuple):
+    """How a decision is told.
+
+    Parameters
+    ----------
+    head : str
+        First words.
+    state : str
+        ``danger``, ``watch``, or '' for what is as it should be.
+    """
+
+    head: str
+    state: str = ""
+
+
+KINDS: Final = {
+    "swap": Words("New way flown"),
+    "keep": Words("Kept the way being flown"),
+    "no plan": Words("Found no plan", WATCH),
+    "rejected": Words("Plan refused by the check", WATCH),
+    "emergency": Words("Emergency", DANGER),
+    "mode": Words("Mode"),
+    "suspended": Words("The pilot flies", WATCH),
+    "arrived": Words("Arrived"),
+    "landed": Words("Landed"),
+    "landing": Words("Landing", WATCH),
+    "mission": Words("Mission"),
+    "takeover": Words("Takes over"),
+    "fault": Words("Fault", WATCH),
+    "ready": Words("Ready"),
+    "handback": Words("Handing back"),
+    "restart": Words("Restarted"),
+    "link": Words("Link", WATCH),
+    "stale": Words("Data too old", WATCH),
+    "fresh": Words("Data is fresh again"),
+    "fence": Words("Fences"),
+    "rally": Words("Rally points"),
+    "reload": Words("Mission file read again"),
+    "parameters": Words("Parameters", WATCH),
+    "recording": Words("Recording"),
+    "stopped": Words("Service stopped", WATCH),
+}
+
+
+def decision_words(kind: str) -> Words:
+    """How a kind is told; one of another version by its own name."""
+    return KINDS.get(kind, Words(kind))
+
+
+def as_script() -> bytes:
+    """The same for the page: a module of JavaScript with ``KINDS``, each a head and a state."""
+    return f"export const KINDS = {json.dumps(KINDS)};\n".encode("ascii")
