@@ -77,7 +77,6 @@ def test_no_sample_where_no_node_has_a_way():
 
 def laid(obstacles=(), radars=(), goal=(1350.0, 1350.0, 150.0), **changes):
     exploration = Exploration(problem(obstacles, radars, goal=goal, **changes), np.random.default_rng(1))
-    exploration.sense(np.array(exploration.problem.start.position_enu_m))
     straight, stats = exploration.work.straight, exploration.stats
     sub_goal = np.array(goal)
     steps = greedy_connect(
