@@ -28,6 +28,12 @@ def other_settings(**changes):
     return lambda asked: replace(asked, settings=replace(asked.settings, **changes))
 
 
+def steep(**changes):
+    """Optimised briefly: a path that is optimised for longer climbs no steeper than it has to."""
+    aircraft, settings = another_aircraft(**changes), other_settings(optimise_iterations_max=80)
+    return lambda asked: settings(aircraft(asked))
+
+
 def no_obstacles(asked):
     snapshot = asked.snapshot
     return replace(asked, snapshot=replace(snapshot, obstacle_list=(), obstacles=packed([], snapshot.bounds)))
@@ -53,8 +59,8 @@ def goal_at(east, north, up=150.0):
 MUTATIONS = {
     "turn radius": (2, another_aircraft(turn_radius_min_m=60.0), "turn_radius"),
     "straight flight": (2, another_aircraft(straight_length_min_m=0.0), "straight"),
-    "climb angle": (3, another_aircraft(climb_angle_max_rad=math.radians(25.0)), "climb"),
-    "descent angle": (3, another_aircraft(descent_angle_max_rad=math.radians(25.0)), "climb"),
+    "climb angle": (3, steep(climb_angle_max_rad=math.radians(25.0)), "climb"),
+    "descent angle": (3, steep(descent_angle_max_rad=math.radians(25.0)), "climb"),
     "least airspeed": (
         2, another_aircraft(airspeed_min_m_s=8.0, airspeed_cruise_m_s=10.0, acceleration_max_m_s2=5.0),
         "speed",
