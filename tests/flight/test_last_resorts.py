@@ -126,7 +126,8 @@ def test_a_rally_point_is_flown_to_and_circled_at(dialect):
     harness = in_the_lane(dialect, (2400.0, 0.0, 100.0)).fly(130.0)
     assert harness.texts("rally") == ["1 rally point"]
     assert steps(harness)[0] == "fly to a rally point"
-    assert nearest(harness) > 30.0
+    # What is promised; how much farther a lane is kept from is the search's matter (28 m, 32 m).
+    assert nearest(harness) > float(harness.flight.mission.planning.clearance_min_m)
     last = np.array(harness.simulator.truth.path)[-350:, 1:3]  # a whole circle
     assert np.linalg.norm(last - (2400.0, 0.0), axis=1).max() < 2.0 * 125.0 + 60.0 + 30.0
     assert harness.simulator.autopilot.mode == MISSION_MODE[dialect]
