@@ -24,6 +24,7 @@ from companion.types.threat import Obstacle
 from companion.vehicle.guidance import default_guidance, track_of_legs
 from tests.real.held_missions import HeldMission, messages_of
 from tests.real.rig.autopilots import KINDS, is_mission_mode
+from tests.real.rig.deck import is_standing
 from tests.real.rig.service_process import entries_of
 from tests.real.scenarios import BY_NUMBER
 
@@ -323,7 +324,7 @@ class FlightJudge:
             self.event("armed"),
             self.flight["events"][-1]["stamp_s"] if self.flight["events"] else None,
         )
-        landed = self.event("disarmed") is not None
+        landed = self.event("disarmed") is not None or is_standing(self.flight["path"])
         texts = [text for _, component, text in self.flight["texts"] if component != 1]
         air_s = max((end_s or 0.0) - (armed_s or 0.0), 1.0)
         aloft = [

@@ -104,6 +104,13 @@ def test_a_mission_held_into_a_wall_is_seen(recording):
     assert "wall_a_east" in row["first_violations"][0][1]
 
 
+def test_one_that_stands_still_has_landed_armed_or_not(recording):
+    row = recording.judged([CLEAR, GOAL, *25 * [(4810.0, 1700.0, 0.1)]], ends="standing")
+    assert row["landed"] and row["verdict"] == "ok"
+    on_and_on = [(4810.0 + second, 1700.0, 50.0) for second in range(25)]
+    assert not recording.judged([CLEAR, GOAL, *on_and_on], ends="standing")["landed"]
+
+
 def test_a_flight_that_ends_in_the_air_is_seen(recording):
     row = recording.judged([CLEAR, CLEAR], ends="end")
     assert row["faults"] == ["did not land", "goal not reached"]

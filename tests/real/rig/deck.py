@@ -14,6 +14,17 @@ AIRBORNE_M = 15.0
 LIMIT_S = {"near": 600.0, "paper": 900.0}
 CIRCLING_S = 90.0  # so long within one small place: it circles
 TOUCHED_S = 4.0  # flown on after an obstacle was touched
+STANDING_S, STANDING_M = 20.0, 3.0  # so long in one spot: it stands
+
+
+def is_standing(path):
+    """Whether the last of ``path``, rows of time and place, were spent in one spot.
+
+    A PX4 does not always notice that it has landed, and then stays armed.
+    """
+    rows = [place for stamp, *place in path if path[-1][0] - stamp <= STANDING_S]
+    is_in_one_spot = all(max(axis) - min(axis) < STANDING_M for axis in zip(*rows, strict=True))
+    return bool(path) and path[-1][0] - path[0][0] > STANDING_S and is_in_one_spot
 
 
 class Deck:
@@ -155,6 +166,9 @@ class Deck:
             if not self.station.is_armed:
                 self.note("disarmed")
                 self.pause(3.0)
+                return
+            if is_standing(self.station.path):
+                self.note("standing")
                 return
             if touched_s == math.inf and self.clearance_m() <= 0.0:
                 self.note("touched")
