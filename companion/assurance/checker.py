@@ -247,13 +247,24 @@ class Checker:
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
         yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
-        low, high = self._climbs
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
-        for angle, is_upper in ((high, True), (-low, False)):
-            limit = slope_over_ground(angle, airspeeds, speeds.fastest_m_s - speeds.level_m_s)
-            steep = ahead & ~((angles if is_upper else -angles) <= limit + CLIMB_TOLERANCE_RAD)
-            sign, name = (1.0, "upper") if is_upper else (-1.0, "lower")
-            yield from listed("climb", rows, steep, angles, sign * limit, f"{BETWEEN_ROWS}, {name}")
+        gained = speeds.fastest_m_s - speeds.level_m_s
+        yield from self._climb_violations(angles, rows, ahead, airspeeds, gained)
+
+    def _climb_violations(
+        self, angles_rad: FloatArray, rows: NDArray[np.int64], flown: BoolArray,
+        airspeeds_m_s: FloatArray | float, gained_m_s: FloatArray,
+    ) -> Iterator[Violation]:  # fmt: skip
+        """Climbs too steep up or down over the ground.
+
+        ``angles_rad`` (N,) of ``rows`` (N,) ``flown`` (N,) at ``airspeeds_m_s`` (N,), or one of all, and
+        the ground speed that the wind adds, ``gained_m_s`` (N,).
+        """
+        low, high = self._climbs
+        for most, sign, name in ((high, 1.0, "upper"), (-low, -1.0, "lower")):
+            limit = slope_over_ground(most, airspeeds_m_s, gained_m_s)
+            steep = flown & ~(sign * angles_rad <= limit + CLIMB_TOLERANCE_RAD)
+            yield from listed("climb", rows, steep, angles_rad, sign * limit, f"{BETWEEN_ROWS}, {name}")
 
     def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Bounds of the arcs' middles, off their chords by the sagitta; of edges ``ahead`` (N - 1,)."""
@@ -409,10 +420,7 @@ class Checker:
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
         airspeed = self.limits.airspeed_min_m_s if airspeed_m_s is None else airspeed_m_s
         gained = tailwinds(away, airspeed, wind_enu_m_s)
-        for rises, most, sign in ((angles, self._climbs[1], 1.0), (-angles, -self._climbs[0], -1.0)):
-            limit = slope_over_ground(most, airspeed, gained)
-            steep = flown & ~(rises <= limit + CLIMB_TOLERANCE_RAD)
-            yield from listed("climb", rows, steep, angles, sign * limit, BETWEEN_ROWS)
+        yield from self._climb_violations(angles, rows, flown, airspeed, gained)
         kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
         if len(kept) >= 3:
             yield from self._corner_violations(points[kept], kept)

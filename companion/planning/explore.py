@@ -87,7 +87,6 @@ class Exploration:
         self.airspeeds_m_s = (problem.vehicle.airspeed_cruise_m_s, *faster)
         self._left = list(faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
-        self.threats = snapshot.threats  # no more: what will be sensed from a sub goal is known to nobody yet
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
         self.pursuers = threat_trees(
             snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
@@ -106,6 +105,7 @@ class Exploration:
         self.work = scratch._replace(stats=self.stats)
         self.star_work = scratch._replace(stats=self.star_stats)
         self._scene: Scene | None = None
+        self._homes: dict[tuple[float, ...], tuple[Ways | None, Guide]] = {}
         self.reset_tree()
 
     def reset_tree(self) -> None:
@@ -225,7 +225,7 @@ class Exploration:
                 pursuers=self.pursuers,
                 obstacles=snapshot.obstacles,
                 walls=snapshot.walls,
-                threats=self.threats,
+                threats=snapshot.threats,  # what will be sensed from a sub goal is known to nobody yet
                 model=self.model,
                 limits=self.limits,
                 tables=self.tables,
@@ -273,14 +273,17 @@ class Exploration:
         root : int
             The node from which it is to be reached.
         """
-        ways, tree = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), self.tree
-        self.ways = None
-        if self.chase.is_avoided or self.chase.is_raced:
-            settings, unit_m = self.problem.settings, self.problem.snapshot.unit_m
-            dear = 0.0 if self.chase.is_avoided else settings.times_as_dear(self.limits.v_cruise, unit_m)
-            state, stamp_s = tree.state[root], float(tree.time[root])
-            self.ways = ways = ways_before(ways, self.chase.game, state, stamp_s, self.limits, dear)
-        return guide_home(goal, ways)
+        state, stamp_s = self.tree.state[root], float(self.tree.time[root])
+        asked = (*goal, *state, stamp_s, self.limits.v_cruise)
+        if asked not in self._homes:
+            ways, self.ways = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), None
+            if self.chase.is_avoided or self.chase.is_raced:
+                settings, unit_m = self.problem.settings, self.problem.snapshot.unit_m
+                dear = 0.0 if self.chase.is_avoided else settings.times_as_dear(self.limits.v_cruise, unit_m)
+                self.ways = ways = ways_before(ways, self.chase.game, state, stamp_s, self.limits, dear)
+            self._homes[asked] = self.ways, guide_home(goal, ways)
+        self.ways, home = self._homes[asked]
+        return home
 
     def hurry(self, should_stop: ShouldStop) -> bool:
         """Start afresh, flying faster, where DTs bar the way; whether that can be tried.
@@ -331,6 +334,7 @@ class Exploration:
             Whether the budget has ended.
         """
         self.chase.give_in(is_late=should_stop())
+        self._homes.clear()
         if self.chase.is_by_tree:  # races take nothing of the budget: so each try has the whole of it
             self._budget_end = self.iterations + self.problem.settings.max_iterations
         self._left = list(self.airspeeds_m_s[1:])

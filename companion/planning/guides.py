@@ -283,14 +283,14 @@ def raced(
     """
     if not has_way(home, tree.state[root]):
         return -1
-    rows, n = empty_rows(MAX_RACE), 0
+    run = partial(_run, tree, root, goal, scene=scene, work=work)
     if is_weighed:
-        keen = home._replace(field=KEEN * home.field)
-        rows, n = _run(tree, root, goal, keen, scene, work, should_stop=lambda: False)
-        home = home._replace(field=EAGER * home.field)
-    if n > 0 or not is_weighed:
-        better, m = _run(tree, root, goal, home, scene, work, should_stop=should_stop)
+        rows, n = run(home._replace(field=KEEN * home.field), should_stop=lambda: False)
+        eager = home._replace(field=EAGER * home.field)
+        better, m = run(eager, should_stop=should_stop) if n > 0 else (rows, 0)
         rows, n = (better, m) if m > 0 else (rows, n)
+    else:
+        rows, n = run(home, should_stop=should_stop)
     if n == 0 or int(tree.count[0]) + n > len(tree.parent):
         return -1
     node, draws = root, rng.random((n, DRAWS))
@@ -309,7 +309,7 @@ def _run(
 ) -> tuple[PathRows, int]:  # fmt: skip
     """A race to ``goal`` (4,) [m] until time is over; its steps, and how many they are, 0 without a way."""
     rows, field = empty_rows(MAX_RACE), race_from(tree, root, scene.limits)
-    n = race(field, goal, RACE_SHARE * goal[3], home, scene, rows, BURST, work)
-    while n == UNFINISHED and not should_stop():
+    while True:
         n = race(field, goal, RACE_SHARE * goal[3], home, scene, rows, BURST, work)
-    return rows, max(n, 0)
+        if n != UNFINISHED or should_stop():
+            return rows, max(n, 0)

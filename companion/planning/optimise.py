@@ -69,16 +69,16 @@ def rrt_star_route(
     root = free_node(exploration, goal, settings.flown_meanwhile_s)
     branches = branches_below(exploration, root)
     rewired = pruned = 0
-    least, most, done, idle = settings.optimise_iterations, settings.optimise_iterations_max, 0, 0
+    least, done, idle = settings.optimise_iterations, 0, 0
+    most = max(least, settings.optimise_iterations_max)
     # In the plane next to nothing is gained, but paths come to lie along the limits; an edge holds the speed
     # that it begins with.
     if exploration.limits.dimension == 2 or tree.state[0, 5] > exploration.limits.v_cruise:
         most = least
     while least > 0 and root != goal and not should_stop():
-        end_of_stretch = least if done < least else most
-        if done >= end_of_stretch or (done >= least and idle >= PATIENCE):
+        if done >= most or (done >= least and idle >= PATIENCE):
             break
-        burst = min(settings.burst, end_of_stretch - done)
+        burst = min(settings.burst, (least if done < least else most) - done)
         done += burst
         cost = tree.cost[goal]
         draws = exploration.rng.random((burst, STAR_DRAWS))

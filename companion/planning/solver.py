@@ -190,11 +190,13 @@ def _optimised(
     """RRT* and smoothing; the result is judged anew, with each DT where it can be at each row's time."""
     best = rrt_star_route(exploration, found, end, should_stop)
     notes.append(f"RRT*: {best.num_rewired} edges rewired, {best.num_pruned} nodes pruned")
-    candidates = [found] if best.route is found else [found, best.route]
-    judged = [(candidate, assess_route(exploration, candidate)) for candidate in candidates]
-    risk = judged[0][1].log_risk(), pursuit_risk(exploration, found).total_s
-    fit = [pair for pair in judged if is_no_worse(exploration, *pair, risk)]
-    chosen = min(fit, key=lambda pair: worth(exploration, *pair))
+    known = assess_route(exploration, found)
+    chosen = found, known
+    if best.route is not found:
+        other = best.route, assess_route(exploration, best.route)
+        risk = known.log_risk(), pursuit_risk(exploration, found).total_s
+        if is_no_worse(exploration, *other, risk):
+            chosen = min(chosen, other, key=lambda pair: worth(exploration, *pair))
     smooth, known, kept = smoothed_route(exploration, *chosen, should_stop)
     notes.append(f"{kept} short cuts")
     return min((smooth, known), chosen, key=lambda pair: worth(exploration, *pair)) if kept else chosen
