@@ -9,8 +9,10 @@ from enum import IntEnum
 
 import numpy as np
 
+from companion.frames import FloatArray
 from companion.kernels.arrays import Game, Obstacles
 from companion.kernels.threat.pursuit_game import (
+    BLOCK,
     DRIVES,
     FLIES,
     PASSES_BY,
@@ -129,6 +131,7 @@ def pursuit_game(
     game = Game(
         hunters=np.array([_hunter(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
         arrival=np.full((len(tracks), *shape), math.inf),
+        least=np.empty((len(tracks), 0, 0)),
         tops=np.full(shape, -math.inf),
         grid=np.array([west, south, spacing]),
         is_plane=0 if plane_up_m is None else 1,
@@ -139,7 +142,27 @@ def pursuit_game(
     for d, hunter in enumerate(game.hunters):
         if hunter[7] == DRIVES:
             fill_arrivals(hunter[0], hunter[1], game, d)
-    return game
+    return game._replace(least=_least_of_blocks(game.arrival))
+
+
+def _least_of_blocks(arrival: FloatArray) -> FloatArray:
+    """The earliest in each block of cells.
+
+    Parameters
+    ----------
+    arrival : ndarray, shape (D, NX, NY)
+        When a threat can be at each cell of the grid [s].
+
+    Returns
+    -------
+    ndarray, shape (D, BX, BY)
+        When it can be in any of the block's [s].
+    """
+    across = [-(-n // BLOCK) for n in arrival.shape[1:]]
+    cells = np.full((len(arrival), *(BLOCK * n for n in across)), math.inf)
+    cells[:, : arrival.shape[1], : arrival.shape[2]] = arrival
+    blocks = cells.reshape(len(arrival), across[0], BLOCK, across[1], BLOCK)
+    return np.asarray(blocks.min(axis=(2, 4)))
 
 
 def slower(game: Game, share: float, slack_s: float) -> Game:
@@ -158,7 +181,7 @@ def slower(game: Game, share: float, slack_s: float) -> Game:
     hunters[:, 4] *= share
     with np.errstate(divide="ignore", invalid="ignore"):
         later = np.where(game.arrival > stamps, stamps + (game.arrival - stamps) / share, stamps)
-    return game._replace(hunters=hunters, arrival=later, slack=slack_s)
+    return game._replace(hunters=hunters, arrival=later, least=_least_of_blocks(later), slack=slack_s)
 
 
 def _hunter(track: TrackState) -> list[float]:

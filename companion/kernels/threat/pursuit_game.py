@@ -31,6 +31,7 @@ PACE = 0.94  # eight directions lengthen ways by up to 8 %; most of it is taken 
 SEED_CELLS = 6  # about a DT in which its ways are straight lines
 STANDS_M = 1.0  # higher a wall does not stand on the ground: it is driven under, and hides nothing
 BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
+BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line of sight need lead
 
 
 @kernel
@@ -159,7 +160,7 @@ def caught_from(game: Game, x: float, y: float, z: float, soon: float, late: flo
         if soonest > late or soonest >= best:
             continue
         if kind == DRIVES:
-            soonest = _seen_from(game, d, x, y, up, radius, soon)
+            soonest = _seen_from(game, d, x, y, up, radius, soon, late)
         best = min(best, soonest)
         if best <= soon:
             break
@@ -167,21 +168,64 @@ def caught_from(game: Game, x: float, y: float, z: float, soon: float, late: flo
 
 
 @kernel
-def _seen_from(game: Game, d: int, x: float, y: float, up: float, radius: float, soon: float) -> float:
+def _seen_from(
+    game: Game, d: int, x: float, y: float, up: float, radius: float, soon: float, late: float
+) -> float:
     """Earliest arrival of DT ``d`` at a place within ``radius`` that sees one ``up`` metres above it [s]."""
     away = math.hypot(game.hunters[d, 0] - x, game.hunters[d, 1] - y)
+    first, wide = _bearings_to(game, d, x, y, radius, late)
     best = math.inf
+    if wide < 0.0:
+        return best
     if away <= radius:  # where it is now, too, lies on one of the lines
         towards = math.atan2(game.hunters[d, 1] - y, game.hunters[d, 0] - x)
         best = _seen_along(game, d, x, y, up, towards, away)
     if best <= soon or game.hunters[d, 4] <= 0.0:
         return best
     count = max(16, int(2.0 * math.pi * radius / (BEARING_CELLS * game.grid[2])))
-    for k in range(count):
-        best = min(best, _seen_along(game, d, x, y, up, 2.0 * math.pi * k / count, radius))
+    begin = int(math.ceil(count * first / (2.0 * math.pi)))
+    end = int(math.floor(count * (first + wide) / (2.0 * math.pi)))
+    for k in range(begin, begin + min(count, end - begin + 1)):
+        angle = 2.0 * math.pi * (k % count) / count
+        best = min(best, _seen_along(game, d, x, y, up, angle, radius))
         if best <= soon:
             break
     return best
+
+
+@kernel
+def _bearings_to(game: Game, d: int, x: float, y: float, radius: float, late: float) -> tuple[float, float]:
+    """Bearings under which DT ``d`` could be by ``late`` within ``radius``: the first, and how wide they are.
+
+    Counter-clockwise from east [rad]; less than 0 wide where it could be nowhere there, a whole turn or more
+    where it could be all round.
+    """
+    side = BLOCK * game.grid[2]
+    west, south = game.grid[0] - 0.5 * game.grid[2], game.grid[1] - 0.5 * game.grid[2]
+    half = side * math.sqrt(0.5)
+    about, low, high = 0.0, 0.0, -1.0
+    for i in range(
+        max(0, int((x - radius - west) / side)), min(game.least.shape[1], int((x + radius - west) / side) + 1)
+    ):
+        for j in range(
+            max(0, int((y - radius - south) / side)),
+            min(game.least.shape[2], int((y + radius - south) / side) + 1),
+        ):
+            if game.least[d, i, j] > late:
+                continue
+            east, north = west + (i + 0.5) * side - x, south + (j + 0.5) * side - y
+            away = math.hypot(east, north)
+            if away > radius + half:
+                continue
+            if away <= 1.001 * half:
+                return 0.0, 2.0 * math.pi
+            bearing, spread = math.atan2(north, east), math.asin(half / away) + 1e-9
+            if high < low:
+                about, low, high = bearing, -spread, spread
+                continue
+            aside = (bearing - about + math.pi) % (2.0 * math.pi) - math.pi
+            low, high = min(low, aside - spread), max(high, aside + spread)
+    return about + low, high - low
 
 
 @kernel

@@ -134,6 +134,31 @@ def test_whoever_comes_sooner_is_no_more_threatened(seed):
     assert sooner <= len(first)
 
 
+@pytest.mark.compiled
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_no_line_of_sight_that_counts_is_left_out(seed):
+    rng = np.random.default_rng(seed)
+    tracks = [
+        track(*rng.uniform(0.0, 2000.0, 2), speed=rng.uniform(0.0, 30.0), radius=rng.uniform(50.0, 600.0))
+        for _ in range(rng.integers(1, 4))
+    ]
+    made = game(*tracks, obstacles=[WALL])
+    all_lines = made._replace(least=np.full_like(made.least, -math.inf))
+    for x, y, time in rng.uniform(0.0, (2000.0, 2000.0, 90.0), (100, 3)):
+        assert k.is_caught(made, x, y, 100.0, time) == k.is_caught(all_lines, x, y, 100.0, time)
+
+
+def test_lines_of_sight_lead_where_a_dt_can_be_in_time():
+    made = game(track(500.0, 1000.0, speed=10.0))
+    # Within 310 m of where it was, so under bearings of 180 degrees and up to asin(310 / 500) = 38 aside.
+    first, wide = k._bearings_to(made, 0, 1000.0, 1000.0, 450.0, 30.0)
+    assert 180.0 - 60.0 < math.degrees(first % (2.0 * math.pi)) < 180.0 - 38.0
+    assert 2.0 * 38.0 < math.degrees(wide) < 2.0 * 60.0
+    assert k._bearings_to(made, 0, 1000.0, 1000.0, 150.0, 30.0)[1] < 0.0
+    assert k._bearings_to(made, 0, 1000.0, 1000.0, 450.0, 60.0)[1] >= 2.0 * math.pi
+
+
 def test_ways_before_a_dt_leave_out_what_it_bars():
     """A DT half way reaches the line between start and goal first; the detour far from it stays."""
     made = game(track(1000.0, 1000.0, speed=5.0, radius=150.0))
