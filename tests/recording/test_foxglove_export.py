@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
@@ -205,6 +205,11 @@ WALL = st.fixed_dictionaries(
     st.dictionaries(st.sampled_from(KEYS), RUBBISH, max_size=8)
     | st.fixed_dictionaries({"tracks": st.lists(TRACK), "obstacles": st.lists(WALL)}),
 )
+@example(channels.SWAP, {"outcome": "flown", "waypoints_enu_m": [[1.0, "east", 2.0], [10**400, 0, 0]]})
+@example(channels.PLAN, {"path": [[0.0, 1.0, [], 2.0], None, [0.0]]})
+@example(channels.TRACKS, {"tracks": [{"covariance": [["a", 10**400], 3], "position_enu_m": ["b"]}]})
+@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, 0]]}, {}, 5]})
+@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, "up"], [0, 1], [1, 1]]}]})
 def test_rubbish_in_a_recording_ends_no_export(topic, told):
     pictures = Pictures()
     about = {"mission_file": text_of(mission(radars=False)), "epoch_s": 0.0, "stamp_s": 0.0}
