@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: page-test page-vendor mavproxy-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -42,6 +42,7 @@ lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade f
 	$(COMPILE) $(LOCK) --extra dev --extra plot --extra dask --group build pyproject.toml -o $(LOCKS)/dev.txt
 	$(COMPILE) -c $(LOCKS)/dev.txt --extra metrics --extra plot --group build pyproject.toml -o $(LOCKS)/service.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
+	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --extra rerun pyproject.toml -o $(LOCKS)/rerun.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt
 
 audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
@@ -76,6 +77,14 @@ mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/pat
 	@command -v Xvfb > /dev/null && command -v import > /dev/null && command -v "$${MAVPROXY:-mavproxy.py}" > /dev/null || { \
 		echo "MAVProxy with wxPython (MAVPROXY=...), xvfb and imagemagick are needed" >&2; exit 1; }
 	$(BIN)/pytest -q -m mavproxy tests/integrations
+
+# In an environment of its own: the package brings 680 MB that nothing else here needs.
+rerun-test: $(STAMP) ## test the export for rerun with the package itself, in .venv-rerun
+	test -x .venv-rerun/bin/python || $(PYTHON) -m venv .venv-rerun
+	.venv-rerun/bin/python $(PIP) --require-hashes -r $(LOCKS)/dev.txt
+	.venv-rerun/bin/python $(PIP) --require-hashes -r $(LOCKS)/rerun.txt
+	PYTHONWARNINGS=ignore .venv-rerun/bin/python $(PIP) --no-deps --no-build-isolation -e .
+	.venv-rerun/bin/pytest -q tests/recording/test_rerun_export.py
 
 page-vendor: ## make the page's libraries anew from packaging/page; needs node and npm
 	packaging/page/make_vendor.sh

@@ -39,6 +39,7 @@ EXTRAS = {
     "matplotlib": "plot",
     "jsbsim": "sim",
     "distributed": "dask",
+    "rerun": "rerun",
 }  # that bring a package which some commands need
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
@@ -358,20 +359,18 @@ def report(
 
 @app.command()
 def export(
-    flight: Annotated[
-        Path, typer.Argument(exists=True, help="A flight's folder, or the tlog or mcap in it.")
-    ],
-    target: Annotated[Path, typer.Argument(help="The file to write, for instance flight-picture.mcap.")],
+    flight: Annotated[Path, typer.Argument(exists=True, help="A flight's folder, its tlog or mcap.")],
+    target: Annotated[
+        Path | None, typer.Argument(help="The file to write; with --rerun, else flight.rrd beside the tlog.")
+    ] = None,
+    rerun: Annotated[
+        bool, typer.Option("--rerun", help="For rerun's viewer; the file ends in .rrd.")
+    ] = False,
 ) -> None:
-    """Write a recording as a picture for Foxglove, and beside it a layout that opens it."""
+    """Write a recording as a picture for Foxglove, and beside it a layout that opens it; or for rerun."""
     from companion.replay import replay_command as replaying
 
-    layout = replaying.exported(flight, target)
-    console.print(
-        f"picture: {plain_text.printable(target)}\nlayout: {plain_text.printable(layout)}",
-        markup=False,
-        soft_wrap=True,
-    )
+    console.print(replaying.exported(flight, target, is_for_rerun=rerun), markup=False, soft_wrap=True)
 
 
 @app.command()

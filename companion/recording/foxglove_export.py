@@ -4,154 +4,24 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
-from companion.config import MissionConfig, mission_from_text
-from companion.config.compose import goals_of
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.mcap_reader import Document, messages_of, number, text
+from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, Pictures
+from companion.recording.mcap_reader import messages_of, number
 from companion.recording.mcap_writer import plain
 from companion.safe_files import open_to_write
-from companion.types.threat import Obstacle
 
-SCENE, TRANSFORM, LOG = "/scene", "/tf", "/log"
 NAMES = {
     SCENE: "foxglove.SceneUpdate",
     TRANSFORM: "foxglove.FrameTransform",
     LOG: "foxglove.Log",
     channels.LOCATION: "foxglove.LocationFix",
 }
-MISSION_MAX = 2_000_000  # characters of a mission file
-LOUD = frozenset({"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"})
-_INFO, _WARNING = 2, 3  # of Log
-_FLOWN_S, _THREATS_S = 1.0, 0.5  # between pictures of them
-_FLOWN_MAX = 1_000  # places of the flown path in one of them
-
-
-class _Pictures:
-    """Makes pictures of what is recorded, message by message."""
-
-    def __init__(self) -> None:
-        self.epoch_s = 0.0
-        self._mission: MissionConfig | None = None
-        self._flown: list[object] = []
-        self._seen: set[str] = set()
-        self._walls: set[str] = set()
-        self._drawn_s: dict[str, float] = {}
-
-    def of(self, topic: str, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Messages that show one that was recorded, with their topics and UTC [s]."""
-        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
-        match topic:
-            case channels.MISSION:
-                yield from self._world(told)
-            case channels.SNAPSHOT if isinstance(told.get("obstacles"), list):
-                yield SCENE, utc_s, self._fences(told, utc_s)
-            case channels.OWNSHIP:
-                yield from self._ownship(told, utc_s)
-            case channels.TRACKS if self._is_due("threats", utc_s, _THREATS_S):
-                yield SCENE, utc_s, self._threats(told, utc_s)
-            case channels.PLAN:
-                yield SCENE, utc_s, self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s)
-            case channels.TREES:
-                yield SCENE, utc_s, scenes.scene(scenes.tree_entity(told, utc_s))
-            case channels.SWAP if told.get("outcome") == "flown":
-                yield SCENE, utc_s, self._line("mission", told.get("waypoints_enu_m"), scenes.MISSION, utc_s)
-            case channels.DECISION:
-                yield LOG, utc_s, _log_entry(told, utc_s)
-
-    def _ownship(self, told: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Where the aircraft is, and now and then the way that it has flown."""
-        yield TRANSFORM, utc_s, self._transform(told, utc_s)
-        self._flown.append(told.get("position_enu_m"))
-        if self._is_due("flown", utc_s, _FLOWN_S):
-            places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
-            yield SCENE, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
-
-    def _is_due(self, what: str, utc_s: float, period_s: float) -> bool:
-        if 0.0 <= utc_s - self._drawn_s.get(what, -1e12) < period_s:
-            return False
-        self._drawn_s[what] = utc_s
-        return True
-
-    def _line(self, name: str, places: object, colour: scenes.Colour, utc_s: float) -> Mapping[str, object]:
-        rows = places if isinstance(places, list) else []
-        points = [row for row in rows if isinstance(row, list) and len(row) == 3 and None not in row]
-        return scenes.scene(scenes.entity(name, utc_s, lines=[scenes.line(points, colour)]))
-
-    def _world(self, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Obstacles, radars and goals of the mission file."""
-        self.epoch_s = number(told.get("epoch_s"), 1e11) or 0.0
-        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
-        mission = mission_from_text(text(told.get("mission_file"), MISSION_MAX), "the recording")
-        self._mission = mission
-        walls = [self._wall(wall, scenes.OBSTACLE, utc_s) for wall in mission.obstacle_list]
-        self._walls = {wall.name for wall in mission.obstacle_list}
-        radars = [scenes.radar_entity(radar, utc_s) for radar in mission.radar_list]
-        ends = [
-            scenes.entity(
-                f"goal {count}", utc_s,
-                spheres=[scenes.ball(goal.position_enu_m, goal.acceptance_radius_m, scenes.GOAL)],
-            )
-            for count, goal in enumerate(goals_of(mission), 1)
-        ]  # fmt: skip
-        yield SCENE, utc_s, scenes.scene(*walls, *radars, *ends)
-
-    def _wall(self, wall: Obstacle, colour: scenes.Colour, utc_s: float) -> scenes.Entity:
-        assert self._mission is not None
-        ceiling_m = float(self._mission.bounds.up_m[1])
-        solid = [scenes.prism(wall, ceiling_m, colour)]
-        return scenes.entity(f"obstacle {wall.name}", utc_s, triangles=solid)
-
-    def _fences(self, told: Document, utc_s: float) -> Mapping[str, object]:
-        """What of the obstacles a plan was made among is not the mission file's."""
-        found = []
-        listed = told.get("obstacles")
-        for entry in listed if isinstance(listed, list) and self._mission is not None else ():
-            if not isinstance(entry, dict) or entry.get("name") in self._walls:
-                continue
-            base, top = number(entry.get("base_m")), number(entry.get("top_m"))
-            wall = Obstacle(text(entry.get("name")), entry["polygon_enu_m"], base or 0.0, top or 0.0)
-            found.append(self._wall(wall, scenes.FENCE, utc_s))
-        return scenes.scene(*found)
-
-    def _threats(self, told: Document, utc_s: float) -> Mapping[str, object]:
-        tracks = told.get("tracks")
-        rows = [row for row in tracks if isinstance(row, dict)] if isinstance(tracks, list) else []
-        shown = [scenes.track_entity(row, utc_s) for row in rows]
-        names = {str(entry["id"]) for entry in shown}
-        gone, self._seen = sorted(self._seen - names), names
-        return scenes.scene(*shown, gone=gone, utc_s=utc_s)
-
-    def _transform(self, told: Document, utc_s: float) -> Mapping[str, object]:
-        """Where the aircraft is, for what is drawn in its frame, and to follow it."""
-        place = told.get("position_enu_m")
-        row = place if isinstance(place, list) and len(place) == 3 else [0.0, 0.0, 0.0]
-        pose = scenes.pose_of([number(value) or 0.0 for value in row], number(told.get("course_rad")) or 0.0)
-        return {
-            "timestamp": scenes.time_of(utc_s), "parent_frame_id": scenes.MAP,
-            "child_frame_id": scenes.AIRCRAFT, "translation": pose["position"],
-            "rotation": pose["orientation"],
-        }  # fmt: skip
-
-
-def _places_of(told: Document) -> list[object]:
-    """Places of a plan's path: its rows begin with the time."""
-    path = told.get("path")
-    return [row[1:4] for row in path if isinstance(row, list)] if isinstance(path, list) else []
-
-
-def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:
-    kind = text(told.get("kind"), 100)
-    return {
-        "timestamp": scenes.time_of(utc_s), "level": _WARNING if kind in LOUD else _INFO,
-        "message": f"{kind}: {text(told.get('text'))}", "name": "companion", "file": "", "line": 0,
-    }  # fmt: skip
 
 
 def export_flight(flight: Path, target: Path) -> Path:
@@ -176,7 +46,7 @@ def export_flight(flight: Path, target: Path) -> Path:
     RecordError
         If there is no message in the recording, or the target cannot be written.
     """
-    pictures, layout = _Pictures(), target.with_suffix(".layout.json")
+    pictures, layout = Pictures(), target.with_suffix(".layout.json")
     num_messages = 0
     try:
         with open_to_write(target) as file:

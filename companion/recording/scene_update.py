@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from companion.frames import FloatArray
+from companion.recording.mcap_reader import number
 from companion.types.threat import Obstacle, Radar
 
 Entity = dict[str, object]
@@ -31,7 +32,13 @@ MISSION: Colour = (0.42, 0.25, 0.69, 1.0)
 CANDIDATE: Colour = (0.70, 0.42, 0.0, 1.0)
 FLOWN: Colour = (0.04, 0.31, 0.64, 1.0)
 TREE: Colour = (0.31, 0.56, 0.84, 0.5)
+THREAT_TREE: Colour = (0.78, 0.39, 0.65, 0.6)
+HORIZON: Colour = (0.12, 0.31, 0.85, 0.6)
+SUB_GOAL: Colour = (0.10, 0.60, 0.31, 1.0)
+BANDS = (0.05, 0.25, 0.5, 0.75)  # of threat levels, from here to the next
 _SIDES = 64
+_SUB_GOAL_M = 25.0
+_DEVIATIONS = 2.0  # of a place that is uncertain, as on the page
 _PARTS = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models", "metadata")
 _LEVEL = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
@@ -49,10 +56,10 @@ def pose_of(place: Sequence[float], course_rad: float | None = None) -> dict[str
     return {"position": _point(place), "orientation": heading}
 
 
-def entity(name: str, utc_s: float, **parts: list[dict[str, object]]) -> Entity:
+def entity(name: str, utc_s: float, *, frame: str = MAP, **parts: list[dict[str, object]]) -> Entity:
     """An entity with its primitives; one of the same name takes its place later."""
     return {
-        "timestamp": time_of(utc_s), "frame_id": MAP, "id": name, "lifetime": {"sec": 0, "nsec": 0},
+        "timestamp": time_of(utc_s), "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0},
         "frame_locked": False, **{part: parts.get(part, []) for part in _PARTS},
     }  # fmt: skip
 
@@ -85,14 +92,25 @@ def ball(place: Sequence[float], radius_m: float, colour: Colour) -> Entity:
     return {"pose": pose_of(place), "size": {"x": size, "y": size, "z": size}, "color": _colour(colour)}
 
 
-def circle(centre: Sequence[float], radius_m: float, colour: Colour) -> Entity:
+def spread(place: Sequence[float], covariance: object, colour: Colour) -> Entity:
+    """A flat ellipse of two deviations about a place [m], by a track's covariance (4, 4)."""
+    rows = covariance if isinstance(covariance, list) else []
+    east, north = [_numbers(row) for row in (*rows, [], [], [])[:3:2]]
+    mean, half = 0.5 * (east[0] + north[2]), 0.5 * (east[0] - north[2])
+    radius = math.hypot(half, east[2])
+    wide, thin = (2.0 * _DEVIATIONS * math.sqrt(max(0.0, mean + part)) for part in (radius, -radius))
+    pose = pose_of(place, 0.5 * math.pi - 0.5 * math.atan2(east[2], half))
+    return {"pose": pose, "size": {"x": wide, "y": thin, "z": 1.0}, "color": _colour((*colour[:3], 0.35))}
+
+
+def circle(centre: Sequence[float], radius_m: float, colour: Colour, width: float = 3.0) -> Entity:
     """A level circle."""
     angles = [2.0 * math.pi * side / _SIDES for side in range(_SIDES)]
     points = [
         (centre[0] + radius_m * math.cos(angle), centre[1] + radius_m * math.sin(angle), centre[2])
         for angle in angles
     ]
-    return line(points, colour, LOOP)
+    return line(points, colour, LOOP, width)
 
 
 def prism(wall: Obstacle, ceiling_m: float, colour: Colour) -> Entity:
@@ -128,37 +146,99 @@ def radar_entity(radar: Radar, utc_s: float) -> Entity:
 
 
 def track_entity(track: Mapping[str, object], utc_s: float) -> Entity:
-    """A moving threat as it is recorded: where it is, its threat radius, and where it drives in 10 s."""
+    """A moving threat as it is recorded: where it is, how surely, its reach, and where it is in 10 s."""
     place, velocity = _numbers(track.get("position_enu_m")), _numbers(track.get("velocity_enu_m_s"))
-    reach, name = _number(track.get("max_threat_radius_m")), str(track.get("identity"))
+    reach, name = number(track.get("max_threat_radius_m")) or 0.0, str(track.get("identity"))
     colour = PASSING if track.get("flies_on") else THREAT
     ahead = [here + 10.0 * speed for here, speed in zip(place, velocity, strict=True)]
     return entity(
-        f"track {name}", utc_s, spheres=[ball(place, max(5.0, 0.04 * reach), colour)],
+        f"track {name}", utc_s,
+        spheres=[ball(place, max(5.0, 0.04 * reach), colour), spread(place, track.get("covariance"), colour)],
         lines=[circle(place, reach, colour), line([place, ahead], colour)], texts=[text(name, place, colour)],
     )  # fmt: skip
 
 
-def tree_entity(trees: Mapping[str, object], utc_s: float) -> Entity:
-    """The search tree of a plan as it is recorded."""
-    places, parents = trees.get("tree_enu_m"), trees.get("tree_parents")
+def search_entities(trees: Mapping[str, object], utc_s: float) -> list[Entity]:
+    """What a plan's search looked like as it is recorded: both trees, and sub goals."""
+    goals = trees.get("sub_goals_enu_m")
+    places = [_numbers(place) for place in goals] if isinstance(goals, list) else []
+    ways = _branches(trees.get("tree_enu_m"), trees.get("tree_parents"))
+    driven = _branches(trees.get("threat_tree_enu_m"), trees.get("threat_tree_parents"))
+    return [
+        entity("search tree", utc_s, lines=[line(ways, TREE, LIST, 1.0)]),
+        entity("search threat tree", utc_s, lines=[line(driven, THREAT_TREE, LIST, 1.0)]),
+        entity("search sub goals", utc_s, spheres=[ball(place, _SUB_GOAL_M, SUB_GOAL) for place in places]),
+    ]
+
+
+def _branches(places: object, parents: object) -> list[list[float]]:
+    """Ends of a tree's edges, in pairs; those of a level tree lie on the ground."""
     points = list[list[float]]()
     if isinstance(places, list) and isinstance(parents, list):
         rows = [_numbers(place) for place in places]
         for row, parent in zip(rows, parents, strict=False):
             if isinstance(parent, int) and 0 <= parent < len(rows):
                 points += [rows[parent], row]
-    return entity("search tree", utc_s, lines=[line(points, TREE, LIST, 1.0)])
+    return points
+
+
+def field_entities(
+    east_m: FloatArray, north_m: FloatArray, levels: FloatArray, height_m: float, utc_s: float
+) -> list[Entity]:
+    """Where radars threaten at a height: an entity for each band of levels that is met.
+
+    Parameters
+    ----------
+    east_m, north_m : ndarray, shape (NX,) and (NY,)
+        Centres of the cells [m].
+    levels : ndarray, shape (NY, NX)
+        Threat level of each.
+    height_m : float
+        Up coordinate of the section [m].
+    utc_s : float
+        When it is drawn [s].
+
+    Returns
+    -------
+    list of dict
+        Entities with the cells of a row as rectangles.
+    """
+    bands, half = np.digitize(levels, BANDS), 0.5 * (east_m[1] - east_m[0])
+    found = list[Entity]()
+    for band, low in enumerate(BANDS, 1):
+        points = list[dict[str, float]]()
+        for row, north in zip(bands == band, north_m, strict=True):
+            edges = np.flatnonzero(np.diff(row, prepend=False, append=False)).reshape(-1, 2)
+            for first, last in edges:
+                points += _rectangle(
+                    east_m[first] - half, east_m[last - 1] + half, north - half, north + half, height_m
+                )
+        if points:
+            colour = _colour((*RADAR[:3], 0.15 * band))
+            solid: Entity = {
+                "pose": pose_of((0, 0, 0)),
+                "points": points,
+                "color": colour,
+                "colors": [],
+                "indices": [],
+            }
+            found.append(entity(f"field over {low:g}", utc_s, triangles=[solid]))
+    return found
+
+
+def _rectangle(west: float, east: float, south: float, north: float, up: float) -> list[dict[str, float]]:
+    """Two level triangles."""
+    corners = [
+        _point(place)
+        for place in ((west, south, up), (east, south, up), (east, north, up), (west, north, up))
+    ]
+    return [corners[count] for count in (0, 1, 2, 0, 2, 3)]
 
 
 def _numbers(value: object) -> list[float]:
     """Three numbers of a document; 0 for what is none."""
     given = value if isinstance(value, list) else []
-    return [_number(entry) for entry in (*given, 0.0, 0.0, 0.0)[:3]]
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else 0.0
+    return [number(entry) or 0.0 for entry in (*given, 0.0, 0.0, 0.0)[:3]]
 
 
 def _point(place: Sequence[float]) -> dict[str, float]:

@@ -23,6 +23,7 @@ from companion.plain_text import printable
 from companion.recording.foxglove_export import export_flight
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import TLOG, Listener, versions_now
+from companion.recording.rerun_export import export_rerun
 from companion.replay.comparison import Difference, document_of, first_difference
 from companion.replay.engine import Replay, Replayed, flown_uploads
 from companion.types.record import Decision
@@ -33,6 +34,7 @@ __all__ = [
 ]  # fmt: skip
 
 DECISIONS_SHOWN = 60
+RERUN_SUFFIX = ".rrd"  # by which the viewer knows its files
 
 
 def replayed(
@@ -115,22 +117,38 @@ def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
     return said
 
 
-def exported(flight: Path, target: Path) -> Path:
-    """Write a flight's recording as a picture for Foxglove; the layout that goes with it.
+def exported(flight: Path, target: Path | None, *, is_for_rerun: bool) -> str:
+    """Write a flight's recording as a picture for Foxglove or rerun; what to tell of that.
 
     Parameters
     ----------
     flight : Path
         Folder of the flight, ``flight.mcap`` in it, or the tlog beside that.
-    target : Path
-        The picture.
+    target : Path or None
+        The picture; None for one beside the recording, which only rerun's can be.
+    is_for_rerun : bool
+        Whether it is for rerun, not for Foxglove.
 
     Raises
     ------
+    ConfigError
+        If it is not said where Foxglove's goes, or the name is the other viewer's.
+    ModuleNotFoundError
+        If rerun is not installed.
     RecordError
         If there is nothing to show, or the target cannot be written.
     """
-    return export_flight(mcap_of(flight), target)
+    source = mcap_of(flight)
+    picture = source.with_suffix(RERUN_SUFFIX) if target is None and is_for_rerun else target
+    if picture is None:
+        raise ConfigError("command line", None, "TARGET", "nothing", "a file to write, or --rerun")
+    if (picture.suffix == RERUN_SUFFIX) != is_for_rerun:
+        expected = f"a name that ends in {RERUN_SUFFIX} with --rerun, and only then"
+        raise ConfigError("command line", None, "TARGET", printable(picture.name), expected)
+    if is_for_rerun:
+        export_rerun(source, picture)
+        return f"picture: {printable(picture)}"
+    return f"picture: {printable(picture)}\nlayout: {printable(export_flight(source, picture))}"
 
 
 def show_page(

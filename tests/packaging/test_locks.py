@@ -20,6 +20,7 @@ NAME = canonicalize_name(PROJECT["project"]["name"])
 FILES = {
     "dev": (("dev", "sim", "metrics", "plot", "dask"), ("build",)),
     "service": (("metrics", "plot"), ("build",)),
+    "rerun": (("rerun",), ()),
     "fuzz": ((), ("fuzz",)),
     "sbom": ((), ("sbom",)),
 }

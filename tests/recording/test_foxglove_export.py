@@ -5,15 +5,21 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from companion.config.load import text_of
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.foxglove_export import LAYOUT, LOG, SCENE, TRANSFORM, export_flight
+from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, Pictures
+from companion.recording.foxglove_export import LAYOUT, export_flight
+from companion.recording.mcap_writer import plain
 from companion.types.threat import Obstacle
 from tests.page.flown import EPOCH_S, Told, ownship
 from tests.support.messages import read_messages
+from tests.ui.flights import mission
 
 
 @pytest.fixture
@@ -63,8 +69,9 @@ def test_schemas_are_foxgloves_by_name_and_what_was_recorded_is_there_too(pictur
 def test_what_is_drawn(picture):
     drawn = entities(picture[0])
     assert set(drawn) == {
-        "obstacle wall", "obstacle hut", "radar radar_1", "goal 1", "candidate", "search tree", "mission",
-        "flown",
+        "obstacle wall", "obstacle hut", "radar radar_1", "goal 1", "horizon", "candidate", "search tree",
+        "search threat tree", "search sub goals", "mission", "flown", "field over 0.25", "field over 0.5",
+        "field over 0.75",
     }, "the track is gone with the last message"  # fmt: skip
     way = drawn["mission"]["lines"][0]
     assert [tuple(point.values()) for point in way["points"]] == [
@@ -74,7 +81,141 @@ def test_what_is_drawn(picture):
     assert drawn["radar radar_1"]["texts"][0]["text"] == "radar_1"
     ring = np.array([[point["x"], point["y"]] for point in drawn["radar radar_1"]["lines"][0]["points"]])
     np.testing.assert_allclose(np.hypot(*(ring - (1400.0, 750.0)).T), 800.0)
-    assert all(entry["frame_id"] == "map" for entry in drawn.values())
+    (goal,) = drawn["search sub goals"]["spheres"]
+    assert goal["pose"]["position"] == {"x": 700.0, "y": 750.0, "z": 120.0}
+    # The horizon goes with the aircraft.
+    (senses,) = drawn["horizon"]["lines"]
+    np.testing.assert_allclose([np.hypot(point["x"], point["y"]) for point in senses["points"]], 600.0)
+    assert {name for name, entry in drawn.items() if entry["frame_id"] != "map"} == {"horizon"}
+    assert drawn["horizon"]["frame_id"] == "aircraft"
+
+
+def test_the_field_is_masked_and_at_the_height_flown(picture):
+    drawn = entities(picture[0])
+    solids = [entry["triangles"][0] for name, entry in drawn.items() if name.startswith("field")]
+    corners = np.array(
+        [[[point[axis] for axis in "xyz"] for point in solid["points"]] for solid in solids[:1]]
+    )
+    assert (corners[..., 2] == 120.0).all()
+    everywhere = [(point["x"], point["y"]) for solid in solids for point in solid["points"]]
+    east, north = np.array(everywhere).T
+    cell = 2000.0 / 120
+    assert np.hypot(east - 1400.0, north - 750.0).max() < 800.0 + cell
+    # The wall between 900 and 1000 m east hides what lies west of it at the radar's own north.
+    assert not ((east < 900.0) & (abs(north - 750.0) < 100.0)).any()
+    assert ((east < 900.0) & (abs(north - 750.0) > 400.0)).any()
+
+
+def test_the_field_is_drawn_anew_where_the_height_is_another():
+    pictures = Pictures()
+    about = {"mission_file": text_of(mission()), "epoch_s": 0.0, "stamp_s": 0.0}
+    list(pictures.of(channels.MISSION, about))
+
+    def bands(up):
+        told = {"stamp_s": 1.0, "position_enu_m": [100.0, 750.0, up], "course_rad": 0.0}
+        shown = [message for name, _, message in pictures.of(channels.OWNSHIP, told) if name == SCENE]
+        return [
+            ([entry["id"] for entry in message["entities"]], [gone["id"] for gone in message["deletions"]])
+            for message in shown
+            if not message["entities"] or message["entities"][0]["id"].startswith("field")
+        ]
+
+    low = ["field over 0.25", "field over 0.5", "field over 0.75"]
+    assert bands(120.0) == [(low, [])]
+    assert bands(139.0) == []
+    # 700 m above the radar its slant range is at least 700 of 800 m: exp(-(7/8)^4) = 0.556.
+    assert bands(700.0) == [(low[:2], low[2:])]
+    # Above its range there is no field, and the bands of before are gone.
+    assert bands(900.0) == [([], low[:2])]
+    without = {**about, "mission_file": text_of(mission(radars=False))}
+    assert bands(120.0) == [(low, [])]
+    gone = [
+        entry["id"]
+        for _, _, message in pictures.of(channels.MISSION, without)
+        for entry in message["deletions"]
+    ]
+    assert gone == ["radar radar_1", *low]
+    assert bands(300.0) == []
+
+
+def test_cells_of_a_band_are_rectangles_in_rows():
+    east, north = np.array([5.0, 15.0, 25.0, 35.0]), np.array([105.0, 115.0])
+    levels = np.array([[0.04, 0.3, 0.3, 0.8], [0.3, 0.0, 0.3, 0.05]])
+    drawn = {
+        entry["id"]: [tuple(point.values()) for point in entry["triangles"][0]["points"]]
+        for entry in scenes.field_entities(east, north, levels, 70.0, 0.0)
+    }
+    areas = {}
+    for name, points in drawn.items():
+        sides = np.array(points).reshape(-1, 3, 3)
+        areas[name] = 0.5 * np.linalg.norm(
+            np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1
+        )
+    assert {name: found.tolist() for name, found in areas.items()} == {
+        "field over 0.05": [50.0, 50.0],
+        "field over 0.25": [100.0, 100.0, 50.0, 50.0, 50.0, 50.0],
+        "field over 0.75": [50.0, 50.0],
+    }
+    assert set(drawn["field over 0.25"][:6]) == {
+        (10.0, 100.0, 70.0), (30.0, 100.0, 70.0), (30.0, 110.0, 70.0), (10.0, 110.0, 70.0),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("east", "both", "north", "wide", "thin", "angle"),
+    [
+        (9.0, 0.0, 4.0, 3.0, 2.0, 0.0),
+        (4.0, 0.0, 9.0, 3.0, 2.0, np.pi / 2),
+        # Deviations of 3 along north-east and 1 across: (9 + 1) / 2 on the diagonal, (9 - 1) / 2 beside it.
+        (5.0, 4.0, 5.0, 3.0, 1.0, np.pi / 4),
+        (5.0, -4.0, 5.0, 3.0, 1.0, -np.pi / 4),
+    ],
+)
+def test_an_uncertain_place_is_an_ellipse_of_two_deviations(east, both, north, wide, thin, angle):
+    rows = [[east, 7.0, both, 7.0], [7.0] * 4, [both, 7.0, north, 7.0], [7.0] * 4]
+    drawn = scenes.spread((1.0, 2.0, 3.0), rows, scenes.THREAT)
+    assert drawn["size"]["x"] == pytest.approx(4.0 * wide)
+    assert drawn["size"]["y"] == pytest.approx(4.0 * thin)
+    turn = drawn["pose"]["orientation"]
+    assert 2.0 * np.arctan2(turn["z"], turn["w"]) == pytest.approx(angle)
+    assert drawn["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+
+
+RUBBISH = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.just(10**400)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=12,
+)
+KEYS = sorted({key for channel in channels.CHANNELS for key in channel.keys if key != "mission_file"})
+TRACK = st.fixed_dictionaries(
+    {}, optional={key: RUBBISH for key in ("identity", "position_enu_m", "covariance", "max_threat_radius_m")}
+)
+WALL = st.fixed_dictionaries(
+    {}, optional={key: RUBBISH for key in ("name", "polygon_enu_m", "base_m", "top_m")}
+)
+
+
+@given(
+    st.sampled_from([channel.topic for channel in channels.CHANNELS if channel.topic != channels.MISSION]),
+    st.dictionaries(st.sampled_from(KEYS), RUBBISH, max_size=8)
+    | st.fixed_dictionaries({"tracks": st.lists(TRACK), "obstacles": st.lists(WALL)}),
+)
+@example(channels.SWAP, {"outcome": "flown", "waypoints_enu_m": [[1.0, "east", 2.0], [10**400, 0, 0]]})
+@example(channels.PLAN, {"path": [[0.0, 1.0, [], 2.0], None, [0.0]]})
+@example(channels.TRACKS, {"tracks": [{"covariance": [["a", 10**400], 3], "position_enu_m": ["b"]}]})
+@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, 0]]}, {}, 5]})
+@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, "up"], [0, 1], [1, 1]]}]})
+def test_rubbish_in_a_recording_ends_no_export(topic, told):
+    pictures = Pictures()
+    about = {"mission_file": text_of(mission(radars=False)), "epoch_s": 0.0, "stamp_s": 0.0}
+    list(pictures.of(channels.MISSION, about))
+    for _, _, message in pictures.of(topic, told):
+        json.dumps(plain(message), allow_nan=False)
 
 
 def test_instants_and_attitude(picture):

@@ -1,0 +1,186 @@
+"""What of a recording is shown, message by message, in Foxglove's terms; rerun is shown the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from companion.config import MissionConfig, mission_from_text
+from companion.config.compose import goals_of, world_of
+from companion.recording import mcap_schema as channels
+from companion.recording import scene_update as scenes
+from companion.recording.mcap_reader import Document, number, text
+from companion.types.threat import Obstacle
+from companion.ui.field import threat_field
+from companion.world.snapshot import Snapshot
+
+SCENE, TRANSFORM, LOG = "/scene", "/tf", "/log"
+MISSION_MAX = 2_000_000  # characters of a mission file
+LOUD = frozenset({"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"})
+INFO, WARNING = 2, 3  # of Log
+_FLOWN_S, _THREATS_S = 1.0, 0.5  # between pictures of them
+_FLOWN_MAX = 1_000  # places of the flown path in one of them
+_FIELD_STEP_M = 20.0  # by which the height is another before the radars' field is drawn anew
+_FIELD_CELLS = 120  # along the longer side
+
+
+class Pictures:
+    """Makes pictures of what is recorded, message by message."""
+
+    def __init__(self) -> None:
+        self.epoch_s = 0.0
+        self.mission: MissionConfig | None = None
+        self._snapshot: Snapshot | None = None
+        self._field_m = math.inf
+        self._flown: list[object] = []
+        self._shown: dict[str, set[str]] = {}
+        self._walls: set[str] = set()
+        self._drawn_s: dict[str, float] = {}
+
+    def of(self, topic: str, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+        """Messages that show one that was recorded, with their topics and UTC [s]."""
+        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
+        match topic:
+            case channels.MISSION:
+                yield from self._world(told)
+            case channels.SNAPSHOT if isinstance(told.get("obstacles"), list):
+                yield SCENE, utc_s, self._fences(told, utc_s)
+            case channels.OWNSHIP:
+                yield from self._ownship(told, utc_s)
+            case channels.TRACKS if self._is_due("threats", utc_s, _THREATS_S):
+                yield SCENE, utc_s, self._threats(told, utc_s)
+            case channels.PLAN:
+                yield SCENE, utc_s, self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s, 2.0)
+            case channels.TREES:
+                yield SCENE, utc_s, scenes.scene(*scenes.search_entities(told, utc_s))
+            case channels.SWAP if told.get("outcome") == "flown":
+                way = self._line("mission", told.get("waypoints_enu_m"), scenes.MISSION, utc_s, 5.0)
+                yield SCENE, utc_s, way
+            case channels.DECISION:
+                yield LOG, utc_s, _log_entry(told, utc_s)
+
+    def _ownship(self, told: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+        """Where the aircraft is, the radars' field there, and now and then the way that it has flown."""
+        transform = self._transform(told, utc_s)
+        yield TRANSFORM, utc_s, transform
+        yield from self._field(transform["translation"]["z"], utc_s)
+        self._flown.append(told.get("position_enu_m"))
+        if self._is_due("flown", utc_s, _FLOWN_S):
+            places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
+            yield SCENE, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
+
+    def _field(self, up_m: float, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+        """The radars' field at a height, masked by obstacles, where the last one is of another height."""
+        if self._snapshot is None or abs(up_m - self._field_m) < _FIELD_STEP_M:
+            return
+        self._field_m = up_m
+        section = threat_field(self._snapshot, up_m, _FIELD_CELLS)
+        yield SCENE, utc_s, self._renewed("field", scenes.field_entities(*section, up_m, utc_s), utc_s)
+
+    def _renewed(self, group: str, shown: list[scenes.Entity], utc_s: float) -> Mapping[str, object]:
+        """A scene in which a group of entities is these, and those that it was before are gone."""
+        names = {str(entry["id"]) for entry in shown}
+        gone = sorted(self._shown.get(group, set()) - names)
+        self._shown[group] = names
+        return scenes.scene(*shown, gone=gone, utc_s=utc_s)
+
+    def _is_due(self, what: str, utc_s: float, period_s: float) -> bool:
+        if 0.0 <= utc_s - self._drawn_s.get(what, -1e12) < period_s:
+            return False
+        self._drawn_s[what] = utc_s
+        return True
+
+    def _line(
+        self, name: str, places: object, colour: scenes.Colour, utc_s: float, width: float = 3.0
+    ) -> Mapping[str, object]:
+        drawn = scenes.line(_rows(places, 3), colour, width=width)
+        return scenes.scene(scenes.entity(name, utc_s, lines=[drawn]))
+
+    def _world(self, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+        """Obstacles, radars and goals of the mission file, and how far the aircraft senses."""
+        self.epoch_s = number(told.get("epoch_s"), 1e11) or 0.0
+        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
+        mission = mission_from_text(text(told.get("mission_file"), MISSION_MAX), "the recording")
+        self.mission = mission
+        self._snapshot = world_of(mission, none_known=False) if mission.radar_list else None
+        self._field_m = math.inf
+        walls = [self._wall(wall, scenes.OBSTACLE, utc_s) for wall in mission.obstacle_list]
+        self._walls = {wall.name for wall in mission.obstacle_list}
+        radars = [scenes.radar_entity(radar, utc_s) for radar in mission.radar_list]
+        ends = [
+            scenes.entity(
+                f"goal {count}", utc_s,
+                spheres=[scenes.ball(goal.position_enu_m, goal.acceptance_radius_m, scenes.GOAL)],
+            )
+            for count, goal in enumerate(goals_of(mission), 1)
+        ]  # fmt: skip
+        senses = scenes.circle(
+            (0.0, 0.0, 0.0), float(mission.planning.sensing_horizon_m), scenes.HORIZON, 1.0
+        )
+        horizon = scenes.entity("horizon", utc_s, frame=scenes.AIRCRAFT, lines=[senses])
+        yield SCENE, utc_s, self._renewed("world", [*walls, *radars, *ends, horizon], utc_s)
+        if self._snapshot is None:
+            yield SCENE, utc_s, self._renewed("field", [], utc_s)
+
+    def _wall(self, wall: Obstacle, colour: scenes.Colour, utc_s: float) -> scenes.Entity:
+        assert self.mission is not None
+        ceiling_m = float(self.mission.bounds.up_m[1])
+        solid = [scenes.prism(wall, ceiling_m, colour)]
+        return scenes.entity(f"obstacle {wall.name}", utc_s, triangles=solid)
+
+    def _fences(self, told: Document, utc_s: float) -> Mapping[str, object]:
+        """What of the obstacles a plan was made among is not the mission file's."""
+        found = []
+        listed = told.get("obstacles")
+        for entry in listed if isinstance(listed, list) and self.mission is not None else ():
+            if not isinstance(entry, dict) or entry.get("name") in self._walls:
+                continue
+            base, top = number(entry.get("base_m")), number(entry.get("top_m"))
+            corners = _rows(entry.get("polygon_enu_m"), 2)
+            if len(corners) > 2:
+                wall = Obstacle(text(entry.get("name")), np.array(corners), base or 0.0, top or 0.0)
+                found.append(self._wall(wall, scenes.FENCE, utc_s))
+        return self._renewed("fences", found, utc_s)
+
+    def _threats(self, told: Document, utc_s: float) -> Mapping[str, object]:
+        tracks = told.get("tracks")
+        rows = [row for row in tracks if isinstance(row, dict)] if isinstance(tracks, list) else []
+        return self._renewed("tracks", [scenes.track_entity(row, utc_s) for row in rows], utc_s)
+
+    def _transform(self, told: Document, utc_s: float) -> dict[str, Any]:
+        """Where the aircraft is, for what is drawn in its frame, and to follow it."""
+        place = told.get("position_enu_m")
+        row = place if isinstance(place, list) and len(place) == 3 else [0.0, 0.0, 0.0]
+        pose = scenes.pose_of([number(value) or 0.0 for value in row], number(told.get("course_rad")) or 0.0)
+        return {
+            "timestamp": scenes.time_of(utc_s), "parent_frame_id": scenes.MAP,
+            "child_frame_id": scenes.AIRCRAFT, "translation": pose["position"],
+            "rotation": pose["orientation"],
+        }  # fmt: skip
+
+
+def _rows(places: object, length: int) -> list[list[float]]:
+    """Places of a document, without those that are none."""
+    rows = places if isinstance(places, list) else []
+    return [
+        row
+        for row in rows
+        if isinstance(row, list) and len(row) == length and all(number(value) is not None for value in row)
+    ]
+
+
+def _places_of(told: Document) -> list[object]:
+    """Places of a plan's path: its rows begin with the time."""
+    path = told.get("path")
+    return [row[1:4] for row in path if isinstance(row, list)] if isinstance(path, list) else []
+
+
+def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:
+    kind = text(told.get("kind"), 100)
+    return {
+        "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in LOUD else INFO,
+        "message": f"{kind}: {text(told.get('text'))}", "name": "companion", "file": "", "line": 0,
+    }  # fmt: skip

@@ -1,0 +1,400 @@
+"""A recording as a picture for rerun's viewer: what is drawn for Foxglove, as rerun's archetypes.
+
+The package is an extra, and imported when a picture is made.
+
+References
+----------
+Rerun SDK, archetypes and blueprints; time is the flight's own, in seconds.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.config import MissionConfig
+from companion.errors import RecordError
+from companion.frames import FloatArray
+from companion.plain_text import printable
+from companion.recording import mcap_schema as channels
+from companion.recording import scene_update as scenes
+from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, WARNING, Pictures
+from companion.recording.mcap_reader import Document, messages_of, number
+from companion.safe_files import open_to_write
+
+TIMELINE = "flight time"  # seconds of the flight's own clock
+WORLD, DECISIONS, GEO = "world", "decisions", "geo"
+ALTITUDE, AIRSPEED, GROUND_SPEED = "altitude_m", "speed_m_s/air", "speed_m_s/ground"
+THREAT, SAFE = "threat_level", "until_t_f_s"
+SCALARS = (
+    (channels.OWNSHIP, "airspeed_m_s", AIRSPEED),
+    (channels.OWNSHIP, "ground_speed_m_s", GROUND_SPEED),
+    (channels.THREAT, "level", THREAT),
+)
+# The page's dark colours, for the viewer is dark: in the place of those that are for light ground.
+_GROUND, _GRID = (17, 22, 27), (57, 68, 80)
+_DARK = {
+    scenes.OBSTACLE[:3]: (108, 121, 134),
+    scenes.FENCE[:3]: (224, 176, 80),
+    scenes.RADAR[:3]: (255, 138, 92),
+    scenes.GOAL[:3]: (255, 97, 115),
+    scenes.THREAT[:3]: (255, 110, 199),
+    scenes.PASSING[:3]: (154, 167, 180),
+    scenes.MISSION[:3]: (183, 155, 255),
+    scenes.CANDIDATE[:3]: (255, 184, 77),
+    scenes.FLOWN[:3]: (109, 177, 255),
+    scenes.TREE[:3]: (63, 120, 184),
+    scenes.THREAT_TREE[:3]: (168, 80, 139),
+    scenes.HORIZON[:3]: (127, 159, 255),
+    scenes.SUB_GOAL[:3]: (87, 211, 137),
+}
+# Name and colour of what is plotted; and the views of it, with their ranges where they are known.
+_SERIES = {
+    ALTITUDE: ("altitude", scenes.FLOWN),
+    AIRSPEED: ("airspeed", scenes.SUB_GOAL),
+    GROUND_SPEED: ("ground speed", scenes.PASSING),
+    THREAT: ("threat level", scenes.RADAR),
+    SAFE: ("until t_f", scenes.THREAT),
+}
+_PLOTS = (
+    ("Altitude [m]", ALTITUDE, (ALTITUDE,), None),
+    ("Speed [m/s]", "speed_m_s", (AIRSPEED, GROUND_SPEED), None),
+    ("Threat level", THREAT, (THREAT,), (-0.05, 1.05)),
+    ("Until t_f: the earliest a pursuer could threaten the way [s]", SAFE, (SAFE,), None),
+)
+_MARK_M = 120.0  # length of the arrow that is the aircraft
+_GRID_M = 500.0
+_WALLS = 0.4  # opacity of obstacles
+
+
+class _Safety:
+    """Until when what is flown is safe from pursuers, t_f, as plans and missions handed over tell it."""
+
+    def __init__(self) -> None:
+        self.until_s: float | None = None
+        self._of_plans: dict[object, float | None] = {}
+
+    def hear(self, topic: str, told: Document) -> None:
+        """Take a message in."""
+        if topic == channels.PLAN:
+            of_plan, of_flown = told.get("pursuit"), told.get("flown_pursuit")
+            if isinstance(of_plan, dict):
+                self._of_plans[number(told.get("number"))] = number(of_plan.get("first_s"))
+            if isinstance(of_flown, dict) and "first_s" in of_flown:
+                self.until_s = number(of_flown["first_s"])
+        elif topic == channels.SWAP and told.get("outcome") == "flown":
+            plan = number(told.get("plan_number"))
+            if plan in self._of_plans:
+                self.until_s = self._of_plans[plan]
+
+    def left_s(self, now_s: float) -> float | None:
+        """How long it is safe from now on [s]; None where nobody could threaten it."""
+        return None if self.until_s is None else max(0.0, self.until_s - now_s)
+
+
+class _Drawing:
+    """Draws messages into a stream; of the package no more is called than here.
+
+    Parameters
+    ----------
+    rr : Any
+        The package.
+    stream : Any
+        Stream of the recording, the package's own.
+    """
+
+    def __init__(self, rr: Any, stream: Any) -> None:  # noqa: ANN401
+        self._rr, self._stream, self._pictures, self._safety = rr, stream, Pictures(), _Safety()
+        self._kinds: dict[tuple[str, ...], set[str]] = {}
+        self._plotted: dict[str, bool] = {}
+        self._is_located = False
+
+    def begin(self) -> None:
+        """Draw what holds for the whole flight: which way is up, and what the aircraft looks like."""
+        rr = self._rr
+        self._stream.log([WORLD], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        mark = rr.Arrows3D(
+            vectors=[[_MARK_M, 0.0, 0.0]], colors=[_rgba(scenes.FLOWN)], radii=rr.Radius.ui_points(4.0)
+        )
+        self._stream.log([WORLD, scenes.AIRCRAFT], mark, static=True)
+        for path, (name, colour) in _SERIES.items():
+            self._stream.log(path, rr.SeriesLines(colors=_rgba(colour), names=name, widths=1.5), static=True)
+
+    def draw(self, topic: str, told: Document) -> None:
+        """Draw one message that was recorded."""
+        now_s = self._stamp_s(told)
+        self._stream.set_time(TIMELINE, duration=now_s)
+        for picture, _, message in self._pictures.of(topic, told):
+            self._show(picture, message)
+        self._safety.hear(topic, told)
+        if topic == channels.OWNSHIP:
+            place = told.get("position_enu_m")
+            self._plot(ALTITUDE, place[2] if isinstance(place, list) and len(place) == 3 else None)
+            self._plot(SAFE, self._safety.left_s(now_s))
+        for source, key, path in SCALARS:
+            if source == topic:
+                self._plot(path, told.get(key))
+        if topic == channels.LOCATION:
+            self._locate(told)
+
+    def end(self) -> None:
+        """Say how it is to be looked at: the flight as it is at its end, and what was plotted."""
+        blueprint = self._rr.blueprint
+        whole = blueprint.TimeAxis(view_range=self._whole())
+        views = [
+            blueprint.TimeSeriesView(
+                origin=origin, name=name, axis_x=whole, axis_y=limits and blueprint.ScalarAxis(range=limits),
+                plot_legend=blueprint.PlotLegend(visible=len(paths) > 1),
+            )
+            for name, origin, paths, limits in _PLOTS
+            if self._plotted.keys() & set(paths)
+        ]  # fmt: skip
+        log = blueprint.TextLogView(
+            origin=DECISIONS, name="Decisions", columns=blueprint.TextLogColumns(text_log_columns=["Body"])
+        )
+        # Tiles of the map come from elsewhere: it is opened by whoever wants them.
+        earth = [blueprint.MapView(origin=GEO, name="Map")] if self._is_located else []
+        beside = blueprint.Vertical(
+            *views, blueprint.Tabs(log, *earth, active_tab=0), row_shares=[*(2 for _ in views), 3]
+        )
+        space = blueprint.Spatial3DView(
+            origin=WORLD, name="Flight [m]: east, north, up", eye_controls=self._eye(), background=[*_GROUND],
+            line_grid=blueprint.LineGrid3D(spacing=_GRID_M, color=[*_GRID]),
+        )  # fmt: skip
+        self._stream.send_blueprint(
+            blueprint.Blueprint(
+                blueprint.Horizontal(space, beside, column_shares=[64, 36]),
+                blueprint.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
+                blueprint.BlueprintPanel(state="collapsed"), blueprint.SelectionPanel(state="collapsed"),
+            )
+        )  # fmt: skip
+
+    def _whole(self) -> Any:  # noqa: ANN401
+        """The whole time of the flight, for plots."""
+        ends = self._rr.TimeRangeBoundary.infinite()
+        return self._rr.TimeRange(start=ends, end=ends)
+
+    def _eye(self) -> Any:  # noqa: ANN401
+        """An eye above the south of the mission's bounds; None where they are not known."""
+        mission: MissionConfig | None = self._pictures.mission
+        if mission is None:
+            return None
+        sides = (mission.bounds.east_m, mission.bounds.north_m)
+        east, north = (0.5 * (side[0] + side[1]) for side in sides)
+        size = max(side[1] - side[0] for side in sides)
+        return self._rr.blueprint.EyeControls3D(
+            position=[east, north - 0.85 * size, 0.85 * size],
+            look_target=[east, north - 0.05 * size, 0.0],
+            eye_up=[0.0, 0.0, 1.0],
+        )
+
+    def _stamp_s(self, told: Document) -> float:
+        """When a message was recorded, by the flight's own clock [s]."""
+        at = told.get("timestamp")
+        if isinstance(at, dict):
+            utc_s = (number(at.get("sec")) or 0.0) + 1e-9 * (number(at.get("nsec")) or 0.0)
+            return utc_s - self._pictures.epoch_s
+        return number(told.get("stamp_s")) or 0.0
+
+    def _show(self, picture: str, message: Mapping[str, Any]) -> None:
+        rr, stream = self._rr, self._stream
+        if picture == SCENE:
+            for gone in message["deletions"]:
+                path = _path_of(gone["id"])
+                self._kinds.pop(tuple(path), None)
+                stream.log(path, rr.Clear(recursive=True))
+            for entity in message["entities"]:
+                self._entity(_path_of(entity["id"], entity["frame_id"]), entity)
+        elif picture == TRANSFORM:
+            turn = rr.Quaternion(xyzw=_turn(message["rotation"]))
+            place = _row(message["translation"])
+            stream.log([WORLD, scenes.AIRCRAFT], rr.Transform3D(translation=place, quaternion=turn))
+        elif picture == LOG:
+            level = "WARN" if message["level"] >= WARNING else "INFO"
+            stream.log([DECISIONS], rr.TextLog(printable(message["message"]), level=level))
+
+    def _entity(self, path: list[str], entity: Mapping[str, Any]) -> None:
+        """Draw an entity: each kind of its primitives has a path below its own."""
+        drawn = self._drawn(entity)
+        for kind, shown in drawn.items():
+            self._stream.log([*path, kind], shown)
+        for kind in sorted(self._kinds.get(tuple(path), set()) - drawn.keys()):
+            self._stream.log([*path, kind], self._rr.Clear(recursive=False))
+        self._kinds[tuple(path)] = set(drawn)
+
+    def _drawn(self, entity: Mapping[str, Any]) -> dict[str, Any]:
+        """An entity's primitives in the package's terms, by their kinds."""
+        found = {
+            "solid" if count == 0 else f"solid_{count}": self._solid(part)
+            for count, part in enumerate(entity["triangles"])
+        }
+        if lines := [(entry, strip) for entry in entity["lines"] for strip in _strips(entry)]:
+            found["lines"] = self._rr.LineStrips3D(
+                [strip for _, strip in lines], colors=[_rgba(_colour(entry)) for entry, _ in lines],
+                radii=self._rr.Radius.ui_points([0.5 * entry["thickness"] for entry, _ in lines]),
+            )  # fmt: skip
+        if entity["spheres"]:
+            found["spheres"] = self._balls(entity["spheres"])
+        if entity["texts"]:
+            found["name"] = self._words(entity["texts"])
+        return found
+
+    def _solid(self, part: Mapping[str, Any]) -> Any:  # noqa: ANN401
+        corners = _rows(part["points"])
+        return self._rr.Mesh3D(
+            vertex_positions=corners, vertex_normals=_normals(corners), albedo_factor=_glass(_colour(part))
+        )
+
+    def _balls(self, parts: Sequence[Mapping[str, Any]]) -> Any:  # noqa: ANN401
+        return self._rr.Ellipsoids3D(
+            centers=[_row(part["pose"]["position"]) for part in parts],
+            half_sizes=[[0.5 * size for size in _row(part["size"])] for part in parts],
+            quaternions=[self._rr.Quaternion(xyzw=_turn(part["pose"]["orientation"])) for part in parts],
+            colors=[_rgba(_colour(part)) for part in parts], fill_mode="solid",
+        )  # fmt: skip
+
+    def _words(self, parts: Sequence[Mapping[str, Any]]) -> Any:  # noqa: ANN401
+        return self._rr.Points3D(
+            [_row(part["pose"]["position"]) for part in parts],
+            colors=[_rgba(_colour(part)) for part in parts],
+            labels=[printable(part["text"]) for part in parts], show_labels=True,
+            radii=self._rr.Radius.ui_points(1.0),
+        )  # fmt: skip
+
+    def _plot(self, path: str, value: object) -> None:
+        """Plot a value; a gap where there is none any more."""
+        found = number(value)
+        if found is not None:
+            self._stream.log(path, self._rr.Scalars(found))
+        elif self._plotted.get(path):
+            self._stream.log(path, self._rr.Clear(recursive=False))
+        if found is not None or path in self._plotted:
+            self._plotted[path] = found is not None
+
+    def _locate(self, told: Document) -> None:
+        """Mark the aircraft on a map."""
+        latitude, longitude = number(told.get("latitude"), 90.0), number(told.get("longitude"), 360.0)
+        if latitude is not None and longitude is not None:
+            self._is_located = True
+            place = self._rr.GeoPoints(
+                lat_lon=[[latitude, longitude]], colors=[_rgba(scenes.FLOWN)],
+                radii=self._rr.Radius.ui_points(6.0),
+            )  # fmt: skip
+            self._stream.log([GEO, scenes.AIRCRAFT], place)
+
+
+def _path_of(name: str, frame: str = scenes.MAP) -> list[str]:
+    """Parts of an entity's path: its kind, and its name, which may hold anything."""
+    kind, _, rest = name.partition(" ")
+    return [WORLD, *([] if frame == scenes.MAP else [frame]), kind, *([rest] if rest else [])]
+
+
+def _turn(quaternion: Mapping[str, float]) -> list[float]:
+    return [quaternion[axis] for axis in "xyzw"]
+
+
+def _row(place: Mapping[str, float]) -> list[float]:
+    return [place["x"], place["y"], place["z"]]
+
+
+def _rows(places: Sequence[Mapping[str, float]]) -> FloatArray:
+    """Places as rows (N, 3) [m]."""
+    return np.array([_row(place) for place in places], dtype=np.float64).reshape(-1, 3)
+
+
+def _strips(line: Mapping[str, Any]) -> list[FloatArray]:
+    """Strips (N, 3) [m] that a line is made of; none where it has less than two places."""
+    places = _rows(line["points"])
+    if line["type"] == scenes.LIST:
+        return list(places[: len(places) // 2 * 2].reshape(-1, 2, 3))
+    if line["type"] == scenes.LOOP:
+        places = np.vstack([places, places[:1]])
+    return [places] if len(places) > 1 else []
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """Which way triangles face, rows (M, 3) of unit vectors, at each of their ``corners`` (M, 3) [m].
+
+    Level ones face up.
+    """
+    first, second, third = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+    facing = np.cross(second - first, third - first)
+    lengths = np.linalg.norm(facing, axis=1, keepdims=True)
+    unit = np.divide(facing, lengths, out=np.zeros_like(facing), where=lengths > 0.0)
+    return np.repeat(np.where(unit[:, 2:] < 0.0, -unit, unit), 3, axis=0)
+
+
+def _colour(part: Mapping[str, Any]) -> scenes.Colour:
+    colour = part["color"]
+    return colour["r"], colour["g"], colour["b"], colour["a"]
+
+
+def _rgba(colour: scenes.Colour) -> list[int]:
+    """A colour of the scene as it is on dark ground."""
+    red, green, blue, opacity = colour
+    dark = _DARK.get((red, green, blue), tuple(round(255.0 * share) for share in (red, green, blue)))
+    return [*dark, round(255.0 * opacity)]
+
+
+def _glass(colour: scenes.Colour) -> list[int]:
+    """The same of a surface: the viewer mixes light, not shades, and what walls hide is to be seen."""
+    *dark, opacity = _rgba(colour)
+    if colour == scenes.OBSTACLE:
+        return [*dark, round(255.0 * _WALLS)]
+    return [*dark, round(opacity**2 / 255.0)]
+
+
+def export_rerun(flight: Path, target: Path) -> int:
+    """Write a flight's recording as a picture for rerun, and how it is to be looked at.
+
+    Parameters
+    ----------
+    flight : Path
+        ``flight.mcap``.
+    target : Path
+        The picture, made anew.
+
+    Returns
+    -------
+    int
+        Messages that were drawn.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the extra ``rerun`` is not installed.
+    RecordError
+        If there is no message in the recording, or the target cannot be written.
+    """
+    import rerun  # an extra  # noqa: PLC0415
+
+    known = {channel.topic for channel in channels.CHANNELS}
+    stream = rerun.RecordingStream("companion", send_properties=False)
+    stream.set_log_time_enabled(enabled=False)
+    stream.set_log_tick_enabled(enabled=False)
+    # Where the package writes a file itself, a full disk goes unnoticed; and only a single piece is one file.
+    made = stream.binary_stream()
+    drawing, num_messages = _Drawing(rerun, stream), 0
+    try:
+        with open_to_write(target) as file:
+            stream.send_recording_name(printable(flight.resolve().parent.name))
+            drawing.begin()
+            for topic, told in messages_of(flight, Counter()):
+                if topic in known:
+                    drawing.draw(topic, told)
+                    num_messages += 1
+            drawing.end()
+            file.write(made.read() or b"")
+    except OSError as error:
+        raise RecordError(f"{target}: {error.strerror or error}") from error
+    finally:
+        # While there is who reads: else the package waits for that without end.
+        stream.disconnect()
+        made.read(flush=False)
+    if not num_messages:
+        raise RecordError(f"{flight}: no message in it")
+    return num_messages
