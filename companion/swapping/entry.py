@@ -37,7 +37,8 @@ OTHERWISE_RAD = math.radians(6.0)  # of bank
 BESIDE_M = 4.0
 OTHER_WIND_M_S = 1.5
 LOWER_M, CLIMBS_LESS = 4.0, 0.4
-ROLLS_LESS = 1.6
+ROLLS_LESS, ROLLS_SLOWER = 1.6, 0.7
+STEERS_SOONER = 0.8
 STEP_S = 0.5
 
 
@@ -172,6 +173,11 @@ def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownsh
     """How the aircraft might as well fly in: each with what it is steered by and where it begins."""
     yield guidance, predicted(ownship, LATER_S)
     yield replace(guidance, roll_time_s=ROLLS_LESS * guidance.roll_time_s), ownship
+    yield replace(
+        guidance,
+        l1_period_s=STEERS_SOONER * guidance.l1_period_s,
+        roll_rate_max_rad_s=ROLLS_SLOWER * guidance.roll_rate_max_rad_s,
+    ), ownship  # out of one turn into another
     east, north, up = ownship.position_enu_m
     course, (wind_east, wind_north) = ownship.course_rad, ownship.wind_enu_m_s
     for side in (-1.0, 1.0):

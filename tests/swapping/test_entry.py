@@ -12,6 +12,7 @@ from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.flight_state import first_state
 from companion.flight.shaping import guidance_of, waypoints_of
+from companion.swapping import entry
 from companion.swapping.entry import entry_of, may_be_entered
 from companion.swapping.swap_protocol import Entry
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
@@ -240,3 +241,20 @@ def test_out_of_a_circle_to_the_last_waypoint_of_a_curve_before_a_wall():
     # What the wall decides: without it the same entry does.
     no_walls = replace(first_state(mission_from_text(WITHOUT_WALLS, "open.yaml"), 0.0), flies_by=False)
     assert entry_of(no_walls, state, from_there(state), places, number=9) == 9
+
+
+def test_out_of_a_fast_circle_over_to_the_right_and_back_to_the_left_before_a_wall(monkeypatch):
+    """paper-2d, seed 178 of the soak: at 38 m/s it swung past its waypoint, and met the wall at (2297, 1099).
+
+    The way foreseen kept 14 m; by what rolls more slowly and steers sooner, as that aircraft did, none.
+    """
+    made = replace(first_state(mission_file("paper-2d.yaml"), 0.0), flies_by=False)
+    state = on((2492.6, 842.4, 100.0), course_deg=13.0, speed=40.0, bank_deg=-42.0, wind=(3.0, 2.2))
+    places = after(
+        state, (2362.3, 1030.7, 100), (2268.7, 1036.0, 100), (2213.0, 1012.0, 100), (2171.0, 972.0, 100),
+        (2147.0, 921.0, 100), (2152.0, 842.0, 100), (2180.0, 793.0, 100), (2248.0, 655.0, 100),
+    )  # fmt: skip
+    assert entry_of(made, state, from_there(state), places) is None
+    for name in ("ROLLS_SLOWER", "STEERS_SOONER"):
+        monkeypatch.setattr(entry, name, 1.0)
+    assert entry_of(made, state, from_there(state), places) == 0
