@@ -136,12 +136,12 @@ class Pictures:
         found = []
         listed = told.get("obstacles")
         for entry in listed if isinstance(listed, list) and self.mission is not None else ():
-            if not isinstance(entry, dict) or entry.get("name") in self._walls:
+            if not isinstance(entry, dict) or (name := text(entry.get("name"))) in self._walls:
                 continue
             base, top = number(entry.get("base_m")), number(entry.get("top_m"))
             corners = _rows(entry.get("polygon_enu_m"), 2)
             if len(corners) > 2:
-                wall = Obstacle(text(entry.get("name")), np.array(corners), base or 0.0, top or 0.0)
+                wall = Obstacle(name, np.array(corners), base or 0.0, top or 0.0)
                 found.append(self._wall(wall, scenes.FENCE, utc_s))
         return self._renewed("fences", found, utc_s)
 

@@ -208,7 +208,7 @@ WALL = st.fixed_dictionaries(
 @example(channels.SWAP, {"outcome": "flown", "waypoints_enu_m": [[1.0, "east", 2.0], [10**400, 0, 0]]})
 @example(channels.PLAN, {"path": [[0.0, 1.0, [], 2.0], None, [0.0]]})
 @example(channels.TRACKS, {"tracks": [{"covariance": [["a", 10**400], 3], "position_enu_m": ["b"]}]})
-@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, 0]]}, {}, 5]})
+@example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, 0]]}, {"name": []}, 5]})
 @example(channels.SNAPSHOT, {"obstacles": [{"polygon_enu_m": [[0, 0], [1, "up"], [0, 1], [1, 1]]}]})
 def test_rubbish_in_a_recording_ends_no_export(topic, told):
     pictures = Pictures()
