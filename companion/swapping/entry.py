@@ -173,11 +173,12 @@ def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownsh
     """How the aircraft might as well fly in: each with what it is steered by and where it begins."""
     yield guidance, predicted(ownship, LATER_S)
     yield replace(guidance, roll_time_s=ROLLS_LESS * guidance.roll_time_s), ownship
-    yield replace(
+    swinging = replace(  # out of one turn into another, fast, it goes wide
         guidance,
         l1_period_s=STEERS_SOONER * guidance.l1_period_s,
         roll_rate_max_rad_s=ROLLS_SLOWER * guidance.roll_rate_max_rad_s,
-    ), ownship  # out of one turn into another
+    )
+    yield swinging, ownship
     east, north, up = ownship.position_enu_m
     course, (wind_east, wind_north) = ownship.course_rad, ownship.wind_enu_m_s
     for side in (-1.0, 1.0):
