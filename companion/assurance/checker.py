@@ -60,7 +60,6 @@ RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
 CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
 CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
 LOITER_SIDES = 72
-BETWEEN_ROWS = "climb angle between rows [rad]"
 
 
 class Checker:
@@ -264,7 +263,8 @@ class Checker:
         for most, sign, name in ((high, 1.0, "upper"), (-low, -1.0, "lower")):
             limit = slope_over_ground(most, airspeeds_m_s, gained_m_s)
             steep = flown & ~(sign * angles_rad <= limit + CLIMB_TOLERANCE_RAD)
-            yield from listed("climb", rows, steep, angles_rad, sign * limit, f"{BETWEEN_ROWS}, {name}")
+            detail = f"climb angle between rows [rad], {name}"
+            yield from listed("climb", rows, steep, angles_rad, sign * limit, detail)
 
     def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Bounds of the arcs' middles, off their chords by the sagitta; of edges ``ahead`` (N - 1,)."""

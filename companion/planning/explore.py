@@ -273,16 +273,17 @@ class Exploration:
         root : int
             The node from which it is to be reached.
         """
-        state, stamp_s = self.tree.state[root], float(self.tree.time[root])
-        asked = (*goal, *state, stamp_s, self.limits.v_cruise)
-        if asked not in self._homes:
-            ways, self.ways = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), None
+        homes = self._homes if root == 0 else {}  # no other node is come back to
+        asked = (*goal, self.limits.v_cruise)
+        if asked not in homes:
+            ways, before = ways_clear(goal, self.limits, self.problem.snapshot.obstacles), None
             if self.chase.is_avoided or self.chase.is_raced:
                 settings, unit_m = self.problem.settings, self.problem.snapshot.unit_m
                 dear = 0.0 if self.chase.is_avoided else settings.times_as_dear(self.limits.v_cruise, unit_m)
-                self.ways = ways = ways_before(ways, self.chase.game, state, stamp_s, self.limits, dear)
-            self._homes[asked] = self.ways, guide_home(goal, ways)
-        self.ways, home = self._homes[asked]
+                state, stamp_s = self.tree.state[root], float(self.tree.time[root])
+                ways = before = ways_before(ways, self.chase.game, state, stamp_s, self.limits, dear)
+            homes[asked] = before, guide_home(goal, ways)
+        self.ways, home = homes[asked]
         return home
 
     def hurry(self, should_stop: ShouldStop) -> bool:

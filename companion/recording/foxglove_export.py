@@ -12,7 +12,7 @@ from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, Pictures
-from companion.recording.mcap_reader import messages_of, number
+from companion.recording.mcap_reader import messages_of, number, utc_of
 from companion.recording.mcap_writer import plain
 from companion.safe_files import open_to_write
 
@@ -58,9 +58,9 @@ def export_flight(flight: Path, target: Path) -> Path:
                     continue
                 num_messages += 1
                 shown = list(pictures.of(topic, told))
-                utc_s = pictures.epoch_s + (number(told.get("stamp_s")) or 0.0)
-                if "timestamp" in told and isinstance(at := told["timestamp"], dict):
-                    utc_s = float(at.get("sec", 0)) + 1e-9 * float(at.get("nsec", 0))
+                utc_s = utc_of(told)
+                if utc_s is None:
+                    utc_s = pictures.epoch_s + (number(told.get("stamp_s")) or 0.0)
                 for name, stamp_s, message in ((topic, utc_s, told), *shown):
                     stamp = max(0, round(1e9 * stamp_s))
                     data = json.dumps(plain(message), allow_nan=False, separators=(",", ":")).encode("ascii")

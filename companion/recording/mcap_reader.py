@@ -198,6 +198,20 @@ def number(value: object, limit: float = 1e15) -> float | None:
     return float(value) if abs(value) <= limit else None  # no NaN is, and integers may be too long
 
 
+def utc_of(told: Document) -> float | None:
+    """UTC that a document tells as a time of Foxglove's [s]; None where it tells none.
+
+    Parameters
+    ----------
+    told : dict
+        A message.
+    """
+    at = told.get("timestamp")
+    if not isinstance(at, dict):
+        return None
+    return (number(at.get("sec")) or 0.0) + 1e-9 * (number(at.get("nsec")) or 0.0)
+
+
 def text(value: object, length_max: int = 4_000) -> str:
     """A text of a document, cut to a length; '' for anything else.
 

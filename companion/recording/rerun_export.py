@@ -23,7 +23,7 @@ from companion.plain_text import printable
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, WARNING, Pictures
-from companion.recording.mcap_reader import Document, messages_of, number
+from companion.recording.mcap_reader import Document, messages_of, number, utc_of
 from companion.safe_files import open_to_write
 
 TIMELINE = "flight time"  # seconds of the flight's own clock
@@ -194,11 +194,8 @@ class _Drawing:
 
     def _stamp_s(self, told: Document) -> float:
         """When a message was recorded, by the flight's own clock [s]."""
-        at = told.get("timestamp")
-        if isinstance(at, dict):
-            utc_s = (number(at.get("sec")) or 0.0) + 1e-9 * (number(at.get("nsec")) or 0.0)
-            return utc_s - self._pictures.epoch_s
-        return number(told.get("stamp_s")) or 0.0
+        utc_s = utc_of(told)
+        return (number(told.get("stamp_s")) or 0.0) if utc_s is None else utc_s - self._pictures.epoch_s
 
     def _show(self, picture: str, message: Mapping[str, Any]) -> None:
         rr, stream = self._rr, self._stream

@@ -118,3 +118,13 @@ class Told:
         for tick in range(5 * seconds):
             self.state(0.2 * tick, east + 5.0 * tick)
         self.standing(float(seconds))
+
+
+def recorded(folder, level=0.0):
+    """The file of ten seconds with a track, and at 12 s the aircraft alone, at a threat level."""
+    told = Told(lambda *_: None, folder)
+    told.fly(10)
+    told.recorder.decide(10.0, "emergency", "loiter")
+    told.recorder.state(12.0, ownship(12.0, 595.0), (), level)
+    told.recorder.close()
+    return folder / "flight.mcap"

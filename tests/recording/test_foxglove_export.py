@@ -15,21 +15,17 @@ from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, Pictures
 from companion.recording.foxglove_export import LAYOUT, export_flight
+from companion.recording.mcap_reader import utc_of
 from companion.recording.mcap_writer import plain
 from companion.types.threat import Obstacle
-from tests.page.flown import EPOCH_S, Told, ownship
+from tests.page.flown import EPOCH_S, recorded
 from tests.support.messages import read_messages
 from tests.ui.flights import mission
 
 
 @pytest.fixture
 def picture(tmp_path):
-    told = Told(lambda *_: None, tmp_path / "flight")
-    told.fly(10)
-    told.recorder.decide(10.0, "emergency", "loiter")
-    told.recorder.state(12.0, ownship(12.0, 595.0), (), 0.0)
-    told.recorder.close()
-    layout = export_flight(tmp_path / "flight" / "flight.mcap", tmp_path / "picture.mcap")
+    layout = export_flight(recorded(tmp_path / "flight"), tmp_path / "picture.mcap")
     return tmp_path / "picture.mcap", layout
 
 
@@ -216,6 +212,19 @@ def test_rubbish_in_a_recording_ends_no_export(topic, told):
     list(pictures.of(channels.MISSION, about))
     for _, _, message in pictures.of(topic, told):
         json.dumps(plain(message), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("told", "utc_s"),
+    [
+        ({"timestamp": {"sec": 5, "nsec": 250_000_000}}, 5.25),
+        ({"timestamp": {"sec": "noon", "nsec": []}}, 0.0),
+        ({"timestamp": "noon"}, None),
+        ({}, None),
+    ],
+)
+def test_the_time_that_a_document_tells(told, utc_s):
+    assert utc_of(told) == utc_s
 
 
 def test_instants_and_attitude(picture):

@@ -18,7 +18,7 @@ from companion.recording import scene_update as scenes
 from companion.recording.mcap_reader import messages_of
 from companion.recording.rerun_export import TIMELINE, export_rerun
 from tests.cli.calls import in_a_process
-from tests.page.flown import EPOCH_S, Told, ownship
+from tests.page.flown import EPOCH_S, recorded
 from tests.ui.flights import mission
 
 ITS_NAME = "expected a name that ends in .rrd with --rerun, and only then"
@@ -111,13 +111,7 @@ def drawing():
 
 @pytest.fixture
 def flight(tmp_path):
-    """Ten seconds with a track, and at 12 s the aircraft alone."""
-    told = Told(lambda *_: None, tmp_path / "flight")
-    told.fly(10)
-    told.recorder.decide(10.0, "emergency", "loiter")
-    told.recorder.state(12.0, ownship(12.0, 595.0), (), 0.25)
-    told.recorder.close()
-    return tmp_path / "flight" / "flight.mcap"
+    return recorded(tmp_path / "flight", level=0.25)
 
 
 def test_paths_and_counts(flight, stream, tmp_path):

@@ -17,14 +17,20 @@ TOUCHED_S = 4.0  # flown on after an obstacle was touched
 STANDING_S, STANDING_M = 20.0, 3.0  # so long in one spot: it stands
 
 
+def room_taken(path, seconds):
+    """How far the last of ``path``, rows of time and place, reach in each direction [m]."""
+    rows = [place for stamp, *place in path if path[-1][0] - stamp <= seconds]
+    return [max(axis) - min(axis) for axis in zip(*rows, strict=True)]
+
+
 def is_standing(path):
-    """Whether the last of ``path``, rows of time and place, were spent in one spot.
+    """Whether the last of ``path`` were spent in one spot.
 
     A PX4 does not always notice that it has landed, and then stays armed.
     """
-    rows = [place for stamp, *place in path if path[-1][0] - stamp <= STANDING_S]
-    is_in_one_spot = all(max(axis) - min(axis) < STANDING_M for axis in zip(*rows, strict=True))
-    return bool(path) and path[-1][0] - path[0][0] > STANDING_S and is_in_one_spot
+    if not path or path[-1][0] - path[0][0] <= STANDING_S:
+        return False
+    return max(room_taken(path, STANDING_S)) < STANDING_M
 
 
 class Deck:
@@ -180,8 +186,5 @@ class Deck:
 
     def _is_circling(self):
         """Whether the last minutes were flown within one small place, in no landing."""
-        now = self.station.path[-1][0]
-        rows = [row for row in self.station.path if now - row[0] <= CIRCLING_S]
-        wide = max(max(row[axis] for row in rows) - min(row[axis] for row in rows) for axis in (1, 2))
-        high = max(row[3] for row in rows) - min(row[3] for row in rows)
-        return wide < 500.0 * self.course.factor + 100.0 and high < 10.0
+        east, north, up = room_taken(self.station.path, CIRCLING_S)
+        return max(east, north) < 500.0 * self.course.factor + 100.0 and up < 10.0
