@@ -17,7 +17,11 @@ from companion.types.threat import Obstacle
 from companion.ui.field import threat_field
 from companion.world.snapshot import Snapshot
 
-SCENE, TRANSFORM, LOG = "/scene", "/tf", "/log"
+TRANSFORM, LOG = "/tf", "/log"
+# Each has all of its own in its last message: who is sent into a recording's middle is shown that alone.
+WORLD, FIELD, FENCES, THREATS = "/scene/world", "/scene/field", "/scene/fences", "/scene/threats"
+FLOWN, MISSION, CANDIDATE, SEARCH = "/scene/flown", "/scene/mission", "/scene/candidate", "/scene/search"
+SCENES = (WORLD, FIELD, FENCES, THREATS, FLOWN, MISSION, CANDIDATE, SEARCH)
 MISSION_MAX = 2_000_000  # characters of a mission file
 LOUD = frozenset({"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"})
 INFO, WARNING = 2, 3  # of Log
@@ -47,18 +51,22 @@ class Pictures:
             case channels.MISSION:
                 yield from self._world(told)
             case channels.SNAPSHOT if isinstance(told.get("obstacles"), list):
-                yield SCENE, utc_s, self._fences(told, utc_s)
+                yield FENCES, utc_s, self._fences(told, utc_s)
             case channels.OWNSHIP:
                 yield from self._ownship(told, utc_s)
             case channels.TRACKS if self._is_due("threats", utc_s, _THREATS_S):
-                yield SCENE, utc_s, self._threats(told, utc_s)
+                yield THREATS, utc_s, self._threats(told, utc_s)
             case channels.PLAN:
-                yield SCENE, utc_s, self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s, 2.0)
+                yield (
+                    CANDIDATE,
+                    utc_s,
+                    self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s, 2.0),
+                )
             case channels.TREES:
-                yield SCENE, utc_s, scenes.scene(*scenes.search_entities(told, utc_s))
+                yield SEARCH, utc_s, scenes.scene(*scenes.search_entities(told, utc_s))
             case channels.SWAP if told.get("outcome") == "flown":
                 way = self._line("mission", told.get("waypoints_enu_m"), scenes.MISSION, utc_s, 5.0)
-                yield SCENE, utc_s, way
+                yield MISSION, utc_s, way
             case channels.DECISION:
                 yield LOG, utc_s, _log_entry(told, utc_s)
 
@@ -70,7 +78,7 @@ class Pictures:
         self._flown.append(told.get("position_enu_m"))
         if self._is_due("flown", utc_s, _FLOWN_S):
             places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
-            yield SCENE, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
+            yield FLOWN, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
 
     def _field(self, up_m: float, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
         """The radars' field at a height, masked by obstacles, where the last one is of another height."""
@@ -78,7 +86,7 @@ class Pictures:
             return
         self._field_m = up_m
         section = threat_field(self._snapshot, up_m, _FIELD_CELLS)
-        yield SCENE, utc_s, self._renewed("field", scenes.field_entities(*section, up_m, utc_s), utc_s)
+        yield FIELD, utc_s, self._renewed("field", scenes.field_entities(*section, up_m, utc_s), utc_s)
 
     def _renewed(self, group: str, shown: list[scenes.Entity], utc_s: float) -> Mapping[str, object]:
         """A scene in which a group of entities is these, and those that it was before are gone."""
@@ -121,9 +129,9 @@ class Pictures:
             (0.0, 0.0, 0.0), float(mission.planning.sensing_horizon_m), scenes.HORIZON, 1.0
         )
         horizon = scenes.entity("horizon", utc_s, frame=scenes.AIRCRAFT, lines=[senses])
-        yield SCENE, utc_s, self._renewed("world", [*walls, *radars, *ends, horizon], utc_s)
+        yield WORLD, utc_s, self._renewed("world", [*walls, *radars, *ends, horizon], utc_s)
         if self._snapshot is None:
-            yield SCENE, utc_s, self._renewed("field", [], utc_s)
+            yield FIELD, utc_s, self._renewed("field", [], utc_s)
 
     def _wall(self, wall: Obstacle, colour: scenes.Colour, utc_s: float) -> scenes.Entity:
         assert self.mission is not None

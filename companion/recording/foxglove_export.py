@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
+from typing import cast
 
 from mcap.writer import CompressionType, Writer
 
+from companion.config import MissionConfig
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, Pictures
+from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, Pictures
 from companion.recording.mcap_reader import messages_of, number, utc_of
 from companion.recording.mcap_writer import plain
 from companion.safe_files import open_to_write
 
 NAMES = {
-    SCENE: "foxglove.SceneUpdate",
+    **dict.fromkeys(SCENES, "foxglove.SceneUpdate"),
     TRANSFORM: "foxglove.FrameTransform",
     LOG: "foxglove.Log",
     channels.LOCATION: "foxglove.LocationFix",
 }
+_AXES_SHARE = 0.03  # of the mission's size: the aircraft's axes in the picture
 
 
 def export_flight(flight: Path, target: Path) -> Path:
@@ -63,10 +67,11 @@ def export_flight(flight: Path, target: Path) -> Path:
                     utc_s = pictures.epoch_s + (number(told.get("stamp_s")) or 0.0)
                 for name, stamp_s, message in ((topic, utc_s, told), *shown):
                     stamp = max(0, round(1e9 * stamp_s))
-                    data = json.dumps(plain(message), allow_nan=False, separators=(",", ":")).encode("ascii")
+                    known = _known(cast("dict[str, object]", plain(message)))
+                    data = json.dumps(known, allow_nan=False, separators=(",", ":")).encode("ascii")
                     writer.add_message(ids[name], stamp, data, stamp)
             writer.finish()
-        layout.write_text(json.dumps(LAYOUT, indent=1) + "\n", encoding="ascii")
+        layout.write_text(json.dumps(layout_of(pictures.mission), indent=1) + "\n", encoding="ascii")
     except OSError as error:
         raise RecordError(f"{target}: {error.strerror or error}") from error
     if not num_messages:
@@ -74,9 +79,43 @@ def export_flight(flight: Path, target: Path) -> Path:
     return layout
 
 
+def readable(schema: channels.Schema) -> channels.Schema:
+    """A channel's schema in the words that viewers understand: one type a key, no arrays of arrays.
+
+    They refuse topics whose schema has anything else. What is left out of it is in the messages all the same.
+
+    Parameters
+    ----------
+    schema : dict
+        A channel's, the keys of which may be null.
+    """
+    keys = cast("dict[str, channels.Schema]", schema["properties"])
+    kinds = {key: _one_type(kind) for key, kind in keys.items()}
+    return {**schema, "properties": {key: kind for key, kind in kinds.items() if kind is not None}}
+
+
+def _one_type(kind: channels.Schema) -> channels.Schema | None:
+    """A key's schema that is never null; None for arrays of arrays."""
+    told = kind["type"]
+    one = {**kind, "type": told[0] if isinstance(told, list) else told}
+    if "items" in one:
+        one["items"] = items = _one_type(cast("channels.Schema", one["items"]))
+        return None if items is None or items["type"] == "array" else one
+    return one
+
+
+def _known(message: Mapping[str, object]) -> dict[str, object]:
+    """A message without what is null in it, and arrays that are so in part."""
+    return {
+        key: value
+        for key, value in message.items()
+        if value is not None and not (isinstance(value, list) and None in value)
+    }
+
+
 def _registered(writer: Writer) -> dict[str, int]:
     """Channels of what was recorded and of the pictures, by topic."""
-    schemas = {channel.topic: (channel.name, channel.schema) for channel in channels.CHANNELS}
+    schemas = {channel.topic: (channel.name, readable(channel.schema)) for channel in channels.CHANNELS}
     schemas |= {
         topic: (name, {"title": name, "type": "object"})
         for topic, name in NAMES.items()
@@ -90,39 +129,65 @@ def _registered(writer: Writer) -> dict[str, int]:
     }
 
 
+def _titled(title: str) -> dict[str, object]:
+    """A panel's title, in Foxglove and in Lichtblick."""
+    return {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+
+
 def _plot(title: str, path: str) -> dict[str, object]:
     return {
-        "title": title, "paths": [{"value": path, "enabled": True, "timestampMethod": "receiveTime"}],
+        **_titled(title), "paths": [{"value": path, "enabled": True, "timestampMethod": "receiveTime"}],
         "showXAxisLabels": True, "showYAxisLabels": True, "showLegend": False, "isSynced": True,
         "xAxisVal": "timestamp",
     }  # fmt: skip
 
 
-LAYOUT: dict[str, object] = {
-    "configById": {
-        "3D!flight": {
-            "followTf": scenes.MAP, "followMode": "follow-none", "topics": {SCENE: {"visible": True}},
-            "cameraState": {
-                "perspective": True, "distance": 6500.0, "phi": 45.0, "thetaOffset": 0.0, "fovy": 45.0,
-                "near": 1.0, "far": 60000.0, "target": [0.0, 0.0, 0.0], "targetOffset": [2500.0, 2500.0, 0.0],
-                "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+def layout_of(mission: MissionConfig | None) -> dict[str, object]:
+    """A layout of panels that shows a picture: the flight from above its south, plots, decisions, a map.
+
+    Parameters
+    ----------
+    mission : MissionConfig, optional
+        The flight's; its bounds are looked at.
+    """
+    east, north, size_m = 0.0, 0.0, 5_000.0
+    if mission is not None:
+        sides = (mission.bounds.east_m, mission.bounds.north_m)
+        east, north = (0.5 * (side[0] + side[1]) for side in sides)
+        size_m = max(side[1] - side[0] for side in sides)
+    eye = {
+        "perspective": True, "distance": 1.5 * size_m, "phi": 45.0, "thetaOffset": 0.0, "fovy": 45.0,
+        "near": 1.0, "far": 12.0 * size_m, "target": [0.0, 0.0, 0.0], "targetOffset": [east, north, 0.0],
+        "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+    }  # fmt: skip
+    axes = {"enablePreloading": True, "axisScale": _AXES_SHARE * size_m, "lineWidth": 0}
+    return {
+        "configById": {
+            "3D!flight": {
+                "followTf": scenes.MAP, "followMode": "follow-none",
+                "topics": {topic: {"visible": True} for topic in SCENES}, "cameraState": eye,
+                "scene": {"transforms": axes}, "layers": {}, "publish": {}, "transforms": {},
+                "imageMode": {}, **_titled("Flight"),
             },
-            "layers": {}, "publish": {}, "scene": {}, "transforms": {}, "imageMode": {},
+            "map!flight": {
+                "topics": {channels.LOCATION: {"enabled": True}}, "followTopic": channels.LOCATION,
+                **_titled("Map"),
+            },
+            "RosOut!flight": {
+                "topicToRender": LOG, "searchTerms": [], "minLogLevel": 1, **_titled("Decisions")
+            },
+            "Plot!altitude": _plot("Altitude [m]", f"{channels.OWNSHIP}.position_enu_m[2]"),
+            "Plot!threat": _plot("Threat level", f"{channels.THREAT}.level"),
         },
-        "map!flight": {"topics": {channels.LOCATION: {"enabled": True}}, "followTopic": channels.LOCATION},
-        "RosOut!flight": {"topicToRender": LOG, "searchTerms": [], "minLogLevel": 1},
-        "Plot!altitude": _plot("Altitude [m]", f"{channels.OWNSHIP}.position_enu_m[2]"),
-        "Plot!threat": _plot("Threat level", f"{channels.THREAT}.level"),
-    },
-    "globalVariables": {},
-    "userNodes": {},
-    "playbackConfig": {"speed": 1},
-    "layout": {
-        "direction": "row", "splitPercentage": 62, "first": "3D!flight",
-        "second": {
-            "direction": "column", "splitPercentage": 50,
-            "first": {"direction": "column", "first": "Plot!altitude", "second": "Plot!threat"},
-            "second": {"direction": "column", "first": "RosOut!flight", "second": "map!flight"},
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "direction": "row", "splitPercentage": 62, "first": "3D!flight",
+            "second": {
+                "direction": "column", "splitPercentage": 50,
+                "first": {"direction": "column", "first": "Plot!altitude", "second": "Plot!threat"},
+                "second": {"direction": "column", "first": "RosOut!flight", "second": "map!flight"},
+            },
         },
-    },
-}  # fmt: skip
+    }  # fmt: skip

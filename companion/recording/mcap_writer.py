@@ -1,4 +1,4 @@
-"""``flight.mcap``: what was known, planned and decided, with schemas inside; opens in Foxglove."""
+"""``flight.mcap``: what was known, planned and decided, with schemas inside."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from companion.frames import FloatArray
 from companion.plain_text import printable
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.flight_pictures import LOG, SCENE, TRANSFORM, WARNING, Pictures
+from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, WARNING, Pictures
 from companion.recording.mcap_reader import Document, messages_of, number, utc_of
 from companion.safe_files import open_to_write
 
@@ -199,7 +199,7 @@ class _Drawing:
 
     def _show(self, picture: str, message: Mapping[str, Any]) -> None:
         rr, stream = self._rr, self._stream
-        if picture == SCENE:
+        if picture in SCENES:
             for gone in message["deletions"]:
                 path = _path_of(gone["id"])
                 self._kinds.pop(tuple(path), None)

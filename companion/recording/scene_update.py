@@ -22,7 +22,7 @@ Colour = tuple[float, float, float, float]
 
 MAP, AIRCRAFT = "map", "aircraft"
 STRIP, LOOP, LIST = 0, 1, 2  # kinds of a line primitive
-OBSTACLE: Colour = (0.36, 0.40, 0.45, 1.0)
+OBSTACLE: Colour = (0.36, 0.40, 0.45, 0.6)  # what is behind is to be seen
 FENCE: Colour = (0.54, 0.35, 0.0, 0.25)
 RADAR: Colour = (0.60, 0.17, 0.03, 1.0)
 GOAL: Colour = (0.78, 0.06, 0.18, 0.8)
@@ -60,7 +60,7 @@ def entity(name: str, utc_s: float, *, frame: str = MAP, **parts: list[dict[str,
     """An entity with its primitives; one of the same name takes its place later."""
     return {
         "timestamp": time_of(utc_s), "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0},
-        "frame_locked": False, **{part: parts.get(part, []) for part in _PARTS},
+        "frame_locked": frame != MAP, **{part: parts.get(part, []) for part in _PARTS},
     }  # fmt: skip
 
 
