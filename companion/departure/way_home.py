@@ -23,7 +23,7 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.departure.way_back import MARGIN_SHARE
 from companion.flight.flight_state import FlightState
-from companion.flight.shaping import guidance_of
+from companion.flight.flown_track import guidance_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
 from companion.types.mission import Command

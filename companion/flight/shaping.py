@@ -11,16 +11,24 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.decision import SwapDecision, Verdict, judge
 from companion.flight.flight_state import FlightState
+from companion.flight.flown_track import (
+    airspeed_at_end,
+    astray,
+    blown_off,
+    circle_stretch,
+    is_circle_exposed,
+    is_circle_met,
+    track_over,
+)
 from companion.flight.progress import Start
 from companion.frames import FloatArray, speed_made_good
-from companion.mission.loiter import loiter_beside
+from companion.mission.loiter import Circle, circles_beside
 from companion.mission.waypoints import (
     CHORD_STYLES,
     FLY_BY_STYLES,
     MissionPart,
     TurnStyle,
     Waypoints,
-    density_ratio,
     merge_close_waypoints,
     mission_part,
     waypoints_from_path,
@@ -28,23 +36,21 @@ from companion.mission.waypoints import (
 from companion.types.mission import MissionItem
 from companion.types.path import Path, straight_path
 from companion.types.plan import Plan
-from companion.types.state import Ownship
-from companion.vehicle.guidance import Guidance, default_guidance, track_of_circle, track_of_legs
 from companion.vehicle.vehicle_model import VehicleModel
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
-BANK_MAX_DEG = 80.0  # whatever the parameter says
-SAFER_ROWS = 6  # are tried for a circle that is under no threat
-CIRCLE_PLACES = 13
-SLOWEST_M_S = 3.0  # over the ground, of a circle in strong wind
+SAFER_ROWS = 6  # are tried for a circle that is under no threat, and easily entered
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 RUN_ON_M = (0.0, 100.0, 200.0, 300.0, 400.0)  # beyond the goal, where it has no room for a circle
 RUN_ON_STEP_M = 25.0
 CIRCLED_S = 15.0  # of the circle at the end are looked at
+SLOWED_M_S = 2.0  # or more to lose until cruise
 FASTER_M_S = 0.5  # than cruise: less is how a path settles
+TOUCHING_M = 1.0
+ENTERED_WITHIN_M = 130.0  # behind its second waypoint, a late aircraft
 NEAR_M = 5.0  # of the goal's region a path to it ends
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -123,30 +129,6 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     return Conclusion(decision, shaped)
 
 
-def guidance_of(state: FlightState) -> Guidance:
-    """What the autopilot steers by, as far as its parameters were told."""
-    usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
-    told = state.settings
-    bank = usual.bank_max_rad if not told.bank_max_deg else math.radians(min(told.bank_max_deg, BANK_MAX_DEG))
-    return replace(
-        usual,
-        acceptance_radius_m=told.acceptance_radius_m or usual.acceptance_radius_m,
-        l1_period_s=told.guidance_period_s or usual.l1_period_s,
-        l1_damping=told.guidance_damping or usual.l1_damping,
-        bank_max_rad=bank,
-        loiter_radius_m=told.loiter_radius_m or usual.loiter_radius_m,
-        climb_rate_max_m_s=min(told.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
-        circle_stretch=_circle_stretch(state),
-    )
-
-
-def _circle_stretch(state: FlightState) -> float:
-    """How much wider than commanded an ArduPlane circles in standard air, about the mission's height."""
-    mission = state.mission
-    altitude = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
-    return 1.0 / density_ratio(altitude) if state.flies_by else 1.0
-
-
 def waypoints_of(
     state: FlightState, path: Path, max_waypoints: int, *, is_whole: bool = False
 ) -> tuple[Waypoints, float, tuple[Violation, ...]]:
@@ -181,23 +163,31 @@ def waypoints_of(
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
     first_wrong: tuple[Violation, ...] = ()
-    exposed: list[tuple[Waypoints, float]] = []
+    worse: list[tuple[Waypoints, float]] = []
     for end, waypoints, violations in _carried_to_rows(state, path, row):
         if violations or _num_items(waypoints) > max_waypoints:
             first_wrong = first_wrong or violations
             continue
         until_s = float(path.times_s[end])
-        if end == last or len(exposed) == SAFER_ROWS or not is_circle_exposed(state, waypoints, until_s):
+        if end == last or len(worse) == SAFER_ROWS or _ends_well(state, path.until(end), waypoints):
             return waypoints, until_s, ()
-        exposed.append((waypoints, until_s))
-    if exposed:
-        return *exposed[0], ()
+        worse.append((waypoints, until_s))
+    if worse:
+        return *worse[0], ()
     return _carried_otherwise(state, path, max_waypoints, (waypoints, first_wrong or (NO_ROOM,)))
+
+
+def _ends_well(state: FlightState, part: Path, waypoints: Waypoints) -> bool:
+    """Whether the circle at the end is under no threat, and the way into it leads nowhere else."""
+    return not (
+        _is_astray(state, part, waypoints) or is_circle_exposed(state, waypoints, float(part.times_s[-1]))
+    )
 
 
 def _num_items(waypoints: Waypoints) -> int:
     """How much room waypoints take in the autopilot's list, and the operator's items among them."""
-    return len(waypoints.positions_enu_m) + sum(len(items) for _, items in waypoints.actions)
+    again = waypoints.airspeed_again > 0
+    return len(waypoints.positions_enu_m) + again + sum(len(items) for _, items in waypoints.actions)
 
 
 def _carried_otherwise(
@@ -215,7 +205,7 @@ def _carried_otherwise(
         for style in _styles(state):
             for airspeed in airspeeds:
                 waypoints, violations = _with_some_circle(state, whole, whole, style, airspeed)
-                violations = violations or _blown_off(state, whole, waypoints)
+                violations = violations or blown_off(state, whole, waypoints)
                 if not violations and _num_items(waypoints) <= max_waypoints:
                     return waypoints, until_s, ()
     return failed[0], until_s, failed[1]
@@ -250,37 +240,6 @@ def _carried_to_rows(
         yield end, *_best_carried(state, path, end, usual)
 
 
-def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
-    """Whether the first lap on the circle at the end of a mission is above the limit of the threat level.
-
-    Parameters
-    ----------
-    state : FlightState
-        Threats and rules.
-    waypoints : Waypoints
-        With the circle.
-    arrival_s : float
-        When it is come to, by the clock [s].
-    """
-    limit, centre = state.rules.checker.limits.threat_level_max, waypoints.loiter_centre_enu_m
-    if centre is None or limit >= 1.0:
-        return False
-    speed, radius = float(state.rules.vehicle.airspeed_cruise_m_s), abs(waypoints.loiter_radius_m)
-    angles = np.linspace(0.0, 2.0 * math.pi, CIRCLE_PLACES)
-    ring = radius * np.column_stack([np.sin(angles), np.cos(angles), 0.0 * angles])
-    lap = Path(
-        times_s=arrival_s + angles * radius / speed,
-        positions_enu_m=centre + ring,
-        courses_rad=(angles + 0.5 * math.pi) % (2.0 * math.pi),
-        climb_angles_rad=0.0 * angles,
-        speeds_m_s=0.0 * angles + speed,
-        position_covariances_m2=np.zeros((len(angles), 3, 3)),
-        collision_free=np.ones(len(angles)),
-        threat_levels=0.0 * angles,
-    )
-    return bool(state.rules.exposure.levels(lap, state.picture).max() > limit)
-
-
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
     """Waypoints of a path up to a row with the loiter beside it, and what is wrong with them.
 
@@ -298,7 +257,12 @@ def _styles(state: FlightState) -> tuple[TurnStyle, ...]:
 def _best_carried(
     state: FlightState, path: Path, end: int, usual: tuple[Waypoints, tuple[Violation, ...]]
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """As :func:`carried`, beginning with what the usual style comes to."""
+    """As :func:`carried`, beginning with what the usual style comes to.
+
+    What is faster than cruise flies wide of its waypoints: where it would come too near to something in all
+    styles, or out of the bounds at its end, it is carried at cruise. What would touch something is not
+    carried.
+    """
     clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
     best, found = usual, _room_flown(state, path, usual, clearance)
     for style in _styles(state)[1:]:
@@ -308,61 +272,74 @@ def _best_carried(
         room = -math.inf if other[1] else _room_flown(state, path, other, clearance)
         if room > found:
             best, found = other, room
+    if _is_fast(state, path.until(end)):
+        best, found = _or_at_cruise(state, path, end, best, found)
+    if not best[1] and found < TOUCHING_M:
+        return best[0], (Violation("clearance", 0, found, 0.0, "distance to something as it is flown [m]"),)
     return best
+
+
+def _or_at_cruise(
+    state: FlightState, path: Path, end: int, best: tuple[Waypoints, tuple[Violation, ...]], found: float
+) -> tuple[tuple[Waypoints, tuple[Violation, ...]], float]:
+    """What is carried as fast as planned and its room [m], or the same at cruise where that does not do."""
+    part, cruise = path.until(end), state.rules.vehicle.airspeed_cruise_m_s
+    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
+    for style in _styles(state):
+        if _does(state, part, best[0], found):
+            break
+        other = _carried_in_style(state, path, end, style, cruise)
+        room = -math.inf if other[1] else _room_flown(state, path, other, clearance)
+        if room > found or _does(state, part, other[0], room):
+            best, found = other, room
+    return best, found
+
+
+def _does(state: FlightState, part: Path, waypoints: Waypoints, room_m: float) -> bool:
+    """Whether a mission with so much room [m] keeps the hard margin, and ends in a circle easily entered."""
+    return room_m >= state.rules.checker.limits.margin_m and not _is_astray(state, part, waypoints)
+
+
+def _is_astray(state: FlightState, part: Path, waypoints: Waypoints) -> bool:
+    """Whether the way into the circle at the end comes too near to something, or far out of the bounds."""
+    return not is_circle_met(waypoints) and max(astray(state, part, waypoints)) > 0.0
+
+
+def _is_fast(state: FlightState, part: Path) -> bool:
+    """Whether a part of a path is commanded to be faster than cruise."""
+    cruise = state.rules.vehicle.airspeed_cruise_m_s
+    return commanded_airspeed_m_s(part, state.rules.vehicle) > cruise + FASTER_M_S
 
 
 def _room_flown(
     state: FlightState, path: Path, shaped: tuple[Waypoints, tuple[Violation, ...]], clearance_m: float
 ) -> float:
-    """How near the flown track comes to anything [m], ``clearance_m`` at most; negative for no mission."""
+    """How near the flown track comes to anything [m], ``clearance_m`` at most; negative for no mission.
+
+    At the speed that the path begins with, and at the commanded one, whichever is nearer: how soon the
+    aircraft is faster it is not known.
+    """
     waypoints, violations = shaped
     if violations:
         return -1.0
-    begin = at_row(path, state.wind_enu_m_s)
-    loiter = waypoints.loiter_centre_enu_m
-    circle = None if loiter is None else (loiter, waypoints.loiter_radius_m)
-    ends_s = float(waypoints.distances_m[-1]) / begin.ground_speed_m_s + CIRCLED_S
-    track = track_of_legs(
-        guidance_of(state), begin, waypoints.positions_enu_m, loiter=circle, ends_s=ends_s, step_s=0.5
-    )
-    wrong = state.rules.checker.check_track(track.positions_enu_m, clearance_m)
-    return min((entry.value for entry in wrong if entry.rule == "clearance"), default=clearance_m)
-
-
-def at_row(path: Path, wind_enu_m_s: tuple[float, float], row: int = 0) -> Ownship:
-    """The aircraft at a row of a path, by default where it begins, not banked.
-
-    Parameters
-    ----------
-    path : Path
-        What is to be flown.
-    wind_enu_m_s : tuple of float
-        Velocity of the air, east and north [m/s].
-    row : int
-        Which row.
-    """
-    course, airspeed = float(path.courses_rad[row]), max(float(path.speeds_m_s[row]), 1.0)
-    east, north, up = (float(value) for value in path.positions_enu_m[row])
-    return Ownship(
-        stamp_s=float(path.times_s[row]),
-        position_enu_m=(east, north, up),
-        course_rad=course,
-        flight_path_angle_rad=float(path.climb_angles_rad[row]),
-        airspeed_m_s=airspeed,
-        ground_speed_m_s=speed_made_good(course, airspeed, wind_enu_m_s),
-        wind_enu_m_s=wind_enu_m_s,
-    )
+    room, first, then = clearance_m, float(path.speeds_m_s[0]), waypoints.airspeed_m_s
+    for airspeed in (first, then) if abs(then - first) > FASTER_M_S else (first,):
+        track = track_over(state, path, waypoints, CIRCLED_S, airspeed)
+        wrong = state.rules.checker.check_track(track.positions_enu_m, clearance_m)
+        room = min(room, *(entry.value for entry in wrong if entry.rule == "clearance"), clearance_m)
+    return room
 
 
 def _carried_in_style(
-    state: FlightState, path: Path, end: int, style: TurnStyle
+    state: FlightState, path: Path, end: int, style: TurnStyle, airspeed_m_s: float | None = None
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """As :func:`carried`, with turns in one style.
+    """As :func:`carried`, with turns in one style, by default at the speed that the path comes to.
 
     A part that is flown faster than at cruise ends in a wider circle.
     """
     part = path.until(end)
-    return _with_some_circle(state, path, part, style, commanded_airspeed_m_s(part, state.rules.vehicle))
+    airspeed = airspeed_m_s or commanded_airspeed_m_s(part, state.rules.vehicle)
+    return _with_some_circle(state, path, part, style, airspeed)
 
 
 def _with_some_circle(
@@ -373,34 +350,15 @@ def _with_some_circle(
     In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
     wide as in still air if its track in the wind has. Faster than at cruise the track into any is looked at.
     """
-    vehicle = state.rules.vehicle.at_speed(_airspeed_at_end(part, state.rules.vehicle, airspeed_m_s))
+    vehicle = state.rules.vehicle.at_speed(airspeed_at_end(part, state.rules.vehicle, airspeed_m_s))
     radius, narrow = vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m
     usual = _with_circle(state, path, part, style, radius, airspeed_m_s)
     if not usual[1] and vehicle.airspeed_cruise_m_s > state.rules.vehicle.airspeed_cruise_m_s:
-        usual = usual[0], _blown_off(state, part, usual[0])
+        usual = usual[0], blown_off(state, part, usual[0])
     if not usual[1] or radius <= narrow:
         return usual
     waypoints, violations = _with_circle(state, path, part, style, narrow, airspeed_m_s)
-    return waypoints, violations or _blown_off(state, part, waypoints)
-
-
-def _airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> float:
-    """What is left at the end of a part of the speed that it begins with, where less is commanded [m/s]."""
-    slowed = float(part.speeds_m_s[0]) ** 2 - 2.0 * vehicle.acceleration_max_m_s2 * part.length_m
-    return max(commanded_m_s, math.sqrt(max(slowed, 0.0)))
-
-
-def _blown_off(state: FlightState, part: Path, waypoints: Waypoints) -> tuple[Violation, ...]:
-    """What the circle at the end comes to in the wind, as the autopilot will fly it."""
-    if waypoints.loiter_centre_enu_m is None:
-        return ()
-    begin = at_row(part, state.wind_enu_m_s, len(part) - 1)
-    slowest = max(begin.airspeed_m_s - math.hypot(*state.wind_enu_m_s), SLOWEST_M_S)
-    around_s = 2.0 * math.pi * abs(waypoints.loiter_radius_m) / slowest
-    track = track_of_circle(
-        guidance_of(state), begin, waypoints.loiter_centre_enu_m, waypoints.loiter_radius_m, around_s, 0.5
-    )
-    return state.rules.checker.check_track(track.positions_enu_m, state.rules.checker.limits.margin_m)
+    return waypoints, violations or blown_off(state, part, waypoints)
 
 
 def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
@@ -422,37 +380,57 @@ def _with_circle(
         marked_m=[length for length, _ in actions],
         style=style,
     )
-    commanded = round(radius / _circle_stretch(state))
+    commanded = round(radius / circle_stretch(state))
     if state.flies_by:  # wider in hot air, in which the circle is to keep clear, too
         radius *= HOT_STRETCH
-    centre, direction = loiter_beside(
+    circles = circles_beside(
         flown.positions_enu_m, float(part.courses_rad[-1]), radius, rules.obstacles,
         rules.checker.limits.bounds,
     )  # fmt: skip
 
-    def wrong_with(waypoints: Waypoints) -> tuple[Violation, ...]:
-        legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
-        return rules.checker.check_legs(
-            legs,
-            ends_in_loiter=True,
-            loiter_radius_m=radius,
-            loiter_centre_enu_m=centre,
-            may_come_back=True,
-            wind_enu_m_s=state.wind_enu_m_s,
-            airspeed_m_s=float(part.speeds_m_s.min()),
-        )
+    def ending_in(circle: Circle) -> tuple[Waypoints, tuple[Violation, ...]]:
+        def wrong_with(waypoints: Waypoints) -> tuple[Violation, ...]:
+            legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
+            return rules.checker.check_legs(
+                legs,
+                ends_in_loiter=True,
+                loiter_radius_m=radius,
+                loiter_centre_enu_m=circle.centre_enu_m,
+                may_come_back=True,
+                wind_enu_m_s=state.wind_enu_m_s,
+                airspeed_m_s=float(part.speeds_m_s.min()),
+            )
 
-    flown, violations = merge_close_waypoints(flown, wrong_with)
-    waypoints = replace(
-        flown,
-        loiter_centre_enu_m=centre,
-        loiter_radius_m=direction * commanded,
-        continues_with_operator_items=(
-            len(part) == len(path) and _may_go_on(state, flown.positions_enu_m[-1])
-        ),
-        actions=_actions_at(actions, flown),
-    )
-    return waypoints, violations
+        merged, violations = merge_close_waypoints(flown, wrong_with)
+        may_go_on = len(part) == len(path) and _may_go_on(state, merged.positions_enu_m[-1])
+        waypoints = replace(
+            merged,
+            loiter_centre_enu_m=circle.centre_enu_m,
+            loiter_radius_m=circle.direction * commanded,
+            continues_with_operator_items=may_go_on,
+            actions=_actions_at(actions, merged),
+            airspeed_again=_airspeed_again(state, part, merged),
+        )
+        return waypoints, violations
+
+    usual = ending_in(circles[0])
+    if not circles[0].is_moved:
+        return usual
+    best, found = (math.inf, math.inf), usual
+    for shaped in (usual, *(ending_in(circle) for circle in circles[1:])):
+        off = (0.0, 0.0) if is_circle_met(shaped[0]) else astray(state, part, shaped[0])
+        if not shaped[1] and off < best:
+            best, found = off, shaped
+    return found
+
+
+def _airspeed_again(state: FlightState, part: Path, waypoints: Waypoints) -> int:
+    """The last waypoint at which a mission may be entered, where it may change the airspeed; 0 where not."""
+    cruise = state.rules.vehicle.airspeed_cruise_m_s
+    if max(float(part.speeds_m_s[0]) - SLOWED_M_S, waypoints.airspeed_m_s - FASTER_M_S) <= cruise:
+        return 0
+    second_m = float(waypoints.distances_m[:2][-1])
+    return int(np.flatnonzero(waypoints.distances_m <= second_m + ENTERED_WITHIN_M)[-1])
 
 
 def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -13,17 +14,36 @@ from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
 
-def loiter_beside(
+class Circle(NamedTuple):
+    """A circle that a mission may end in.
+
+    Parameters
+    ----------
+    centre_enu_m : ndarray, shape (3,)
+        Middle of the circle [m].
+    direction : float
+        +1 clockwise (to the right), -1 counter-clockwise: the sign ArduPlane wants on the radius.
+    is_moved : bool
+        Whether it was moved into the bounds, so that the last leg is no tangent of it.
+    """
+
+    centre_enu_m: FloatArray
+    direction: float
+    is_moved: bool
+
+
+def circles_beside(
     positions_enu_m: FloatArray,
     course_rad: float,
     radius_m: float,
     obstacles: Sequence[Obstacle],
     bounds: tuple[float, float, float, float, float, float],
-) -> tuple[FloatArray, float]:
-    """Centre of a circle that the last leg runs into along its tangent, on the freer side.
+) -> list[Circle]:
+    """Circles that the last leg runs into along its tangent, the one on the freer side first.
 
     An aircraft sent to circle the point it is just passing overshoots by half a radius; a circle
-    beside it is joined without.
+    beside it is joined without. One that would leave the bounds is moved inside them, and may be flown
+    either way round, first that in which the leg meets it.
 
     Parameters
     ----------
@@ -36,27 +56,30 @@ def loiter_beside(
 
     Returns
     -------
-    ndarray, shape (3,)
-        Centre of the circle [m].
-    float
-        +1 clockwise (to the right), -1 counter-clockwise: the sign ArduPlane wants on the radius.
+    list of Circle
+        Two to four.
     """
     end = positions_enu_m[-1]
     course = course_rad
     if len(positions_enu_m) > 1:
         along = end - positions_enu_m[-2]
         course = math.atan2(along[0], along[1])
-    best, chosen = -math.inf, (end.copy(), 1.0)
+    right = np.array([math.cos(course), -math.sin(course), 0.0])
+    found: list[tuple[float, list[Circle]]] = []
     for side in (1.0, -1.0):
         bearing = course + side * 0.5 * math.pi
-        centre = end + radius_m * np.array([math.sin(bearing), math.cos(bearing), 0.0])
-        for axis in (0, 1):  # a circle that would leave the bounds is moved inside them
+        touching = end + radius_m * np.array([math.sin(bearing), math.cos(bearing), 0.0])
+        centre = touching.copy()
+        for axis in (0, 1):
             low, high = bounds[2 * axis] + radius_m, bounds[2 * axis + 1] - radius_m
             centre[axis] = min(high, max(low, centre[axis]))
-        room = _room_about(centre, obstacles, bounds)
-        if room > best:
-            best, chosen = room, (centre, side)
-    return chosen
+        circles = [Circle(centre, side, is_moved=False)]
+        if bool((centre != touching).any()):
+            met = math.copysign(1.0, float((centre - end) @ right))
+            circles = [Circle(centre, direction, is_moved=True) for direction in (met, -met)]
+        found.append((_room_about(centre, obstacles, bounds), circles))
+    found.sort(key=lambda entry: -entry[0])
+    return [circle for _, circles in found for circle in circles]
 
 
 def _room_about(

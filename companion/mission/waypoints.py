@@ -52,6 +52,9 @@ class Waypoints:
         Whether the operator's items that follow the goal are flown after the last waypoint.
     actions : tuple of (int, tuple of MissionItem)
         The operator's DO_ items to carry out at a waypoint, by its number.
+    airspeed_again : int
+        Number of the waypoint behind which the airspeed is commanded once more, for an aircraft that
+        enters behind the first; 0 for none.
     """
 
     positions_enu_m: FloatArray
@@ -61,6 +64,7 @@ class Waypoints:
     loiter_radius_m: float = 0.0
     continues_with_operator_items: bool = False
     actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
+    airspeed_again: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,14 +347,14 @@ def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | No
 
 
 def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
-    """Waypoints, the airspeed behind the first, and the operator's DO_ items where they belong."""
+    """Waypoints, the airspeed behind the first, perhaps once more, and the operator's DO_ items."""
     actions = dict(waypoints.actions)
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
         items.append(_item(Command.NAV_WAYPOINT, position, frame))
         if waypoints.continues_with_operator_items and n == len(waypoints.positions_enu_m) - 1:
             items[-1] = replace(items[-1], parameters=(0.0, GOAL_ACCEPTANCE_M, 0.0, None))
-        if n == 0:
+        if n in (0, waypoints.airspeed_again):
             items.append(speed_item(waypoints, frame))
         items += actions.get(n, ())
     return tuple(items)

@@ -11,9 +11,9 @@ from companion.config import MissionConfig
 from companion.config.models import Goal, ObstacleConfig, RadarConfig
 from companion.flight.decision import judge
 from companion.flight.flight_state import after_restart, first_state
+from companion.flight.flown_track import guidance_of
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import start_after
-from companion.flight.shaping import guidance_of
 from companion.flight.situation import Situation
 from companion.frames import direction_from_course
 from companion.tasks.plan_maker import Planner, least_threat_request, plan_request

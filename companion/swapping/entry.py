@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from companion.flight.flight_state import FlightState
-from companion.flight.shaping import at_row, guidance_of
+from companion.flight.flown_track import at_row, guidance_of
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints

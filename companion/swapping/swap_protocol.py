@@ -16,7 +16,7 @@ from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.swap import SwapOutcome
 from companion.mission.waypoints import Waypoints, sequence_of_waypoint
-from companion.swapping.entry import entry_of, may_be_entered
+from companion.swapping.entry import LATER_S, entry_of, may_be_entered
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
 from companion.types.state import Ownship
@@ -182,7 +182,10 @@ class Entry:
         number = way_to(in_s)
         if number is None:
             return None
-        if self._number is not None and self._late_s > 0.0 and way_to(self._late_s) is None:
+        # Over a slow line the aircraft is farther than it is known to be, and farther still when it is told.
+        slow_s = self._parts.link.round_trip_s
+        late_s = max(0.0 if self._number is None else self._late_s, slow_s if slow_s > LATER_S else 0.0)
+        if late_s > 0.0 and way_to(in_s + late_s, number=number) is None:
             return None
         self._number = number
         return sequence_of_waypoint(order.flown.mission, number)

@@ -7,7 +7,7 @@ import pytest
 from companion.config import mission_from_text
 from companion.departure.capability import shortfalls
 from companion.flight.flight_state import after_settings_told, first_state
-from companion.flight.shaping import guidance_of
+from companion.flight.flown_track import guidance_of
 from companion.types.state import AutopilotSettings
 from tests.flight.test_app import at, both
 from tests.flight.test_flight_day import day, off, uploaded

@@ -13,9 +13,10 @@ from companion.config import mission_from_text
 from companion.config.compose import world_of
 from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
+from companion.flight.flown_track import at_row, guidance_of
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
-from companion.flight.shaping import at_row, carried, guidance_of, waypoints_of
+from companion.flight.shaping import carried, waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.planning.plan_runner import StopRule

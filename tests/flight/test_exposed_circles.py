@@ -5,7 +5,8 @@ import pytest
 
 from companion.config import mission_from_text
 from companion.flight import shaping
-from companion.flight.shaping import is_circle_exposed, waypoints_of
+from companion.flight.flown_track import is_circle_exposed
+from companion.flight.shaping import waypoints_of
 from tests.flight.test_geofences import BOTH
 from tests.flight.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness

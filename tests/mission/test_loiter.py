@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.loiter import loiter_beside
+from companion.mission.loiter import circles_beside
 from tests.support.paths import box
 
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 50.0, 300.0)
@@ -15,7 +15,12 @@ RADIUS = 125.0
 
 
 def beside(*points, course=0.0, obstacles=(), bounds=BOUNDS):
-    return loiter_beside(np.array(points, dtype=float), course, RADIUS, obstacles, bounds)
+    centre, side, _ = circles(*points, course=course, obstacles=obstacles, bounds=bounds)[0]
+    return centre, side
+
+
+def circles(*points, course=0.0, obstacles=(), bounds=BOUNDS):
+    return circles_beside(np.array(points, dtype=float), course, RADIUS, obstacles, bounds)
 
 
 def test_to_the_right_where_both_sides_are_as_free():
@@ -42,12 +47,17 @@ def test_away_from_the_bounds():
     assert beside((900.0, 300.0, 100.0), (900.0, 500.0, 100.0))[1] == -1.0
 
 
-def test_a_circle_that_would_leave_the_bounds_is_moved_inside():
-    """The left is taken, so the right it is: its centre at 1025 m moves to 875 m."""
+def test_a_circle_that_would_leave_the_bounds_is_moved_inside_and_flown_either_way():
+    """The left is taken, so the right it is: its centre at 1025 m moves to 875 m, left of the leg at 900."""
     wall = box("wall", 760.0, 400.0, 780.0, 600.0)
-    centre, side = beside((900.0, 300.0, 100.0), (900.0, 500.0, 100.0), obstacles=[wall])
-    np.testing.assert_allclose(centre, [875.0, 500.0, 100.0])
-    assert side == 1.0
+    first, second, third = circles((900.0, 300.0, 100.0), (900.0, 500.0, 100.0), obstacles=[wall])
+    np.testing.assert_allclose(first.centre_enu_m, [875.0, 500.0, 100.0])
+    np.testing.assert_allclose(second.centre_enu_m, first.centre_enu_m)
+    assert (first.direction, second.direction) == (-1.0, 1.0)
+    assert first.is_moved
+    assert second.is_moved
+    np.testing.assert_allclose(third.centre_enu_m, [775.0, 500.0, 100.0])
+    assert (third.direction, third.is_moved) == (-1.0, False)
 
 
 def test_one_waypoint_is_reached_on_the_course_given():
@@ -72,3 +82,20 @@ def test_the_last_leg_touches_the_circle_and_turns_its_way(course, east, north, 
     assert (centre - end) @ right == pytest.approx(side * RADIUS)
     if is_walled and max(abs(east - 500.0), abs(north - 500.0)) < 50.0:
         assert side == -1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.0, 2.0 * math.pi), st.floats(0.0, 1000.0), st.floats(0.0, 1000.0))
+def test_circles_lie_in_the_bounds_and_are_first_turned_to_their_side(course, east, north):
+    """Wherever the leg ends: flown the other way round, the aircraft would have to turn out of it first."""
+    end = np.array([east, north, 100.0])
+    right = np.array([math.cos(course), -math.sin(course), 0.0])
+    found = circles(end - 100.0 * np.array([math.sin(course), math.cos(course), 0.0]), end)
+    assert 2 <= len(found) <= 4
+    for before, circle in zip([None, *found], found, strict=False):
+        centre = circle.centre_enu_m
+        assert all(RADIUS <= centre[axis] <= 1000.0 - RADIUS for axis in (0, 1))
+        if before is not None and before.centre_enu_m is centre:
+            assert circle.direction == -before.direction
+        else:
+            assert circle.direction * float((centre - end) @ right) >= -1e-6

@@ -11,7 +11,8 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.flight_state import first_state
-from companion.flight.shaping import guidance_of, waypoints_of
+from companion.flight.flown_track import guidance_of
+from companion.flight.shaping import waypoints_of
 from companion.swapping import entry
 from companion.swapping.entry import entry_of, may_be_entered
 from companion.swapping.swap_protocol import Entry
@@ -161,8 +162,9 @@ def test_an_entry_once_chosen_is_only_confirmed():
     )
     places_now = {"state": at(-37.5)}
     parts = SimpleNamespace(
-        clock=clock, flight=SimpleNamespace(state=made), state=lambda: places_now["state"]
-    )
+        clock=clock, flight=SimpleNamespace(state=made), state=lambda: places_now["state"],
+        link=SimpleNamespace(round_trip_s=0.1),
+    )  # fmt: skip
     flown = SimpleNamespace(path=path, mission=Mission(items, 0, 1))
     entry = Entry(parts, SimpleNamespace(flown=flown, waypoints=places), 1.5)
     assert entry.sequence() == 0
@@ -171,6 +173,25 @@ def test_an_entry_once_chosen_is_only_confirmed():
     assert entry.sequence() is None  # passed meanwhile; another is not chosen in its place
     places_now["state"] = None
     assert entry.sequence() is None
+
+
+@pytest.mark.parametrize(
+    ("round_trip_s", "is_entered"), [(0.1, True), (0.4, True), (1.0, True), (3.5, False)]
+)
+def test_over_a_slow_line_an_entry_is_judged_for_when_it_takes_effect(round_trip_s, is_entered):
+    """To the left at 60 m, past a wall that begins at 75: sent 3.5 s late, the aircraft is beside it."""
+    made = begun(BLOCK.format("wall", 75, 25, 260, 60))
+    items = tuple(
+        MissionItem(n, Command.NAV_WAYPOINT, MavFrame.GLOBAL_INT, (0.0, 0.0, 0.0, None), 0, 0, 100.0)
+        for n in range(2)
+    )
+    parts = SimpleNamespace(
+        clock=ManualClock(), flight=SimpleNamespace(state=made), state=lambda: at(-60.0),
+        link=SimpleNamespace(round_trip_s=round_trip_s),
+    )  # fmt: skip
+    flown = SimpleNamespace(path=straight(), mission=Mission(items, 0, 1))
+    order = SimpleNamespace(flown=flown, waypoints=placed((40, 150, 100), (60, 700, 100)))
+    assert (Entry(parts, order).sequence() is not None) == is_entered
 
 
 # --- entries that were flown once, and ended in a wall or beside it

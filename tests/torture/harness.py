@@ -21,6 +21,7 @@ from companion.errors import RecordError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
 from companion.link.wire.memory_transport import MemoryTransport
+from companion.mission.waypoints import equivalent_airspeed
 from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command
@@ -35,6 +36,10 @@ DURATION_S = 45.0
 NARROW_S = 75.0  # into the trap and the labyrinth
 BEYOND_M = 30.0  # of the bounds, which are planned to and not walls: a turn may pass them by so much
 CIRCLED_S = 20.0  # of the loiter at the end
+STEP_S = 0.5
+SPEED_NEAR_M_S = 2.0  # which is no other speed
+SLOWS_M_S2 = 1.0  # at least: 37 to 25 m/s in nine seconds
+WIND_MAX_M_S = 5.0
 LOITERS = frozenset({17, 18, 19, 31})
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
 BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
@@ -84,6 +89,7 @@ class Judge:
         self._checker = Checker(
             mission.obstacle_list, replace(limits, bounds=wider, margin_m=0.0, altitude_tolerance_m=40.0)
         )
+        self._ground_m = mission.origin.altitude_amsl_m
         self._seen = None
         self._next_s = 0.0
         self.is_ours = False
@@ -102,9 +108,11 @@ class Judge:
         if circle is None:
             verdict.violations.append((now_s, "the mission does not end in a loiter (ending)"))
             return
-        bad = self._checker.check_track(self._track(targets, circle), 0.0)
-        if bad:
-            verdict.violations.append((now_s, str(bad[0]), autopilot.current_sequence))
+        for track in self._tracks(targets, circle):
+            bad = self._checker.check_track(track, 0.0)
+            if bad:
+                verdict.violations.append((now_s, str(bad[0]), autopilot.current_sequence))
+                return
 
     def _way(self):
         """Places flown from here on, and the circle at the end; landings are the operator's."""
@@ -122,21 +130,51 @@ class Judge:
                 return places, (np.array(places[-1]), 0.0)
         return places, None
 
-    def _track(self, targets, circle):
-        """The track (K, 3) that is flown over them from the aircraft's place [m]."""
+    def _commanded_m_s(self):
+        """True airspeed that the mission commands on the way, or that is commanded already."""
+        autopilot = self._autopilot
+        commanded = autopilot.flight.airspeed_m_s
+        for item in autopilot.mission_items[autopilot.current_sequence :]:
+            if item.command in LOITERS:
+                break
+            if item.command == Command.DO_CHANGE_SPEED and item.parameters[1] > 0.0:
+                commanded = item.parameters[1]
+                break
+        above_sea_m = self._ground_m + autopilot.flight.estimate.up_m
+        return commanded / equivalent_airspeed(1.0, above_sea_m)
+
+    def _tracks(self, targets, circle):
+        """Tracks (K, 3) over them from the aircraft's place [m]: at its speed, and at that to come.
+
+        At its own it flies to the item that commands less, and while it slows down; else all the way.
+        """
+        estimate = self._autopilot.flight.estimate
+        now, then = estimate.true_airspeed_m_s, self._commanded_m_s()
+        track = self._track(targets, circle, now)
+        if now - then > SPEED_NEAR_M_S and targets:
+            here = (estimate.east_m, estimate.north_m, estimate.up_m)
+            slow_s = math.dist(here, targets[0]) / max(now - WIND_MAX_M_S, 10.0) + (now - then) / SLOWS_M_S2
+            yield track[: 2 + int(slow_s / STEP_S)]
+        else:
+            yield track
+        if targets and abs(now - then) > SPEED_NEAR_M_S:
+            yield self._track(targets, circle, then)
+
+    def _track(self, targets, circle, airspeed_m_s):
+        """The track (K, 3) that is flown over them from the aircraft's place [m] at an airspeed."""
         estimate, steering = self._autopilot.flight.estimate, self._autopilot.flight.steering
         velocity = (estimate.velocity_east_m_s, estimate.velocity_north_m_s)
         here = (estimate.east_m, estimate.north_m, estimate.up_m)
-        speed = math.hypot(*velocity)
+        speed = max(math.hypot(*velocity) + airspeed_m_s - estimate.true_airspeed_m_s, 1.0)
         state = Ownship(
-            self._now(), here, math.atan2(*velocity) % (2.0 * math.pi), 0.0, estimate.true_airspeed_m_s,
+            self._now(), here, math.atan2(*velocity) % (2.0 * math.pi), 0.0, airspeed_m_s,
             speed, (estimate.wind_east_m_s, estimate.wind_north_m_s), bank_rad=estimate.bank_rad,
         )  # fmt: skip
         length = sum(map(math.dist, [here, *targets[:-1]], targets)) if targets else 0.0
         before = (*steering.start, steering.start_height_m) if targets else here
         return track_of_legs(
             self._guidance, state, np.array(targets or np.empty((0, 3))), before_enu_m=np.array(before),
-            loiter=circle, ends_s=length / max(speed, 10.0) + CIRCLED_S, step_s=0.5,
+            loiter=circle, ends_s=length / max(speed, 10.0) + CIRCLED_S, step_s=STEP_S,
         ).positions_enu_m  # fmt: skip
 
 

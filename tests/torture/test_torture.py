@@ -52,16 +52,22 @@ def test_random_schedules(dialect, seed):
 
 
 @pytest.mark.parametrize(
-    ("world", "dialect"),
+    ("world", "dialect", "seed"),
     [
-        ("paper-2d", Dialect.ARDUPILOT),
-        ("paper-3d", Dialect.PX4),
-        pytest.param("paper-2d", Dialect.PX4, marks=pytest.mark.slow),
-        pytest.param("paper-3d", Dialect.ARDUPILOT, marks=pytest.mark.slow),
+        ("paper-2d", Dialect.ARDUPILOT, 5),
+        ("paper-3d", Dialect.PX4, 5),
+        pytest.param("paper-2d", Dialect.PX4, 5, marks=pytest.mark.slow),
+        pytest.param("paper-3d", Dialect.ARDUPILOT, 5, marks=pytest.mark.slow),
+        # Circles moved into the bounds: ways into them once led out of these, and into an obstacle.
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 20104, marks=pytest.mark.slow),
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 30161, marks=pytest.mark.slow),
+        # A line that takes 1.7 s each way, and a hurried flight round the corner of a wall: both touched it.
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 30323, marks=pytest.mark.slow),
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 30428, marks=pytest.mark.slow),
     ],
 )
-def test_random_schedules_on_narrow_maps(dialect, world):
-    verdict, _ = random_flight(dialect, 5, world)
+def test_random_schedules_on_narrow_maps(dialect, world, seed):
+    verdict, _ = random_flight(dialect, seed, world)
     assert verdict.violations == []
     assert not verdict.collision
     assert verdict.num_judged > 50
@@ -190,3 +196,19 @@ def test_the_judge_sees_a_mission_that_does_not_end_in_a_loiter(dialect):
 def test_the_judge_sees_a_mode_that_changed_by_itself():
     verdict = spoiled(Dialect.ARDUPILOT, lambda autopilot: autopilot.set_mode("RTL"))
     assert any("mode RTL" in violation[1] for violation in verdict.violations)
+
+
+def test_the_judge_flies_at_the_speed_to_come_too(monkeypatch):
+    """Where less is commanded, at its own only until that is reached; where more, all the way at both."""
+    _, harness = fly(Dialect.ARDUPILOT, 1, Schedule(), duration_s=20.0)
+    judge = harness.judge
+    assert judge._commanded_m_s() == pytest.approx(25.0, abs=0.5)
+    way = judge._way()
+    (as_it_is,) = judge._tracks(*way)
+    monkeypatch.setattr(judge, "_commanded_m_s", lambda: 36.0)
+    now, later = judge._tracks(*way)
+    assert len(now) == len(as_it_is)
+    assert len(later) < len(as_it_is), "faster, it is there sooner"
+    monkeypatch.setattr(judge, "_commanded_m_s", lambda: 15.0)
+    now, later = judge._tracks(*way)
+    assert len(now) < len(as_it_is) < len(later)

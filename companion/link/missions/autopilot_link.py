@@ -98,6 +98,11 @@ class AutopilotLink:
         return self._current
 
     @property
+    def round_trip_s(self) -> float:
+        """How long the line takes there and back, by the last exchanges; 0 before one [s]."""
+        return self._round_trip.least_s
+
+    @property
     def home_altitude_amsl_m(self) -> float | None:
         """Height that the autopilot's relative altitudes count from, None until it is heard."""
         return self._codec.home_altitude_amsl_m

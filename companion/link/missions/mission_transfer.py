@@ -22,6 +22,7 @@ MAVLink developer guide, "Mission Protocol"; RFC 6298 for the time after which t
 from __future__ import annotations
 
 import itertools
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from companion.link.wire.decoded_frame import (
@@ -37,6 +38,7 @@ OPENING = -1  # in place of an item's number: the message with which a transfer 
 PATIENCE_S = 7.0  # without a word of the autopilot; an ArduPlane gives up after 8 s, a PX4 after 5 s
 REPEAT_MIN_S, REPEAT_MAX_S = 0.12, 1.5
 _FIRST_REPEAT_S = 0.4
+_REMEMBERED = 10  # answers
 
 
 class RoundTrip:
@@ -45,6 +47,19 @@ class RoundTrip:
     def __init__(self) -> None:
         self._mean_s: float | None = None
         self._spread_s = 0.0
+        self._answered_s: deque[float] = deque(maxlen=_REMEMBERED)
+
+    @property
+    def least_s(self) -> float:
+        """Shortest time from a first sending to the first answer, of the last few: what the line takes."""
+        return min(self._answered_s, default=0.0)
+
+    def note_first(self, took_s: float) -> None:
+        """An answer came so long after the first sending; of a slow line this is all that is known.
+
+        Whatever is asked again before the line can have answered tells nothing of single frames.
+        """
+        self._answered_s.append(took_s)
 
     def note(self, took_s: float) -> None:
         """An answer to something sent once took so long."""
@@ -100,6 +115,7 @@ class Upload:
         self._is_open = False
         self._heard_s = self._due_s = now_s
         self._sent_s: dict[int, float] = {}
+        self._first_sent_s: dict[int, float] = {}
         self._repeated: set[int] = set()
         self._queue: list[int] = []
 
@@ -125,6 +141,7 @@ class Upload:
             if number in self._sent_s:
                 self._repeated.add(number)
             self._sent_s[number] = now_s
+            self._first_sent_s.setdefault(number, now_s)
             leaving.append(number)
         return leaving
 
@@ -140,8 +157,10 @@ class Upload:
         if not self._first <= question.sequence <= self._last:
             return
         before = OPENING if question.sequence == self._first else question.sequence - 1
-        if before in self._sent_s and before not in self._repeated and question.sequence not in self._sent_s:
-            self._round_trip.note(now_s - self._sent_s[before])
+        if before in self._sent_s and question.sequence not in self._sent_s:
+            self._round_trip.note_first(now_s - self._first_sent_s[before])
+            if before not in self._repeated:
+                self._round_trip.note(now_s - self._sent_s[before])
         self._asked = question.sequence
         self._heard_s, self._due_s = now_s, now_s + self._round_trip.repeat_s
         self._queue.append(question.sequence)
@@ -197,6 +216,7 @@ class MissionDownload:
         self._items: dict[int, MissionItem] = {}
         self._lowest = 0  # that may be missing
         self._asked_s: dict[int, float] = {}
+        self._first_asked_s: dict[int, float] = {}
         self._repeated: set[int] = set()
 
     @property
@@ -235,6 +255,7 @@ class MissionDownload:
         ]  # fmt: skip
         self._repeated.update(number for number in asking if number in self._asked_s)
         self._asked_s.update(dict.fromkeys(asking, now_s))
+        self._first_asked_s = dict.fromkeys(asking, now_s) | self._first_asked_s
         return asking
 
     def note_count(self, count: MissionCount, now_s: float) -> None:
@@ -250,8 +271,10 @@ class MissionDownload:
         number = told.item.sequence
         if self.failure is not None or told.mission_type != self.mission_type or number not in self._asked_s:
             return
-        if number not in self._items and number not in self._repeated:
-            self._round_trip.note(now_s - self._asked_s[number])
+        if number not in self._items:
+            self._round_trip.note_first(now_s - self._first_asked_s[number])
+            if number not in self._repeated:
+                self._round_trip.note(now_s - self._asked_s[number])
         self._items[number], self._heard_s = told.item, now_s
         if len(self._items) == self._count:
             self.failure = ""

@@ -313,6 +313,34 @@ def test_the_time_to_repeat_follows_rfc_6298():
     assert trip.repeat_s == pytest.approx(0.2125 + 0.4)
 
 
+def test_what_the_line_takes_is_known_though_everything_is_repeated():
+    """3.5 s there and back: each item is asked for again before the line can have answered."""
+    trip = RoundTrip()
+    assert trip.least_s == 0.0
+    upload = Upload(ITEMS, trip, 0.0)
+    sent = upload.due(0.0)
+    for number in range(3):
+        begun_s = 3.5 * number
+        for tick in range(1, 7):
+            sent += upload.due(begun_s + 0.5 * tick)
+        upload.note_question(MissionQuestion(number, 0), begun_s + 3.5)
+        sent += upload.due(begun_s + 3.5)
+    assert sent.count(0) > 1
+    assert trip.least_s == pytest.approx(3.5)
+    assert trip.repeat_s < 1.6  # of which answers to what was repeated tell nothing
+
+
+def test_of_the_last_answers_the_quickest_tells_what_the_line_takes():
+    """A lost frame makes an answer late; a line that has become slow is noticed ten answers later."""
+    trip = RoundTrip()
+    for took_s in (0.1, 1.6, 0.12, 1.5):
+        trip.note_first(took_s)
+    assert trip.least_s == 0.1
+    for _ in range(10):
+        trip.note_first(2.0)
+    assert trip.least_s == 2.0
+
+
 @given(st.lists(st.floats(0.0, 60.0), min_size=1, max_size=40))
 def test_the_time_to_repeat_stays_within_its_limits(answers):
     trip = RoundTrip()
