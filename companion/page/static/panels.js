@@ -135,7 +135,8 @@ export function fears(store) {
       found.push([away, "other", `${name}: ${where}`, "hunts nobody; it is kept clear of"]);
       continue;
     }
-    const soonest = left <= 0 ? "within its reach now, if it sees the aircraft" : `a threat within ${metres(track.max_threat_radius_m)}; it could not be so near for ${span(left / Math.max(1, track.speed_max_m_s + ownship.ground_speed_m_s))} at least`;
+    const after = left / Math.max(1, track.speed_max_m_s + ownship.ground_speed_m_s);
+    const soonest = left <= 0 ? "within its reach now, if it sees the aircraft" : `a threat within ${metres(track.max_threat_radius_m)}; it could ${after < 1 ? "be so near any moment" : `not be so near for ${span(after)} at least`}`;
     const way = safeUntil === undefined || !store.isFlown ? "" : safeUntil === null ? " On the way that is flown it never can." : ` On the way that is flown: in ${span(safeUntil - now)} at the earliest.`;
     found.push([left, "hunter", `${name}: ${where}`, `${soonest}.${way}`]);
   }
