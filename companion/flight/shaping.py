@@ -263,13 +263,12 @@ def _best_carried(
     styles, or out of the bounds at its end, it is carried at cruise. What would touch something is not
     carried.
     """
-    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
-    best, found = usual, _room_flown(state, path, usual, clearance)
+    best, found = usual, _room_flown(state, path, usual)
     for style in _styles(state)[1:]:
-        if found >= clearance:
+        if found >= _room_enough(state):
             break
         other = _carried_in_style(state, path, end, style)
-        room = -math.inf if other[1] else _room_flown(state, path, other, clearance)
+        room = _room_flown(state, path, other)
         if room > found:
             best, found = other, room
     if _is_fast(state, path.until(end)):
@@ -284,13 +283,14 @@ def _or_at_cruise(
 ) -> tuple[tuple[Waypoints, tuple[Violation, ...]], float]:
     """What is carried as fast as planned and its room [m], or the same at cruise where that does not do."""
     part, cruise = path.until(end), state.rules.vehicle.airspeed_cruise_m_s
-    clearance = float(state.mission.planning.clearance_min_m) + GUSTS_M
+    if _does(state, part, best[0], found):
+        return best, found
     for style in _styles(state):
-        if _does(state, part, best[0], found):
-            break
         other = _carried_in_style(state, path, end, style, cruise)
-        room = -math.inf if other[1] else _room_flown(state, path, other, clearance)
-        if room > found or _does(state, part, other[0], room):
+        room = _room_flown(state, path, other)
+        if _does(state, part, other[0], room):
+            return other, room
+        if room > found:
             best, found = other, room
     return best, found
 
@@ -311,10 +311,13 @@ def _is_fast(state: FlightState, part: Path) -> bool:
     return commanded_airspeed_m_s(part, state.rules.vehicle) > cruise + FASTER_M_S
 
 
-def _room_flown(
-    state: FlightState, path: Path, shaped: tuple[Waypoints, tuple[Violation, ...]], clearance_m: float
-) -> float:
-    """How near the flown track comes to anything [m], ``clearance_m`` at most; negative for no mission.
+def _room_enough(state: FlightState) -> float:
+    """Distance to keep from everything, and a little for gusts [m]: more is no better."""
+    return float(state.mission.planning.clearance_min_m) + GUSTS_M
+
+
+def _room_flown(state: FlightState, path: Path, shaped: tuple[Waypoints, tuple[Violation, ...]]) -> float:
+    """How near the flown track comes to anything [m], as far as it matters; negative for no mission.
 
     At the speed that the path begins with, and at the commanded one, whichever is nearer: how soon the
     aircraft is faster it is not known.
@@ -322,11 +325,12 @@ def _room_flown(
     waypoints, violations = shaped
     if violations:
         return -1.0
-    room, first, then = clearance_m, float(path.speeds_m_s[0]), waypoints.airspeed_m_s
+    enough, first, then = _room_enough(state), float(path.speeds_m_s[0]), waypoints.airspeed_m_s
+    room = enough
     for airspeed in (first, then) if abs(then - first) > FASTER_M_S else (first,):
         track = track_over(state, path, waypoints, CIRCLED_S, airspeed)
-        wrong = state.rules.checker.check_track(track.positions_enu_m, clearance_m)
-        room = min(room, *(entry.value for entry in wrong if entry.rule == "clearance"), clearance_m)
+        wrong = state.rules.checker.check_track(track.positions_enu_m, enough)
+        room = min([room, *(entry.value for entry in wrong if entry.rule == "clearance")])
     return room
 
 
@@ -421,6 +425,8 @@ def _with_circle(
         off = (0.0, 0.0) if is_circle_met(shaped[0]) else astray(state, part, shaped[0])
         if not shaped[1] and off < best:
             best, found = off, shaped
+        if best == (0.0, 0.0):
+            break
     return found
 
 

@@ -170,6 +170,19 @@ class Pictures:
         }  # fmt: skip
 
 
+def extent_of(mission: MissionConfig) -> tuple[float, float, float]:
+    """Middle of a mission's bounds, east and north, and their longer side [m].
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The flight's.
+    """
+    sides = (mission.bounds.east_m, mission.bounds.north_m)
+    east, north = (float(0.5 * (side[0] + side[1])) for side in sides)
+    return east, north, float(max(side[1] - side[0] for side in sides))
+
+
 def _rows(places: object, length: int) -> list[list[float]]:
     """Places of a document, without those that are none."""
     rows = places if isinstance(places, list) else []

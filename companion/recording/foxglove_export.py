@@ -14,7 +14,7 @@ from companion.config import MissionConfig
 from companion.errors import RecordError
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, Pictures
+from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, Pictures, extent_of
 from companion.recording.mcap_reader import messages_of, number, utc_of
 from companion.recording.mcap_writer import plain
 from companion.safe_files import open_to_write
@@ -150,11 +150,7 @@ def layout_of(mission: MissionConfig | None) -> dict[str, object]:
     mission : MissionConfig, optional
         The flight's; its bounds are looked at.
     """
-    east, north, size_m = 0.0, 0.0, 5_000.0
-    if mission is not None:
-        sides = (mission.bounds.east_m, mission.bounds.north_m)
-        east, north = (0.5 * (side[0] + side[1]) for side in sides)
-        size_m = max(side[1] - side[0] for side in sides)
+    east, north, size_m = (0.0, 0.0, 5_000.0) if mission is None else extent_of(mission)
     eye = {
         "perspective": True, "distance": 1.5 * size_m, "phi": 45.0, "thetaOffset": 0.0, "fovy": 45.0,
         "near": 1.0, "far": 12.0 * size_m, "target": [0.0, 0.0, 0.0], "targetOffset": [east, north, 0.0],

@@ -22,7 +22,7 @@ from companion.frames import FloatArray
 from companion.plain_text import printable
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
-from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, WARNING, Pictures
+from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, WARNING, Pictures, extent_of
 from companion.recording.mcap_reader import Document, messages_of, number, utc_of
 from companion.safe_files import open_to_write
 
@@ -183,9 +183,7 @@ class _Drawing:
         mission: MissionConfig | None = self._pictures.mission
         if mission is None:
             return None
-        sides = (mission.bounds.east_m, mission.bounds.north_m)
-        east, north = (0.5 * (side[0] + side[1]) for side in sides)
-        size = max(side[1] - side[0] for side in sides)
+        east, north, size = extent_of(mission)
         return self._rr.blueprint.EyeControls3D(
             position=[east, north - 0.85 * size, 0.85 * size],
             look_target=[east, north - 0.05 * size, 0.0],

@@ -255,7 +255,8 @@ class MissionDownload:
         ]  # fmt: skip
         self._repeated.update(number for number in asking if number in self._asked_s)
         self._asked_s.update(dict.fromkeys(asking, now_s))
-        self._first_asked_s = dict.fromkeys(asking, now_s) | self._first_asked_s
+        for number in asking:
+            self._first_asked_s.setdefault(number, now_s)
         return asking
 
     def note_count(self, count: MissionCount, now_s: float) -> None:
