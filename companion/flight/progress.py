@@ -60,10 +60,14 @@ def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
     """
     if start.rest is None:
         return start
-    rules = state.rules
-    problem = Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
-    rest, risk = reassessed(problem, start.rest)
+    rest, risk = reassessed(problem_at(state, start, snapshot), start.rest)
     return replace(start, rest=rest, risk=risk)
+
+
+def problem_at(state: FlightState, start: Start, snapshot: Snapshot) -> Problem:
+    """What paths from a start are judged by, in the world of a snapshot."""
+    rules = state.rules
+    return Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
 
 
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from companion.flight.flown_track import (
     is_circle_met,
     track_over,
 )
-from companion.flight.progress import Start
+from companion.flight.progress import Start, problem_at
 from companion.frames import FloatArray, speed_made_good
 from companion.mission.loiter import Circle, circles_beside
 from companion.mission.waypoints import (
@@ -33,14 +34,17 @@ from companion.mission.waypoints import (
     mission_part,
     waypoints_from_path,
 )
+from companion.planning.route import reassessed
 from companion.types.mission import MissionItem
-from companion.types.path import Path, straight_path
+from companion.types.path import Path, slowed_path, straight_path
 from companion.types.plan import Plan
 from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.snapshot import Snapshot
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 SAFER_ROWS = 6  # are tried for a circle that is under no threat, and easily entered
+FAST_ROWS = 12  # at which a hurried mission may end are tried before it is slowed down
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
@@ -50,7 +54,7 @@ CIRCLED_S = 15.0  # of the circle at the end are looked at
 SLOWED_M_S = 2.0  # or more to lose until cruise
 FASTER_M_S = 0.5  # than cruise: less is how a path settles
 TOUCHING_M = 1.0
-ENTERED_WITHIN_M = 130.0  # behind its second waypoint, a late aircraft
+ENTERED_WITHIN_M = 130.0  # behind its third waypoint, a late aircraft
 NEAR_M = 5.0  # of the goal's region a path to it ends
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
@@ -110,8 +114,22 @@ class Conclusion:
     is_unflyable: bool = False
 
 
-def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
-    """Judge a plan, and shape what is to be flown of it."""
+def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
+    """Judge a plan, and shape what is to be flown of it.
+
+    One that a mission can only carry slower is judged once more: it will be everywhere later.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals and rules.
+    plan : Plan
+        The planner's answer.
+    start : Start
+        Where it begins.
+    snapshot : Snapshot
+        The world that it was made in.
+    """
     decision = judge(state, plan, start)
     if not decision.verdict.is_swap or plan.path is None:
         return Conclusion(decision)
@@ -122,6 +140,13 @@ def conclude(state: FlightState, plan: Plan, start: Start) -> Conclusion:
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
+    slower = slowed_path(path, waypoints.airspeed_m_s)
+    if slower is not path:
+        carried_s = float(slower.times_s[np.searchsorted(path.times_s, carried_s)])
+        path, risk = reassessed(problem_at(state, start, snapshot), slower)
+        decision = judge(state, replace(plan, path=path, pursuit=risk), start)
+        if not decision.verdict.is_swap:
+            return Conclusion(decision)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
         path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
@@ -164,7 +189,10 @@ def waypoints_of(
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
     first_wrong: tuple[Violation, ...] = ()
     worse: list[tuple[Waypoints, float]] = []
-    for end, waypoints, violations in _carried_to_rows(state, path, row):
+    tries = _carried_to_rows(state, path, row)
+    if _is_fast(state, path.until(row)):
+        tries = chain(islice(_carried_to_rows(state, path, row, may_slow=False), FAST_ROWS), tries)
+    for end, waypoints, violations in tries:
         if violations or _num_items(waypoints) > max_waypoints:
             first_wrong = first_wrong or violations
             continue
@@ -225,7 +253,7 @@ def _run_on(path: Path, metres: float) -> Path:
 
 
 def _carried_to_rows(
-    state: FlightState, path: Path, row: int
+    state: FlightState, path: Path, row: int, *, may_slow: bool = True
 ) -> Iterator[tuple[int, Waypoints, tuple[Violation, ...]]]:
     """Rows at which a mission may end, the wanted one first, its waypoints, and what is wrong with them."""
     last = len(path) - 1
@@ -237,7 +265,7 @@ def _carried_to_rows(
         if usual[1] and styled >= STYLED_ROWS:  # at most rows it is the circle that has no room
             continue
         styled += bool(usual[1])
-        yield end, *_best_carried(state, path, end, usual)
+        yield end, *_best_carried(state, path, end, usual, may_slow=may_slow)
 
 
 def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[Violation, ...]]:
@@ -255,13 +283,14 @@ def _styles(state: FlightState) -> tuple[TurnStyle, ...]:
 
 
 def _best_carried(
-    state: FlightState, path: Path, end: int, usual: tuple[Waypoints, tuple[Violation, ...]]
-) -> tuple[Waypoints, tuple[Violation, ...]]:
+    state: FlightState, path: Path, end: int, usual: tuple[Waypoints, tuple[Violation, ...]], *,
+    may_slow: bool = True,
+) -> tuple[Waypoints, tuple[Violation, ...]]:  # fmt: skip
     """As :func:`carried`, beginning with what the usual style comes to.
 
     What is faster than cruise flies wide of its waypoints: where it would come too near to something in all
-    styles, or out of the bounds at its end, it is carried at cruise. What would touch something is not
-    carried.
+    styles, or out of the bounds at its end, it is carried at cruise, or not where it may not slow down.
+    What would touch something is not carried.
     """
     best, found = usual, _room_flown(state, path, usual)
     for style in _styles(state)[1:]:
@@ -271,9 +300,12 @@ def _best_carried(
         room = _room_flown(state, path, other)
         if room > found:
             best, found = other, room
-    if _is_fast(state, path.until(end)):
+    enough = TOUCHING_M
+    if _is_fast(state, path.until(end)) and may_slow:
         best, found = _or_at_cruise(state, path, end, best, found)
-    if not best[1] and found < TOUCHING_M:
+    elif not may_slow and not _does(state, path.until(end), best[0], found):
+        enough = math.inf
+    if not best[1] and found < enough:
         return best[0], (Violation("clearance", 0, found, 0.0, "distance to something as it is flown [m]"),)
     return best
 
@@ -435,8 +467,8 @@ def _airspeed_again(state: FlightState, part: Path, waypoints: Waypoints) -> int
     cruise = state.rules.vehicle.airspeed_cruise_m_s
     if max(float(part.speeds_m_s[0]) - SLOWED_M_S, waypoints.airspeed_m_s - FASTER_M_S) <= cruise:
         return 0
-    second_m = float(waypoints.distances_m[:2][-1])
-    return int(np.flatnonzero(waypoints.distances_m <= second_m + ENTERED_WITHIN_M)[-1])
+    near = np.flatnonzero(waypoints.distances_m <= float(waypoints.distances_m[:3][-1]) + ENTERED_WITHIN_M)
+    return int(near[-1])
 
 
 def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:

@@ -106,7 +106,7 @@ def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
     """Numbers of waypoints at which a mission may be entered, ``here_m`` along its path [m].
 
     The first is that which the path comes to; others in its place only if nothing is to be done at those
-    before them.
+    before them. None lies behind where the mission commands its airspeed for the last time.
     """
     last, first_m = len(waypoints.distances_m) - 1, math.inf
     busy = {number for number, _ in waypoints.actions}
@@ -114,7 +114,7 @@ def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
         if distance < here_m + AHEAD_MIN_M and k < last:
             continue
         first_m = min(first_m, float(distance))
-        if distance > first_m + AHEAD_MORE_M:
+        if distance > first_m + AHEAD_MORE_M or 0 < waypoints.airspeed_again < k:
             return
         yield k
         if k in busy:

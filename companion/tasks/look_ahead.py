@@ -63,7 +63,7 @@ class LookAhead:
             return
         maker.schedule.knows(known_threats(parts.situation, now))
         run, found = await maker.make(
-            plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start)
+            plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start, snapshot)
         )
         state = parts.flight.state
         if found.shaped is None:

@@ -214,7 +214,7 @@ class Replanning:
         state = self._flight.state
         run, found = await self._maker.make(
             request,
-            lambda plan: conclude(state, plan, request.start),
+            lambda plan: conclude(state, plan, request.start, request.snapshot),
             may_break_off=not request.is_urgent,
         )
         if self._is_outdated(request):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.frames import FloatArray, speed_made_good
+
+SLOWS_M_S2 = 1.0  # with the throttle closed, in the simulator 1.3
+AS_FAST_M_S = 0.5  # less is how a path settles
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,33 @@ class Path:
             [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
         )
         return [[round(float(value), 6) for value in row] for row in table]
+
+
+def slowed_path(path: Path, airspeed_m_s: float) -> Path:
+    """The same way no faster than an airspeed that is commanded at its beginning; itself if it is not.
+
+    Parameters
+    ----------
+    path : Path
+        As planned; its threat levels are kept, though it will be everywhere later.
+    airspeed_m_s : float
+        True airspeed to which the aircraft slows down [m/s].
+    """
+    if float(path.speeds_m_s.max()) <= airspeed_m_s + AS_FAST_M_S:
+        return path
+    speeds, times = path.speeds_m_s.copy(), path.times_s.copy()
+    for k in range(1, len(path)):
+        length = float(np.linalg.norm(path.positions_enu_m[k] - path.positions_enu_m[k - 1]))
+        still = math.sqrt(max(speeds[k - 1] ** 2 - 2.0 * SLOWS_M_S2 * length, 0.0))
+        speeds[k] = min(speeds[k], max(airspeed_m_s, still))
+        turned = math.remainder(path.courses_rad[k] - path.courses_rad[k - 1], 2.0 * math.pi)
+        course, climb = path.courses_rad[k - 1] + 0.5 * turned, path.climb_angles_rad[k - 1 : k + 1].mean()
+        was, now = (
+            speed_made_good(course, rows[k - 1 : k + 1].mean() * math.cos(climb), path.wind_enu_m_s)
+            for rows in (path.speeds_m_s, speeds)
+        )
+        times[k] = times[k - 1] + (path.times_s[k] - path.times_s[k - 1]) * was / now
+    return replace(path, times_s=times, speeds_m_s=speeds)
 
 
 def straight_path(

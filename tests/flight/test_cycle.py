@@ -15,8 +15,8 @@ from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.flown_track import at_row, guidance_of
 from companion.flight.list_state import FlownPath
-from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after
-from companion.flight.shaping import carried, waypoints_of
+from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after, start_at
+from companion.flight.shaping import carried, conclude, waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.planning.plan_runner import StopRule
@@ -477,3 +477,57 @@ def test_of_two_paths_that_both_cost_endlessly_the_flown_one_is_kept():
     judged = judge(made, plan(straight(north=100.0), math.inf, math.inf), start(straight()))
     assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.KEEP)
     assert judged.why["gain"] == 0.0
+
+
+# --- hurried plans
+
+
+def hurried_beside(walls_m):
+    """What a plan along 3 km at 37.5 m/s comes to between walls so far away, and the plan."""
+    sides = [
+        BLOCK.format(f"wall_{side}", -900, side * walls_m, 4000, side * (walls_m + 50)) for side in (-1, 1)
+    ]
+    made = begun("obstacles:\n" + "".join(sides), OPEN.replace("east_m: 1500", "east_m: 3000"))
+    path = straight(rows=120)
+    path = replace(path, times_s=path.times_s / 1.5, speeds_m_s=np.full(len(path), 37.5))
+    begin = start_at(
+        made.rules, state(speed=37.5, stamp=0.0), 0.0, (0.0, 0.0, 100.0),
+        course_rad=EAST, climb_rad=0.0, airspeed_m_s=37.5,
+    )  # fmt: skip
+    world = world_of(made.mission)
+    return conclude(made, plan(path), begin, world).shaped, path
+
+
+def test_a_hurried_plan_that_can_only_be_carried_slower_is_later_everywhere():
+    """Between walls 330 m away there is room for circles at 25 m/s, 270 m wide, but for none at 37.5 m/s."""
+    shaped, path = hurried_beside(1500.0)
+    assert shaped.waypoints.airspeed_m_s == 37.5
+    assert shaped.path is path
+    shaped, path = hurried_beside(330.0)
+    assert shaped.waypoints.airspeed_m_s == 25.0
+    # 37.5 to 25 m/s at 1 m/s²: 390.6 m in 12.5 s; the other 2609.4 m at 25 m/s in 104.4 s.
+    assert shaped.path.times_s[-1] == pytest.approx(116.9, abs=0.3)
+    assert shaped.path.speeds_m_s[[0, -1]].tolist() == [37.5, 25.0]
+    at_end = float(np.interp(shaped.carried_until_s, shaped.path.times_s, shaped.path.positions_enu_m[:, 0]))
+    assert at_end == pytest.approx(float(shaped.waypoints.positions_enu_m[-1, 0]), abs=30.0)
+
+
+def test_a_hurried_plan_is_judged_as_it_is_carried(monkeypatch):
+    """With the threat levels of then: beyond their limit it is not flown."""
+    seen = []
+
+    def judged(made, found, begin):
+        seen.append(found)
+        return judge(made, found, begin)
+
+    monkeypatch.setattr("companion.flight.shaping.judge", judged)
+    hurried_beside(1500.0)
+    assert [found.path.duration_s for found in seen] == pytest.approx([80.0])
+    seen.clear()
+    hurried_beside(330.0)
+    assert [found.path.duration_s for found in seen] == pytest.approx([80.0, 116.9], abs=0.3)
+    monkeypatch.setattr(
+        "companion.flight.shaping.reassessed",
+        lambda _, path: (replace(path, threat_levels=np.linspace(0.0, 1.0, len(path))), PursuitRisk()),
+    )
+    assert hurried_beside(330.0)[0] is None

@@ -151,6 +151,14 @@ def test_a_bank_is_waypoints_the_airspeed_and_loiters():
     assert (bank[3].latitude_e7, bank[3].longitude_e7) == (bank[2].latitude_e7, bank[2].longitude_e7)
 
 
+def test_the_airspeed_is_commanded_again_for_who_enters_late():
+    made = waypoints(*((0.0, 300.0 * n, 100.0) for n in range(4)), airspeed_again=2)
+    way, speed, loiter = Command.NAV_WAYPOINT, Command.DO_CHANGE_SPEED, Command.NAV_LOITER_UNLIM
+    bank = bank_items(mission_part(made, FRAME), 7)
+    assert [entry.command for entry in bank] == [way, speed, way, way, speed, way, loiter]
+    assert bank[1].parameters == bank[4].parameters
+
+
 def test_the_loiter_stands_at_its_centre():
     made = waypoints(
         (0.0, 0.0, 100.0), (0.0, 500.0, 100.0), loiter_centre_enu_m=np.array([125.0, 500.0, 90.0])

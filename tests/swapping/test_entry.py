@@ -120,6 +120,11 @@ def test_another_waypoint_serves_where_the_first_does_not():
     assert entry_of(made, at(), straight(), busy) is None
     assert entry_of(made, at(), straight(), places, number=0) is None
     assert entry_of(made, at(), straight(), places, number=1) == 1
+    # Nor behind where the mission commands its airspeed for the last time.
+    made, places = begun(), placed((60, 0, 100), (110, 0, 100), (160, 0, 100), (900, 0, 100))
+    assert entry_of(made, at(), straight(), places, number=2) == 2
+    assert entry_of(made, at(), straight(), replace(places, airspeed_again=2), number=2) == 2
+    assert entry_of(made, at(), straight(), replace(places, airspeed_again=1), number=2) is None
 
 
 def test_who_is_nearer_to_something_already_may_fly_away_from_it():

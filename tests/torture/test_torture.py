@@ -61,6 +61,8 @@ def test_random_schedules(dialect, seed):
         # Circles moved into the bounds: ways into them once led out of these, and into an obstacle.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 20104, marks=pytest.mark.slow),
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30161, marks=pytest.mark.slow),
+        # Entered at its third waypoint, a mission that commanded its airspeed behind the first two.
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 50173, marks=pytest.mark.slow),
         # A line that takes 1.7 s each way, and a hurried flight round the corner of a wall: both touched it.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30323, marks=pytest.mark.slow),
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30428, marks=pytest.mark.slow),
