@@ -11,7 +11,7 @@ from companion.assurance.violation import Violation
 from companion.flight.flight_state import FlightState
 from companion.frames import speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
-from companion.types.path import Path
+from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, Track, default_guidance, track_of_circle, track_of_legs
 from companion.vehicle.vehicle_model import VehicleModel
@@ -132,6 +132,20 @@ def blown_off(state: FlightState, part: Path, waypoints: Waypoints) -> tuple[Vio
         guidance_of(state), begin, waypoints.loiter_centre_enu_m, waypoints.loiter_radius_m, around_s, STEP_S
     )
     return state.rules.checker.check_track(track.positions_enu_m, state.rules.checker.limits.margin_m)
+
+
+def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
+    """Cruise, or what a path comes to that is flown faster, before moving threats.
+
+    Parameters
+    ----------
+    path : Path
+        As planned.
+    vehicle : VehicleModel
+        The aircraft.
+    """
+    fastest, cruise = float(path.speeds_m_s[-1]), vehicle.airspeed_cruise_m_s
+    return fastest if fastest > cruise + FASTER_M_S else cruise
 
 
 def airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> float:

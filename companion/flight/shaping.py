@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain, islice, product
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from companion.flight.flown_track import (
     astray,
     blown_off,
     circle_stretch,
+    commanded_airspeed_m_s,
     is_circle_exposed,
     is_circle_met,
     track_over,
 )
 from companion.flight.progress import Start, problem_at
-from companion.frames import FloatArray, speed_made_good
+from companion.frames import FloatArray
 from companion.mission.loiter import Circle, circles_beside
 from companion.mission.waypoints import (
     CHORD_STYLES,
@@ -36,9 +37,8 @@ from companion.mission.waypoints import (
 )
 from companion.planning.route import reassessed
 from companion.types.mission import MissionItem
-from companion.types.path import Path, slowed_path, straight_path
+from companion.types.path import FASTER_M_S, Path, run_on, slowed_path
 from companion.types.plan import Plan
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
@@ -49,16 +49,15 @@ STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
 RUN_ON_M = (0.0, 100.0, 200.0, 300.0, 400.0)  # beyond the goal, where it has no room for a circle
-RUN_ON_STEP_M = 25.0
 CIRCLED_S = 15.0  # of the circle at the end are looked at
 SLOWED_M_S = 2.0  # or more to lose until cruise
-FASTER_M_S = 0.5  # than cruise: less is how a path settles
 TOUCHING_M = 1.0
 ENTERED_WITHIN_M = 130.0  # behind its third waypoint, a late aircraft
 NEAR_M = 5.0  # of the goal's region a path to it ends
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 
 Actions = tuple[MissionItem, ...]
+_Shaped = dict[int, tuple[Waypoints, tuple[Violation, ...]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,11 +188,12 @@ def waypoints_of(
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted)))
     first_wrong: tuple[Violation, ...] = ()
     worse: list[tuple[Waypoints, float]] = []
-    tries = _carried_to_rows(state, path, row)
+    shaped: _Shaped = {}
+    tries = _carried_to_rows(state, path, row, shaped)
     if _is_fast(state, path.until(row)):
-        tries = chain(islice(_carried_to_rows(state, path, row, may_slow=False), FAST_ROWS), tries)
+        tries = chain(islice(_carried_to_rows(state, path, row, shaped, may_slow=False), FAST_ROWS), tries)
     for end, waypoints, violations in tries:
-        if violations or _num_items(waypoints) > max_waypoints:
+        if violations or waypoints.num_items > max_waypoints:
             first_wrong = first_wrong or violations
             continue
         until_s = float(path.times_s[end])
@@ -212,12 +212,6 @@ def _ends_well(state: FlightState, part: Path, waypoints: Waypoints) -> bool:
     )
 
 
-def _num_items(waypoints: Waypoints) -> int:
-    """How much room waypoints take in the autopilot's list, and the operator's items among them."""
-    again = waypoints.airspeed_again > 0
-    return len(waypoints.positions_enu_m) + again + sum(len(items) for _, items in waypoints.actions)
-
-
 def _carried_otherwise(
     state: FlightState, path: Path, max_waypoints: int, failed: tuple[Waypoints, tuple[Violation, ...]]
 ) -> tuple[Waypoints, float, tuple[Violation, ...]]:
@@ -229,39 +223,35 @@ def _carried_otherwise(
     vehicle, until_s = state.rules.vehicle, float(path.times_s[-1])
     airspeeds = sorted({commanded_airspeed_m_s(path, vehicle), vehicle.airspeed_cruise_m_s}, reverse=True)
     for metres in RUN_ON_M if state.tail_enu_m is None else RUN_ON_M[:1]:
-        whole = _run_on(path, metres) if metres > 0.0 else path
-        for style in _styles(state):
-            for airspeed in airspeeds:
-                waypoints, violations = _with_some_circle(state, whole, whole, style, airspeed)
-                violations = violations or blown_off(state, whole, waypoints)
-                if not violations and _num_items(waypoints) <= max_waypoints:
-                    return waypoints, until_s, ()
+        whole = run_on(path, metres) if metres > 0.0 else path
+        hopeless: set[float] = set()
+        for style, airspeed in product(_styles(state), airspeeds):
+            if airspeed in hopeless:
+                continue
+            waypoints, violations = _with_some_circle(state, whole, whole, style, airspeed)
+            if _has_no_circle(state, whole, (waypoints, violations)):
+                hopeless.add(airspeed)
+            violations = violations or blown_off(state, whole, waypoints)
+            if not violations and waypoints.num_items <= max_waypoints:
+                return waypoints, until_s, ()
     return failed[0], until_s, failed[1]
 
 
-def _run_on(path: Path, metres: float) -> Path:
-    """The path and so much straight and level flight behind it."""
-    course, airspeed = float(path.courses_rad[-1]), float(path.speeds_m_s[-1])
-    made_good = speed_made_good(course, airspeed, path.wind_enu_m_s)
-    ahead = straight_path(
-        np.arange(1.0 + math.ceil(metres / RUN_ON_STEP_M)) * RUN_ON_STEP_M / made_good,
-        float(path.times_s[-1]), path.positions_enu_m[-1], course, airspeed,
-        covariance_m2=path.position_covariances_m2[-1], threat_level=float(path.threat_levels[-1]),
-        wind_enu_m_s=path.wind_enu_m_s,
-    )  # fmt: skip
-    return path.followed_by(ahead)
-
-
 def _carried_to_rows(
-    state: FlightState, path: Path, row: int, *, may_slow: bool = True
+    state: FlightState, path: Path, row: int, shaped: _Shaped, *, may_slow: bool = True
 ) -> Iterator[tuple[int, Waypoints, tuple[Violation, ...]]]:
-    """Rows at which a mission may end, the wanted one first, its waypoints, and what is wrong with them."""
+    """Rows at which a mission may end, the wanted one first, its waypoints, and what is wrong with them.
+
+    What they come to in the usual style is kept in ``shaped``.
+    """
     last = len(path) - 1
     tries = [row, *(row + k for k in range(2, last - row, 2)), last]
     tries += list(range(row - 2, min(row, SHORTEST_ROWS) - 1, -2))
     styled = 0
     for end in tries:
-        usual = _carried_in_style(state, path, end, _styles(state)[0])
+        if end not in shaped:
+            shaped[end] = _with_some_circle(state, path, path.until(end), _styles(state)[0])
+        usual = shaped[end]
         if usual[1] and styled >= STYLED_ROWS:  # at most rows it is the circle that has no room
             continue
         styled += bool(usual[1])
@@ -274,7 +264,7 @@ def carried(state: FlightState, path: Path, end: int) -> tuple[Waypoints, tuple[
     Those are taken whose track, as the autopilot will fly it, keeps its distance; where none does, those
     that keep most.
     """
-    return _best_carried(state, path, end, _carried_in_style(state, path, end, _styles(state)[0]))
+    return _best_carried(state, path, end, _with_some_circle(state, path, path.until(end), _styles(state)[0]))
 
 
 def _styles(state: FlightState) -> tuple[TurnStyle, ...]:
@@ -296,7 +286,7 @@ def _best_carried(
     for style in _styles(state)[1:]:
         if found >= _room_enough(state):
             break
-        other = _carried_in_style(state, path, end, style)
+        other = _with_some_circle(state, path, path.until(end), style)
         room = _room_flown(state, path, other)
         if room > found:
             best, found = other, room
@@ -318,13 +308,28 @@ def _or_at_cruise(
     if _does(state, part, best[0], found):
         return best, found
     for style in _styles(state):
-        other = _carried_in_style(state, path, end, style, cruise)
+        other = _with_some_circle(state, path, path.until(end), style, cruise)
         room = _room_flown(state, path, other)
         if _does(state, part, other[0], room):
             return other, room
         if room > found:
             best, found = other, room
+        if _has_no_circle(state, part, other):
+            break
     return best, found
+
+
+def _has_no_circle(state: FlightState, part: Path, shaped: tuple[Waypoints, tuple[Violation, ...]]) -> bool:
+    """Whether it is the circle at the end only that breaks rules: other turns before it do not help."""
+    waypoints, violations = shaped
+    if not violations:
+        return False
+    legs: FloatArray = np.vstack([part.positions_enu_m[:1], waypoints.positions_enu_m])
+    wrong = state.rules.checker.check_legs(
+        legs, ends_in_loiter=False, loiter_radius_m=None, may_come_back=True,
+        wind_enu_m_s=state.wind_enu_m_s, airspeed_m_s=float(part.speeds_m_s.min()),
+    )  # fmt: skip
+    return all(entry.rule == "ending" for entry in wrong)
 
 
 def _does(state: FlightState, part: Path, waypoints: Waypoints, room_m: float) -> bool:
@@ -366,26 +371,15 @@ def _room_flown(state: FlightState, path: Path, shaped: tuple[Waypoints, tuple[V
     return room
 
 
-def _carried_in_style(
-    state: FlightState, path: Path, end: int, style: TurnStyle, airspeed_m_s: float | None = None
-) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """As :func:`carried`, with turns in one style, by default at the speed that the path comes to.
-
-    A part that is flown faster than at cruise ends in a wider circle.
-    """
-    part = path.until(end)
-    airspeed = airspeed_m_s or commanded_airspeed_m_s(part, state.rules.vehicle)
-    return _with_some_circle(state, path, part, style, airspeed)
-
-
 def _with_some_circle(
-    state: FlightState, path: Path, part: Path, style: TurnStyle, airspeed_m_s: float
+    state: FlightState, path: Path, part: Path, style: TurnStyle, airspeed_m_s: float | None = None
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """As :func:`_with_circle`, at a commanded airspeed.
+    """As :func:`_with_circle`, at a commanded airspeed, by default that which the part comes to.
 
     In the wind the circle at the end is as wide as is easily flown there, or, where that has no room, as
     wide as in still air if its track in the wind has. Faster than at cruise the track into any is looked at.
     """
+    airspeed_m_s = airspeed_m_s or commanded_airspeed_m_s(part, state.rules.vehicle)
     vehicle = state.rules.vehicle.at_speed(airspeed_at_end(part, state.rules.vehicle, airspeed_m_s))
     radius, narrow = vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m
     usual = _with_circle(state, path, part, style, radius, airspeed_m_s)
@@ -395,12 +389,6 @@ def _with_some_circle(
         return usual
     waypoints, violations = _with_circle(state, path, part, style, narrow, airspeed_m_s)
     return waypoints, violations or blown_off(state, part, waypoints)
-
-
-def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
-    """Cruise, or what a path comes to that is flown faster, before moving threats."""
-    fastest, cruise = float(path.speeds_m_s[-1]), vehicle.airspeed_cruise_m_s
-    return fastest if fastest > cruise + FASTER_M_S else cruise
 
 
 def _with_circle(
@@ -450,7 +438,8 @@ def _with_circle(
         return waypoints, violations
 
     usual = ending_in(circles[0])
-    if not circles[0].is_moved:
+    on_legs = any(entry.row < len(usual[0].positions_enu_m) for entry in usual[1])
+    if on_legs or not circles[0].is_moved:
         return usual
     best, found = (math.inf, math.inf), usual
     for shaped in (usual, *(ending_in(circle) for circle in circles[1:])):

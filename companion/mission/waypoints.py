@@ -66,6 +66,12 @@ class Waypoints:
     actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
     airspeed_again: int = 0
 
+    @property
+    def num_items(self) -> int:
+        """How much room they take in the autopilot's list, and the operator's items among them."""
+        again = self.airspeed_again > 0
+        return len(self.positions_enu_m) + again + sum(len(items) for _, items in self.actions)
+
 
 @dataclass(frozen=True, slots=True)
 class TurnStyle:

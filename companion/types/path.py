@@ -10,7 +10,8 @@ import numpy as np
 from companion.frames import FloatArray, speed_made_good
 
 SLOWS_M_S2 = 1.0  # with the throttle closed, in the simulator 1.3
-AS_FAST_M_S = 0.5  # less is how a path settles
+RUN_ON_STEP_M = 25.0
+FASTER_M_S = 0.5  # less is how a path settles
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,7 @@ def slowed_path(path: Path, airspeed_m_s: float) -> Path:
     airspeed_m_s : float
         True airspeed to which the aircraft slows down [m/s].
     """
-    if float(path.speeds_m_s.max()) <= airspeed_m_s + AS_FAST_M_S:
+    if float(path.speeds_m_s.max()) <= airspeed_m_s + FASTER_M_S:
         return path
     speeds, times = path.speeds_m_s.copy(), path.times_s.copy()
     for k in range(1, len(path)):
@@ -164,6 +165,27 @@ def straight_path(
         threat_levels=np.full(count, threat_level),
         wind_enu_m_s=wind_enu_m_s,
     )
+
+
+def run_on(path: Path, metres: float) -> Path:
+    """The path and straight and level flight behind it.
+
+    Parameters
+    ----------
+    path : Path
+        As planned.
+    metres : float
+        Length of what is added, up to a step of 25 m more [m].
+    """
+    course, airspeed = float(path.courses_rad[-1]), float(path.speeds_m_s[-1])
+    made_good = speed_made_good(course, airspeed, path.wind_enu_m_s)
+    ahead = straight_path(
+        np.arange(1.0 + math.ceil(metres / RUN_ON_STEP_M)) * RUN_ON_STEP_M / made_good,
+        float(path.times_s[-1]), path.positions_enu_m[-1], course, airspeed,
+        covariance_m2=path.position_covariances_m2[-1], threat_level=float(path.threat_levels[-1]),
+        wind_enu_m_s=path.wind_enu_m_s,
+    )  # fmt: skip
+    return path.followed_by(ahead)
 
 
 def _joined(before: FloatArray, behind: FloatArray) -> FloatArray:

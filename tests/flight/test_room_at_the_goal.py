@@ -6,7 +6,7 @@ import pytest
 from companion.config import mission_from_text
 from companion.flight import shaping
 from companion.types.events import Dialect
-from companion.types.path import Path
+from companion.types.path import Path, run_on
 from sim.bench.reaction import MISSION
 from tests.support.sitl_harness import SitlHarness
 
@@ -61,7 +61,7 @@ def test_a_path_that_runs_on_goes_straight_by_the_clock(wind):
         threat_levels=0.1 * ones,
         wind_enu_m_s=wind,
     )
-    longer = shaping._run_on(path, 100.0)
+    longer = run_on(path, 100.0)
     assert longer.positions_enu_m[-1] == pytest.approx([0.0, 150.0, 100.0])
     made_good = wind[1] + np.sqrt(25.0**2 - wind[0] ** 2)  # north, wind from the side taken off
     assert longer.times_s[-1] - 2.0 == pytest.approx(100.0 / made_good)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.types.path import AS_FAST_M_S, slowed_path, straight_path
+from companion.types.path import FASTER_M_S, slowed_path, straight_path
 
 
 def fast(airspeed=37.5, wind=(0.0, 0.0), course=0.0):
@@ -37,7 +37,7 @@ def test_the_wind_slows_it_more():
 
 
 def test_what_is_no_faster_is_left_as_it_is():
-    path = fast(25.0 + AS_FAST_M_S)
+    path = fast(25.0 + FASTER_M_S)
     assert slowed_path(path, 25.0) is path
 
 
