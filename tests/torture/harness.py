@@ -39,7 +39,6 @@ CIRCLED_S = 20.0  # of the loiter at the end
 STEP_S = 0.5
 SPEED_NEAR_M_S = 2.0  # which is no other speed
 SLOWS_M_S2 = 1.0  # at least: 37 to 25 m/s in nine seconds
-WIND_MAX_M_S = 5.0
 LOITERS = frozenset({17, 18, 19, 31})
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
 BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
@@ -130,52 +129,70 @@ class Judge:
                 return places, (np.array(places[-1]), 0.0)
         return places, None
 
-    def _commanded_m_s(self):
-        """True airspeed that the mission commands on the way, or that is commanded already."""
-        autopilot = self._autopilot
-        commanded = autopilot.flight.airspeed_m_s
-        for item in autopilot.mission_items[autopilot.current_sequence :]:
+    def _commanded(self):
+        """Behind how many of the targets the mission commands an airspeed next, and which, true [m/s].
+
+        That which is commanded already, and behind none, where no other is until the circle.
+        """
+        autopilot, passed, commanded = self._autopilot, 1, None
+        for item in autopilot.mission_items[autopilot.current_sequence + 1 :]:
             if item.command in LOITERS:
                 break
             if item.command == Command.DO_CHANGE_SPEED and item.parameters[1] > 0.0:
                 commanded = item.parameters[1]
                 break
-        above_sea_m = self._ground_m + autopilot.flight.estimate.up_m
-        return commanded / equivalent_airspeed(1.0, above_sea_m)
+            passed += item.command == Command.NAV_WAYPOINT
+        if commanded is None:
+            passed, commanded = 0, autopilot.flight.airspeed_m_s
+        return passed, commanded / equivalent_airspeed(1.0, self._ground_m + autopilot.flight.estimate.up_m)
 
     def _tracks(self, targets, circle):
         """Tracks (K, 3) over them from the aircraft's place [m]: at its speed, and at that to come.
 
-        At its own it flies to the item that commands less, and while it slows down; else all the way.
+        At its own it flies to the item that commands less, and while it slows down; else all the way. What is
+        more it has behind the item that commands it, and all at once; what is less from here.
         """
-        estimate = self._autopilot.flight.estimate
-        now, then = estimate.true_airspeed_m_s, self._commanded_m_s()
-        track = self._track(targets, circle, now)
-        if now - then > SPEED_NEAR_M_S and targets:
-            here = (estimate.east_m, estimate.north_m, estimate.up_m)
-            slow_s = math.dist(here, targets[0]) / max(now - WIND_MAX_M_S, 10.0) + (now - then) / SLOWS_M_S2
-            yield track[: 2 + int(slow_s / STEP_S)]
-        else:
-            yield track
-        if targets and abs(now - then) > SPEED_NEAR_M_S:
-            yield self._track(targets, circle, then)
-
-    def _track(self, targets, circle, airspeed_m_s):
-        """The track (K, 3) that is flown over them from the aircraft's place [m] at an airspeed."""
         estimate, steering = self._autopilot.flight.estimate, self._autopilot.flight.steering
         velocity = (estimate.velocity_east_m_s, estimate.velocity_north_m_s)
-        here = (estimate.east_m, estimate.north_m, estimate.up_m)
-        speed = max(math.hypot(*velocity) + airspeed_m_s - estimate.true_airspeed_m_s, 1.0)
-        state = Ownship(
-            self._now(), here, math.atan2(*velocity) % (2.0 * math.pi), 0.0, airspeed_m_s,
-            speed, (estimate.wind_east_m_s, estimate.wind_north_m_s), bank_rad=estimate.bank_rad,
+        here = Ownship(
+            self._now(), (estimate.east_m, estimate.north_m, estimate.up_m),
+            math.atan2(*velocity) % (2.0 * math.pi), 0.0, estimate.true_airspeed_m_s, math.hypot(*velocity),
+            (estimate.wind_east_m_s, estimate.wind_north_m_s), bank_rad=estimate.bank_rad,
         )  # fmt: skip
+        before = (*steering.start, steering.start_height_m) if targets else here.position_enu_m
+        (behind, then), now = self._commanded(), estimate.true_airspeed_m_s
+        track = self._track(here, before, targets, circle)
+        at_item = int(np.searchsorted(track.reached, behind))
+        if now - then > SPEED_NEAR_M_S and targets:
+            yield track.positions_enu_m[: at_item + 2 + int((now - then) / (SLOWS_M_S2 * STEP_S))]
+        else:
+            yield track.positions_enu_m
+        if not targets or abs(now - then) <= SPEED_NEAR_M_S:
+            return
+        if then < now or behind == 0 or at_item == len(track):
+            yield self._track(at_speed(here, then), before, targets, circle).positions_enu_m
+            return
+        there = replace(
+            here, position_enu_m=tuple(track.positions_enu_m[at_item]),
+            course_rad=float(track.courses_rad[at_item]), bank_rad=float(track.banks_rad[at_item]),
+        )  # fmt: skip
+        rest = self._track(at_speed(there, then), targets[behind - 1], targets[behind:], circle)
+        yield np.vstack([track.positions_enu_m[:at_item], rest.positions_enu_m])
+
+    def _track(self, ownship, before, targets, circle):
+        """What is flown over them, and on round the circle, on the leg from a place ``before`` them."""
+        here = ownship.position_enu_m
         length = sum(map(math.dist, [here, *targets[:-1]], targets)) if targets else 0.0
-        before = (*steering.start, steering.start_height_m) if targets else here
         return track_of_legs(
-            self._guidance, state, np.array(targets or np.empty((0, 3))), before_enu_m=np.array(before),
-            loiter=circle, ends_s=length / max(speed, 10.0) + CIRCLED_S, step_s=STEP_S,
-        ).positions_enu_m  # fmt: skip
+            self._guidance, ownship, np.array(targets or np.empty((0, 3))), before_enu_m=np.array(before),
+            loiter=circle, ends_s=length / max(ownship.ground_speed_m_s, 10.0) + CIRCLED_S, step_s=STEP_S,
+        )  # fmt: skip
+
+
+def at_speed(ownship, airspeed_m_s):
+    """The aircraft at another true airspeed [m/s], and over the ground by as much faster or slower."""
+    speed = max(ownship.ground_speed_m_s + airspeed_m_s - ownship.airspeed_m_s, 1.0)
+    return replace(ownship, airspeed_m_s=airspeed_m_s, ground_speed_m_s=speed)
 
 
 class TortureHarness(SitlHarness):

@@ -63,6 +63,8 @@ def test_random_schedules(dialect, seed):
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30161, marks=pytest.mark.slow),
         # Entered at its third waypoint, a mission that commanded its airspeed behind the first two.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 50173, marks=pytest.mark.slow),
+        # Hurried behind its first waypoint, out of a turn: it passed a wall at 9 m, where 15 are to be kept.
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 72011, marks=pytest.mark.slow),
         # A line that takes 1.7 s each way, and a hurried flight round the corner of a wall: both touched it.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30323, marks=pytest.mark.slow),
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30428, marks=pytest.mark.slow),
@@ -204,13 +206,16 @@ def test_the_judge_flies_at_the_speed_to_come_too(monkeypatch):
     """Where less is commanded, at its own only until that is reached; where more, all the way at both."""
     _, harness = fly(Dialect.ARDUPILOT, 1, Schedule(), duration_s=20.0)
     judge = harness.judge
-    assert judge._commanded_m_s() == pytest.approx(25.0, abs=0.5)
+    assert judge._commanded() == (0, pytest.approx(25.0, abs=0.5))
     way = judge._way()
     (as_it_is,) = judge._tracks(*way)
-    monkeypatch.setattr(judge, "_commanded_m_s", lambda: 36.0)
-    now, later = judge._tracks(*way)
+    monkeypatch.setattr(judge, "_commanded", lambda: (0, 36.0))
+    now, at_once = judge._tracks(*way)
     assert len(now) == len(as_it_is)
-    assert len(later) < len(as_it_is), "faster, it is there sooner"
-    monkeypatch.setattr(judge, "_commanded_m_s", lambda: 15.0)
+    assert len(at_once) < len(as_it_is), "faster, it is there sooner"
+    monkeypatch.setattr(judge, "_commanded", lambda: (1, 36.0))
     now, later = judge._tracks(*way)
-    assert len(now) < len(as_it_is) < len(later)
+    assert len(at_once) < len(later) < len(now), "only behind the first of its targets"
+    monkeypatch.setattr(judge, "_commanded", lambda: (0, 15.0))
+    now, slower = judge._tracks(*way)
+    assert len(now) < len(as_it_is) < len(slower)
