@@ -26,6 +26,15 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from companion import __version__, plain_text, safe_files
+from companion.cli_options import (
+    JsonFile,
+    MetricsPort,
+    MissionFile,
+    PageGround,
+    PageListen,
+    PagePort,
+    PageToken,
+)
 from companion.errors import CompanionError, ConfigError
 from companion.service.log_format import LogKind, PlainFormatter, set_up
 
@@ -41,29 +50,6 @@ EXTRAS = {
     "distributed": "dask",
     "rerun": "rerun",
 }  # that bring a package which some commands need
-MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
-MetricsPort = Annotated[
-    int | None,
-    typer.Option(
-        "--metrics", min=1, max=65535, envvar="COMPANION_METRICS",
-        help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
-    ),
-]  # fmt: skip
-PagePort = Annotated[
-    int | None, typer.Option("--page", min=1, max=65535, help="Port of the page that shows it in a browser.")
-]
-PageListen = Annotated[
-    str,
-    typer.Option(
-        "--page-listen", envvar="COMPANION_PAGE_LISTEN",
-        help="Address the page is told on, with a token; left out, to this computer alone.",
-    ),
-]  # fmt: skip
-PageToken = Annotated[
-    str,
-    typer.Option("--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers elsewhere have to know."),
-]
 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -228,6 +214,7 @@ def run(
     ] = None,
     page_listen: PageListen = "",
     page_token: PageToken = "",
+    page_ground: PageGround = None,
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
     from companion.service.service import serve
@@ -236,7 +223,7 @@ def run(
     asyncio.run(
         serve(
             mission, link, record, metrics, record_max_mb * 1_000_000,
-            page_port=page, page_host=page_listen, page_token=page_token,
+            page_port=page, page_host=page_listen, page_token=page_token, page_ground=page_ground,
         )
     )  # fmt: skip
 
@@ -286,6 +273,7 @@ def replay(
     beside: Annotated[
         Path | None, typer.Option(exists=True, help="On the page, a second recording beside the first.")
     ] = None,
+    page_ground: PageGround = None,
 ) -> None:
     """Feed a recorded flight through the same code: the same missions, or what would be decided instead.
 
@@ -298,7 +286,7 @@ def replay(
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
     logging.getLogger("companion").setLevel(logging.WARNING)
     if page is not None:
-        replaying.show_page(log, config, beside, seed, page, screen)
+        replaying.show_page(log, config, beside, seed, (page, page_ground), screen)
         return
     if config is None:
         raise ConfigError("command line", None, "MISSION", "nothing", "a mission file, or --page")
@@ -344,12 +332,12 @@ def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
     """Make the report of a flight from its recording alone."""
-    from companion.replay.flight_summary import flight_of, report_name
+    from companion.replay import flight_summary as told
     from companion.ui.report import write_report
 
-    mission, world, record = flight_of(flight)
+    mission, world, record = told.flight_of(flight)
     with _writing(flight, "report"):
-        page, picture = write_report(flight, mission, world, record, report_name(record))
+        page, picture = write_report(flight, mission, world, record, told.report_name(record))
     console.print(
         f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
         markup=False,

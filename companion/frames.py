@@ -58,6 +58,17 @@ class LocalFrame:
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return float(latitude), float(longitude), up_m + self.altitude_amsl_m
 
+    def places_from_local(self, east_m: FloatArray, north_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Latitudes and longitudes of n local points [deg], each of shape (n,).
+
+        Parameters
+        ----------
+        east_m, north_m : ndarray, shape (n,)
+            Points.
+        """
+        longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
+        return np.asarray(latitude), np.asarray(longitude)
+
 
 def course_from_direction(direction_rad: float) -> float:
     """Course (clockwise from north) of a mathematical direction (counter-clockwise from east) [rad]."""

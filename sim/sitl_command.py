@@ -15,7 +15,8 @@ from rich.live import Live
 from rich.table import Table
 
 from companion.campaign.run_places import FLIGHT, PURSUERS, offer
-from companion.cli import EXIT_FAILED, MissionFile, PageListen, PagePort, PageToken, require_goals, write_json
+from companion.cli import EXIT_FAILED, require_goals, write_json
+from companion.cli_options import MissionFile, PageGround, PageListen, PagePort, PageToken
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
@@ -55,6 +56,7 @@ def sitl(
     page: PagePort = None,
     page_listen: PageListen = "",
     page_token: PageToken = "",
+    page_ground: PageGround = None,
 ) -> None:
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
     from companion.config import load_mission
@@ -72,6 +74,7 @@ def sitl(
     config = load_mission(mission)
     require_goals(config, mission)
     console = Console(stderr=json_file is not None and str(json_file) == "-")
+    shown_on = page_of(page, page_listen, page_token, page_ground)
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
     logging.getLogger("companion.tasks.app").setLevel(logging.WARNING)
     if not headless:
@@ -81,7 +84,6 @@ def sitl(
         config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
         mission_text=mission.read_text(encoding="utf-8-sig"),
     )  # fmt: skip
-    shown_on = page_of(page, page_listen, page_token)
     if shown_on is not None:
         shown_on.follow(flight.recorder)
         console.print(f"page: {shown_on.address}", markup=False)

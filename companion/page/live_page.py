@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from companion.errors import LinkError
 from companion.loopback_server import LOOPBACK
 from companion.page.access import Access
 from companion.page.feed import Feed
+from companion.page.ground import Ground, ground_at
 from companion.page.page_server import PageServer
 from companion.recording.recorder import Recorder
 
@@ -17,6 +20,8 @@ class LivePage:
     ----------
     access : Access
         Where it listens, and who may look.
+    ground : Ground, optional
+        What is drawn under the map.
 
     Raises
     ------
@@ -24,10 +29,10 @@ class LivePage:
         If the port is taken, or the address none of this computer's.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Access, ground: Ground | None = None) -> None:
         self._feed = Feed()
         try:
-            self._server = PageServer(access, self._feed)
+            self._server = PageServer(access, self._feed, ground=ground)
         except OSError as error:
             raise LinkError(f"page on {access.host}:{access.port}: {error.strerror}") from error
 
@@ -46,7 +51,7 @@ class LivePage:
         self._server.close()
 
 
-def page_of(port: int | None, host: str, token: str) -> LivePage | None:
+def page_of(port: int | None, host: str, token: str, ground: Path | None = None) -> LivePage | None:
     """Open the page that options ask for; None where no port is given.
 
     Parameters
@@ -57,12 +62,14 @@ def page_of(port: int | None, host: str, token: str) -> LivePage | None:
         Address to listen on; '' for this computer alone.
     token : str
         What viewers have to know; '' where only this computer's are let in.
+    ground : Path, optional
+        File or folder of what is drawn under the map.
 
     Raises
     ------
     ConfigError
-        If they are not to be used together.
+        If they are not to be used together, or a file of the ground cannot be used.
     LinkError
         If it cannot be listened there.
     """
-    return None if port is None else LivePage(Access(port, host or LOOPBACK, token))
+    return None if port is None else LivePage(Access(port, host or LOOPBACK, token), ground_at(ground))

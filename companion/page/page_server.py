@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from companion.loopback_server import HEAD_MAX, Answer, Request, accepted, head_of, request_of
 from companion.page.access import Access
 from companion.page.feed import Feed
+from companion.page.ground import Ground
 from companion.page.pages import Pages
 from companion.page.playback import Playback
 
@@ -101,6 +102,8 @@ class PageServer:
         Recordings, the one that is looked at first.
     now_s : callable
         Monotonic seconds.
+    ground : Ground, optional
+        What is drawn under the map.
 
     Raises
     ------
@@ -114,9 +117,11 @@ class PageServer:
         feed: Feed | None,
         playbacks: Sequence[Playback] = (),
         now_s: Callable[[], float] = time.monotonic,
+        *,
+        ground: Ground | None = None,
     ) -> None:
         self._access, self._feed, self._now_s = access, feed, now_s
-        self._pages = Pages(feed, playbacks)
+        self._pages = Pages(feed, playbacks, ground)
         self._viewers: set[_Viewer] = set()
         self._listener = socket.create_server((access.host, access.port), backlog=CONNECTIONS_MAX)
         self._listener.setblocking(False)

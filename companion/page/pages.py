@@ -1,4 +1,4 @@
-"""What there is to ask the page's server for besides the stream: files, recordings, the radars' field."""
+"""What to ask the page's server for besides the stream: files, recordings, the radars' field, the ground."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from importlib.resources import files
 from companion import __version__
 from companion.loopback_server import Answer, Request, head_of
 from companion.page.feed import Feed
+from companion.page.ground import Ground
 from companion.page.playback import Playback
 from companion.page.world_document import WorldDocument
 from companion.ui.vocabulary import as_script
 
 STATIC = "static"
+DIGITS = 9  # fewer has a tile's column
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -42,10 +44,12 @@ class Pages:
         A running flight; None where recordings are shown.
     playbacks : sequence of Playback
         Recordings.
+    ground : Ground or None
+        What is drawn under the map.
     """
 
-    def __init__(self, feed: Feed | None, playbacks: Sequence[Playback]) -> None:
-        self._feed, self._playbacks = feed, tuple(playbacks)
+    def __init__(self, feed: Feed | None, playbacks: Sequence[Playback], ground: Ground | None) -> None:
+        self._feed, self._playbacks, self._ground = feed, tuple(playbacks), ground
         self._files = {f"/{name}": data for name, data in static_files().items()}
         self._files["/"] = self._files["/index.html"]
 
@@ -66,17 +70,45 @@ class Pages:
                 return Answer(HTTPStatus.OK, "text/plain; charset=utf-8", playback.body)
             case ["field", number, height] if (world := self._world(number)) is not None:
                 return _field(world, height)
+            case ["ground", number] if (
+                world := self._world(number)
+            ) is not None and self._ground is not None:
+                return Answer(HTTPStatus.OK, KINDS[".json"], world.ground(self._ground))
+            case ["tiles", *place] if (tile := self._tile(place)) is not None:
+                return tile
             case _:
                 return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"there is no such page\n")
 
     def _sources(self) -> dict[str, object]:
         """What can be looked at."""
+        live = [] if self._feed is None else [{"name": "live", "stream": "/stream"} | self._asides("live")]
         recordings = [
-            {"name": playback.name, "recording": f"/recording/{number}", "field": f"/field/{number}"}
+            {"name": playback.name, "recording": f"/recording/{number}"} | self._asides(str(number))
             for number, playback in enumerate(self._playbacks)
         ]
-        live = [] if self._feed is None else [{"name": "live", "stream": "/stream", "field": "/field/live"}]
         return {"version": __version__, "sources": [*live, *recordings]}
+
+    def _asides(self, number: str) -> dict[str, str]:
+        """Addresses of what is fetched beside a flight's messages."""
+        ground = {} if self._ground is None else {"ground": f"/ground/{number}"}
+        return {"field": f"/field/{number}"} | ground
+
+    def _tile(self, place: Sequence[str]) -> Answer | None:
+        """Picture of a tile, by zoom, column and row as they stand in an address; None where that names none.
+
+        A tile that no file has is no error: browsers would write down one for each.
+        """
+        is_one = len(place) == 3 and all(
+            part.isascii() and part.isdecimal() and len(part) < DIGITS for part in place
+        )
+        if not is_one or self._ground is None:
+            return None
+        found = self._ground.tile(*map(int, place))
+        return (
+            Answer(HTTPStatus.NO_CONTENT, "text/plain", b"")
+            if found is None
+            else Answer(HTTPStatus.OK, *found)
+        )
 
     def _playback(self, number: str) -> Playback | None:
         is_one = number.isascii() and number.isdecimal() and len(number) < 4

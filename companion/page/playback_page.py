@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 
 from companion.errors import LinkError
 from companion.page.access import Access
+from companion.page.ground import Ground
 from companion.page.page_server import PageServer
 from companion.page.playback import Playback
 
 
-def show_playbacks(playbacks: Sequence[Playback], port: int, told: Callable[[str], None]) -> None:
+def show_playbacks(
+    playbacks: Sequence[Playback], port: int, told: Callable[[str], None], ground: Ground | None = None
+) -> None:
     """Serve recordings to this computer's browsers until interrupted.
 
     Parameters
@@ -22,6 +25,8 @@ def show_playbacks(playbacks: Sequence[Playback], port: int, told: Callable[[str
         TCP port; 0 for any that is free.
     told : callable
         Told the page's address.
+    ground : Ground, optional
+        What is drawn under the map.
 
     Raises
     ------
@@ -30,7 +35,7 @@ def show_playbacks(playbacks: Sequence[Playback], port: int, told: Callable[[str
     """
     access = Access(port)
     try:
-        server = PageServer(access, None, playbacks)
+        server = PageServer(access, None, playbacks, ground=ground)
     except OSError as error:
         raise LinkError(f"page on {access.host}:{port}: {error.strerror}") from error
     told(server.address)

@@ -12,6 +12,7 @@ import numpy as np
 from companion.config import MissionConfig, mission_from_text
 from companion.config.compose import bounds_of, world_of
 from companion.errors import ConfigError
+from companion.page.ground import Ground
 from companion.recording.mcap_writer import plain
 from companion.ui.field import threat_field
 from companion.world.snapshot import Snapshot
@@ -37,12 +38,15 @@ class WorldDocument:
         self._fields: dict[float, bytes] = {}
         self._snapshot: Snapshot | None = None
         self._building: threading.Thread | None = None
+        self._mission: MissionConfig | None = None
+        self._ground: bytes | None = None
         try:
             mission = mission_from_text(mission_text, name)
         except ConfigError as error:  # of another version's recording
             self.document = _json({"error": str(error)})
             return
         self.document = _json(_document(mission))
+        self._mission = mission
         if mission.radar_list:
             self._building = threading.Thread(
                 target=self._build, args=(mission,), name="shadows", daemon=True
@@ -57,6 +61,15 @@ class WorldDocument:
         """Wait until fields can be told."""
         if self._building is not None:
             self._building.join()
+
+    def ground(self, ground: Ground) -> bytes:
+        """Where tiles lie about the mission, and the ground's heights; nothing where it cannot be read."""
+        if self._ground is None:
+            mission = self._mission
+            self._ground = _json(
+                {} if mission is None else ground.document(mission.frame, bounds_of(mission))
+            )
+        return self._ground
 
     def field(self, height_m: float) -> bytes:
         """The radars' joint membership, masked, at a height that is rounded to 10 m.

@@ -17,6 +17,7 @@ from rich.text import Text
 from companion.config import MissionConfig, mission_from_text
 from companion.config.load import text_of
 from companion.errors import ConfigError, RecordError
+from companion.page.ground import ground_at
 from companion.page.playback import Playback, mcap_of, recorded_playback
 from companion.page.playback_page import show_playbacks
 from companion.plain_text import printable
@@ -152,7 +153,12 @@ def exported(flight: Path, target: Path | None, *, is_for_rerun: bool) -> str:
 
 
 def show_page(
-    log: Path, mission: MissionConfig | None, other: Path | None, seed: int | None, port: int, screen: Console
+    log: Path,
+    mission: MissionConfig | None,
+    other: Path | None,
+    seed: int | None,
+    page: tuple[int, Path | None],
+    screen: Console,
 ) -> None:
     """Show a recording in a browser until interrupted.
 
@@ -166,8 +172,8 @@ def show_page(
         Another recording to show beside it.
     seed : int or None
         Seed of plans and filters; None for the recorded one.
-    port : int
-        TCP port of the page.
+    page : tuple of int and Path or None
+        TCP port of the page; file or folder of what is drawn under its map.
     screen : Console
         Where its address is told.
 
@@ -177,7 +183,10 @@ def show_page(
         If there is nothing to show.
     LinkError
         If the port is taken.
+    ConfigError
+        If a file of the ground cannot be used.
     """
+    port, ground = page[0], ground_at(page[1])
     shown = [
         recorded_playback(path)
         for path in ([log] if other is None else [log, other])
@@ -189,7 +198,9 @@ def show_page(
         now.begin(recording.start_us * 1e-6, text_of(mission))
         replayed(recording, mission, seed, screen, now.tell)
         shown.append(now)
-    show_playbacks(shown, port, lambda address: screen.print(f"page: {address} - until Ctrl+C", markup=False))
+    show_playbacks(
+        shown, port, lambda address: screen.print(f"page: {address} - until Ctrl+C", markup=False), ground
+    )
 
 
 def _is_told(path: Path, mission: MissionConfig | None) -> bool:

@@ -237,6 +237,7 @@ async def serve(
     page_port: int | None = None,
     page_host: str = "",
     page_token: str = "",
+    page_ground: Path | None = None,
 ) -> None:
     """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
 
@@ -246,7 +247,7 @@ async def serve(
         If it cannot begin.
     """
     with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
-        page = page_of(page_port, page_host, page_token)
+        page = page_of(page_port, page_host, page_token, page_ground)
         if page is not None:
             _log.info("page: %s", page.address)
         service = Service(

@@ -1,6 +1,6 @@
-"""``python -m tests.page.draw_page``: docs/img/page-*.png, of a flight of paper-3d while it is flown."""
+"""``python -m tests.page.draw_page``: docs/img/page-*.png, of flights while they are flown."""
 
-import shutil
+import contextlib
 import subprocess
 import sys
 import tempfile
@@ -9,11 +9,13 @@ from pathlib import Path
 
 from PIL import Image
 
+from companion.config import load_mission
 from companion.page.access import Access
 from companion.page.page_server import PageServer
 from companion.page.playback import recorded_playback
 from tests.docs.test_commands import free_port
 from tests.page.browser import Browser
+from tests.page.made_ground import write_ground
 
 ROOT = Path(__file__).parents[2]
 TARGET = ROOT / "docs" / "img"
@@ -37,19 +39,30 @@ def opened(url, **look):
     return page
 
 
-def live(folder):
-    """Pictures of the flight while it goes on."""
-    port = free_port()
+@contextlib.contextmanager
+def flying(mission, port, folder, *more):
+    """A flight in the simulator, at twice its speed, with a page."""
     flight = subprocess.Popen(
         [
-            sys.executable, "-m", "companion", "sitl", "mission_configs/paper-3d.yaml", "--page", str(port),
-            "--speed", "2", "--flights", folder,
+            sys.executable, "-m", "companion", "sitl", str(mission), "--page", str(port), "--speed", "2",
+            "--flights", folder, *more,
         ],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     try:
         assert any("page: " in line for line in flight.stdout)
         threading.Thread(target=flight.stdout.read, daemon=True).start()
+        yield
+    finally:
+        flight.terminate()
+        flight.wait()
+        flight.stdout.close()
+
+
+def live(folder):
+    """Pictures of the flight while it goes on."""
+    port = free_port()
+    with flying("mission_configs/paper-3d.yaml", port, folder):
         url = f"http://127.0.0.1:{port}/"
         with opened(url) as page:
             page.until("window.companionPage.page.store.now > 70", seconds=300.0)
@@ -64,10 +77,16 @@ def live(folder):
             page.until("window.companionPage.page.store.now > 150", seconds=300.0)
             kept(page, "3d")
             page.until("window.companionPage.page.store.standing?.mode === 'arrived'", seconds=600.0)
-    finally:
-        flight.terminate()
-        flight.wait()
-        flight.stdout.close()
+
+
+def over_ground(folder):
+    """The same over ground of local files, made up for the valley."""
+    valley = Path("mission_configs") / "valley.yaml"
+    write_ground(load_mission(ROOT / valley), folder)
+    port = free_port()
+    with flying(valley, port, folder, "--page-ground", folder), opened(f"http://127.0.0.1:{port}/") as page:
+        page.until("window.companionPage.page.store.now > 35", seconds=300.0)
+        kept(page, "ground")
 
 
 def replayed(folder):
@@ -81,12 +100,9 @@ def replayed(folder):
 
 
 def main():
-    folder = tempfile.mkdtemp(prefix="page-")
-    try:
-        live(folder)
-        replayed(folder)
-    finally:
-        shutil.rmtree(folder)
+    for draw in (lambda folder: (live(folder), replayed(folder)), over_ground):
+        with tempfile.TemporaryDirectory(prefix="page-") as folder:
+            draw(folder)
 
 
 if __name__ == "__main__":

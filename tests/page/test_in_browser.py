@@ -1,6 +1,7 @@
 """The page in headless Chromium: what is seen, how soon, and what is asked of whom. Run by make page-test."""
 
 import json
+import math
 import subprocess
 import sys
 import threading
@@ -14,12 +15,13 @@ from companion.config import load_mission
 from companion.config.compose import world_of
 from companion.page.access import Access
 from companion.page.feed import Feed
+from companion.page.ground import ground_at
 from companion.page.page_server import PageServer
 from companion.page.playback import Playback
 from companion.ui.report import write_report
 from companion.world.pursuit import pursuit_game
 from tests.docs.test_commands import free_port
-from tests.page import browser
+from tests.page import browser, made_ground
 from tests.page.flown import Told, ownship, track
 from tests.page.wire_flight import WATCH, WireFlight, measured
 from tests.ui.flights import mission, record, snapshot_of
@@ -216,9 +218,11 @@ def test_a_threat_is_told_by_its_level_and_its_time(window, live):
     told.state(22.0, level=0.3)
     page.until("document.querySelector('#verdict-why').innerText.includes('threat level 0.30')")
     assert page.text("#verdict-word") == "Take care"
-    told.state(23.0, level=1.1)  # this mission's limit is 1
+    told.state(23.0, level=1.1)
     page.until("document.querySelector('#verdict-word').innerText === 'In danger'")
-    assert page.text("#verdict-why") == "Under threat now: level 1.10, the limit is 1.00."
+    assert page.text("#verdict-why") == (
+        "Under threat now: level 1.10, more than the 1.00 that the mission allows."
+    )
 
 
 def test_a_threat_on_the_way_ahead_is_told_with_when_it_begins(window, live):
@@ -233,7 +237,7 @@ def test_a_threat_on_the_way_ahead_is_told_with_when_it_begins(window, live):
     )
     page.until("document.querySelector('#verdict-word').innerText === 'Take care'")
     assert page.text("#verdict-why") == (
-        "The way ahead comes under threat in 10 s: up to level 0.40, the limit is 1.00."
+        "The way ahead comes under threat in 10 s: up to level 0.40, the mission allows 1.00."
     )
 
 
@@ -281,6 +285,61 @@ def test_what_is_told_is_drawn(window, live):
     assert drawn != empty
     assert drawn == [10, 79, 163], "the aircraft's blue"
     assert pixel(page, [950.0, 700.0]) == [91, 103, 115], "an obstacle"
+
+
+def test_ground_of_local_files_is_drawn(window, tmp_path):
+    """One red tile, and heights that rise to the east."""
+    config = mission()
+    place = 500.0, 1_250.0  # where nothing else is drawn
+    middle = config.frame.global_from_local(*place, 0.0)
+    tile = made_ground.tile_at(17, *middle[:2])
+    made_ground.write_tiles(
+        tmp_path / "a.mbtiles", {(17, *tile): made_ground.picture("red")}, attribution="© somebody"
+    )
+    made_ground.write_heights(
+        tmp_path, *middle[:2],
+        lambda _, longitude: 40.0 + config.origin.altitude_amsl_m + 8_000.0 * (longitude - middle[1]),
+    )  # fmt: skip
+    feed = Feed()
+    Told(feed.tell).fly(20)
+    server = PageServer(Access(0), feed, ground=ground_at(tmp_path))
+    page = window()
+    page.look(server)
+    page.until("document.querySelector('#layer-tiles') && document.querySelector('#layer-relief')")
+    assert page.text("#credit") == "© somebody"
+    page.run("const {page} = window.companionPage; page.show('relief', false)")
+    page.until("[...window.companionPage.page.map.ground.pictures.values()].some((kept) => kept?.isLoaded)")
+    page.run("return new Promise((done) => setTimeout(done, 300))")
+    width = 40_075_016.686 * math.cos(math.radians(middle[0])) / 2**17
+    u, v = made_ground.mercator(*middle[:2])
+    centre = [
+        place[0] + ((tile[0] + 0.5) - u * 2**17) * width,
+        place[1] - ((tile[1] + 0.5) - v * 2**17) * width,
+    ]
+    for right, up in ((-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4)):
+        inside = pixel(page, [centre[0] + right * width, centre[1] + up * width])
+        assert inside[0] > inside[1] + 60, (right, up, inside)
+        beyond = pixel(page, [centre[0] + 1.3 * right * width / 0.8, centre[1] + 1.3 * up * width / 0.8])
+        assert abs(beyond[0] - beyond[1]) < 40, (right, up, beyond)
+    page.run("window.companionPage.page.show('relief', true)")
+    told = page.run(
+        "return window.companionPage.page.map.named(...window.companionPage.page.map.pixelOf([500, 900]))"
+    )
+    assert told == "ground: 40 m up"
+    page.press("3")
+    page.until("window.companionPage.page.solid?.groups.ground?.children.length === 1", seconds=60.0)
+    assert page.is_content()
+    server.close()
+
+
+def test_without_files_the_map_has_no_ground(window, live):
+    _, server = live
+    page = window()
+    page.look(server)
+    boxes = "return [...document.querySelectorAll('#layer-tiles, #layer-relief')].length"
+    assert page.run(boxes) == 0
+    assert page.run("return document.querySelector('#credit').hidden")
+    assert not [url for url in page.asked() if "/ground/" in url or "/tiles/" in url]
 
 
 def _at(stamp_s, east, north):

@@ -41,12 +41,13 @@ class Page {
     this.theme(remembered("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"), false);
     this.map = new GroundMap(find("ground"), this.store, {
       changed: () => this.changed(),
+      ground: () => this.renewed(),
       covered: () => (find("legend").open ? find("legend").offsetWidth + 10 : 0),
       following: (isFollowing) => find("follow").setAttribute("aria-pressed", isFollowing),
       hover: (text, x, y) => this.hover(text, x, y),
     });
     this.panels = new Panels(this.store, (stamp) => this.seek(stamp));
-    this.strips = new Strips(find("strips"), this.store, (stamp) => this.played && this.seek(stamp));
+    this.strips = new Strips(find("strips"), this.store, this.map.ground, (stamp) => this.played && this.seek(stamp));
     this.buildLayers();
     this.listen();
   }
@@ -202,6 +203,7 @@ class Page {
       const silence = this.played ? 0 : (performance.now() - this.heardAt) / 1000;
       this.panels.draw(this.isConnected, silence, Boolean(this.played));
       this.isAnswered = Boolean(this.store.world && this.store.ownship);
+      this.renewGround();
       this.renewField();
     }
     if (this.isDue.strips && now - this.drawnAt.strips >= (this.played ? 100 : STRIPS_MS)) {
@@ -287,6 +289,34 @@ class Page {
     }
   }
 
+  // What the service has of the ground about the mission.
+  async renewGround() {
+    const { world } = this.store;
+    const key = `${world?.name}/${JSON.stringify(world?.origin)}/${JSON.stringify(world?.bounds_m)}`;
+    if (!this.source?.ground || !world?.bounds_m || key === this.groundKey) return;
+    this.groundKey = key;
+    try {
+      const answer = await fetch(this.source.ground);
+      if (answer.ok) this.map.ground.set(await answer.json());
+      else this.groundKey = null;
+    } catch {
+      this.groundKey = null; // the service is away; asked again when it is back
+    }
+  }
+
+  // Pictures of the ground have come.
+  renewed() {
+    const { ground } = this.map;
+    const has = `${ground.has("tiles")}${ground.has("relief")}`;
+    if (has !== this.hasGround) {
+      this.hasGround = has;
+      this.buildLayers();
+    }
+    find("credit").hidden = !ground.credit;
+    find("credit").textContent = ground.credit;
+    this.changed({ panels: true, strips: true });
+  }
+
   // Now and then, whatever comes or does not.
   look() {
     if (this.live) this.changed({ panels: true });
@@ -307,7 +337,7 @@ class Page {
   buildLayers() {
     const group = find("layers");
     group.replaceChildren(
-      ...LAYERS.map(([name, words]) => {
+      ...LAYERS.filter(([name]) => this.map.ground.has(name)).map(([name, words]) => {
         const label = document.createElement("label");
         const box = document.createElement("input");
         box.type = "checkbox";

@@ -1,23 +1,26 @@
 // The map: a canvas with the world, north up, in metres.
 
 import { clock, metres, trackKind, trackName } from "./words.js";
+import { Ground } from "./ground.js";
 import { Reach } from "./reach.js";
 
 export const LAYERS = [
   ["flown", "flown so far", true],
   ["mission", "mission in the autopilot", true],
   ["ahead", "next 30 s and its spread (2σ)", true],
-  ["candidate", "candidate: last plan made", true],
+  ["candidate", "last plan, not handed over", true],
   ["operator", "operator's own items", true],
   ["tracks", "moving threats and their radius", true],
   ["reach", "where they can be by then", true],
   ["field", "radar threat at this height", true],
   ["radars", "radars and their range", true],
   ["fences", "fences", true],
-  ["obstacles", "obstacles, top in metres", true],
+  ["obstacles", "obstacles, tops in metres up", true],
   ["horizon", "sensing horizon, sub goals", true],
   ["tree", "the planner's search tree", true],
   ["threatTree", "the threats' trees", false],
+  ["relief", "ground, metres up; only drawn", true],
+  ["tiles", "map from a file; only drawn", true],
 ];
 
 const AHEAD_S = 30;
@@ -38,6 +41,7 @@ export class GroundMap {
     this.scale = 0; // pixels a metre
     this.isFollowing = false;
     this.reach = new Reach();
+    this.ground = new Ground(() => on.ground());
     this.field = null;
     this.kept = {}; // what is drawn anew only when it changes, by name: a picture and where its middle lies
     this.paths = {};
@@ -182,7 +186,8 @@ export class GroundMap {
         return `${wall.name}: from ${wall.base_m.toFixed(0)} to ${wall.top_m.toFixed(0)} m up`;
       }
     }
-    return null;
+    const up = this.layers.relief ? this.ground.at(place) : null;
+    return up === null ? null : `ground: ${up.toFixed(0)} m up`;
   }
 
   setField(field) {
@@ -204,7 +209,7 @@ export class GroundMap {
     if (!store.world?.bounds_m || !(this.scale > 0)) return;
     const layers = JSON.stringify(this.layers);
     const { version, standing } = store;
-    const still = [version.world, version.obstacles, store.known, layers, this.field?.height_m, standing?.next_goal, standing?.goals];
+    const still = [version.world, version.obstacles, store.known, layers, this.field?.height_m, this.ground.version, standing?.next_goal, standing?.goals];
     this.keep(context, "still", still.join(), (kept) => this.drawStill(kept));
     const search = [version.trees, this.reach.version, layers];
     this.keep(context, "search", search.join(), (kept) => {
@@ -252,6 +257,7 @@ export class GroundMap {
 
   // What changes only with the view and the world.
   drawStill(context) {
+    this.ground.draw(context, this, this.ink, this.layers);
     this.drawGrid(context);
     if (this.layers.field) this.drawField(context);
     if (this.layers.obstacles || this.layers.fences) this.drawWalls(context);
@@ -433,7 +439,7 @@ export class GroundMap {
 
   label(context, text, x, y, colour, align = "left") {
     context.font = "12px system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
-    if (align === "left" && x > this.width - 110) {
+    if (align === "left" && x > this.width - 10 - context.measureText(text).width) {
       align = "right"; // so that it stays on the map
       x -= 28;
     }
@@ -522,7 +528,7 @@ export class GroundMap {
       line(store.plan.path.map((row) => row.slice(1, 3)), this.ink.mission, 1.5, [], 0.45); // it is extended along this
     }
     if (this.layers.candidate && store.candidateOnly) {
-      line(store.candidateOnly.path.map((row) => row.slice(1, 3)), this.ink.candidate, 2, [8, 6], 0.95);
+      line(store.candidateOnly.path.map((row) => row.slice(1, 3)), this.ink.candidate, 2, [10, 5, 1, 5], 0.95);
     }
     if (this.layers.mission && store.mission) {
       line(store.mission.waypoints_enu_m, this.ink.mission, 2.5, [], 0.55);
@@ -658,7 +664,9 @@ export class GroundMap {
     context.fill();
     context.restore();
     const up = ownship.position_enu_m[2];
-    this.label(context, `${up.toFixed(0)} m up · ${clock(this.store.now - (this.store.begin || 0))}`, x + 15, y + 24, this.ink.ink);
+    const low = this.ground.at(ownship.position_enu_m);
+    const above = low === null ? "" : `, ${Math.abs(up - low).toFixed(0)} m ${up < low ? "below" : "above"} ground`;
+    this.label(context, `${up.toFixed(0)} m up${above} · ${clock(this.store.now - (this.store.begin || 0))}`, x + 15, y + 24, this.ink.ink);
   }
 
   // What each entry of the legend looks like.
@@ -698,7 +706,7 @@ export class GroundMap {
           context.fill();
         }
       },
-      candidate: () => stroke(ink.candidate, 2, [8, 5]),
+      candidate: () => stroke(ink.candidate, 2, [9, 4, 1, 4]),
       operator: () => stroke(ink.operator, 1.5, [2, 4]),
       tracks: () => {
         context.fillStyle = ink.dynamic;
@@ -723,6 +731,15 @@ export class GroundMap {
       horizon: () => stroke(ink.horizon, 1.2, [1, 3]),
       tree: () => stroke(ink.tree, 1),
       threatTree: () => stroke(ink["threat-tree"], 1),
+      relief: () => {
+        context.fillStyle = ink["relief-high"];
+        context.fillRect(1, 1, 28, 12);
+        stroke(ink.contour, 1);
+      },
+      tiles: () => {
+        context.strokeStyle = ink.muted;
+        for (const x of [4, 15]) context.strokeRect(x, 1.5, 11, 11);
+      },
     };
     looks[name]?.();
   }

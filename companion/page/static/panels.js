@@ -31,7 +31,7 @@ export function verdict(store, isConnected, silence) {
   if (!ownship) return ["unknown", "Not known yet", "The aircraft's position has not been heard."];
   if (silence > OLD_S) return ["unknown", "Not known", `Nothing new for ${span(silence)}.`];
   if (Number.isFinite(level) && limit !== undefined && level > limit) {
-    return ["danger", "In danger", `Under threat now: level ${level.toFixed(2)}, the limit is ${limit.toFixed(2)}.`];
+    return ["danger", "In danger", `Under threat now: level ${level.toFixed(2)}, more than the ${limit.toFixed(2)} that the mission allows.`];
   }
   if (standing?.is_in_trouble) return ["danger", "Flying blind", "The planner cannot do its work: what it needs is missing or too old."];
   if (standing?.emergency && standing.mode === "active") {
@@ -53,7 +53,7 @@ function verdictAhead(store, limit) {
     return [standing.mode === "arrived" ? "safe" : "unknown", words[standing.mode] ?? "Not planning", `The service ${modeWords(standing.mode)}.`];
   }
   if (Number.isFinite(level) && level > 0.01) {
-    return ["watch", "Take care", `Seen a little: threat level ${level.toFixed(2)}, the limit is ${limit?.toFixed(2)}.`];
+    return ["watch", "Take care", `Seen a little: threat level ${level.toFixed(2)}, the mission allows ${limit?.toFixed(2)}.`];
   }
   if (Number.isFinite(safeUntil) && store.tracks.some((track) => !track.flies_on)) {
     const left = safeUntil - now;
@@ -63,7 +63,7 @@ function verdictAhead(store, limit) {
   const ahead = store.threatAhead(0.01);
   if (ahead?.level > 0.01) {
     const isOver = limit !== undefined && ahead.level > limit;
-    return [isOver ? "danger" : "watch", isOver ? "In danger" : "Take care", `The way ahead comes under threat in ${span(ahead.in_s)}: up to level ${ahead.level.toFixed(2)}, the limit is ${limit?.toFixed(2)}.`];
+    return [isOver ? "danger" : "watch", isOver ? "In danger" : "Take care", `The way ahead comes under threat in ${span(ahead.in_s)}: up to level ${ahead.level.toFixed(2)}, the mission allows ${limit?.toFixed(2)}.`];
   }
   if (!store.mission) return ["unknown", "Not planned yet", "The first plan is being made."];
   return ["safe", "Safe", "Nothing that is known can threaten the way ahead, whatever it does."];
@@ -104,8 +104,8 @@ export function nextSteps(store) {
     const climb = end.place[2] - ownship.position_enu_m[2];
     const turn = turnWords(store.plan.path[soon[0].row][4], store.plan.path[end.row][4]);
     const level = Math.abs(climb) < 5 ? "level" : climb > 0 ? `climbs ${climb.toFixed(0)} m` : `descends ${(-climb).toFixed(0)} m`;
-    const stray = end.covariance ? `, within ${(2 * Math.sqrt(Math.max(end.covariance[0], end.covariance[2]))).toFixed(0)} m of where it is planned (2σ)` : "";
-    steps.push([`Next ${span(Math.ceil(end.in_s / 5) * 5)}: ${turn}, ${level}`, `then ${end.place[0].toFixed(0)} m east, ${end.place[1].toFixed(0)} m north, ${end.place[2].toFixed(0)} m up${stray}`]);
+    const stray = end.covariance ? `, within ${(2 * Math.sqrt(Math.max(end.covariance[0], end.covariance[2]))).toFixed(0)} m of the planned place (2σ)` : "";
+    steps.push([`Next ${span(Math.ceil(end.in_s / 5) * 5)}: ${turn}, ${level}`, `then ${metres(Math.hypot(end.place[0] - ownship.position_enu_m[0], end.place[1] - ownship.position_enu_m[1]))} ${bearing(ownship.position_enu_m, end.place)} of here, ${end.place[2].toFixed(0)} m up${stray}`]);
   }
   if (mission) {
     steps.push([`In the autopilot since ${span(now - mission.stamp_s)}: ${mission.waypoints_enu_m.length} waypoints`, standing ? `at item ${standing.item ?? "?"} of ${standing.num_items}` : ""]);

@@ -7,7 +7,7 @@ const LIVE_S = 600; // shown of a running flight
 const POINTS = 1200; // in a strip
 
 const STRIPS = [
-  { name: "Altitude", column: 3, colour: "--flown", say: (value) => `${value.toFixed(0)} m up` },
+  { name: "Altitude, and the ground below where it is known", short: "Altitude", column: 3, colour: "--flown", say: (value) => `${value.toFixed(0)} m up`, hasGround: true },
   { name: "Airspeed", column: 4, colour: "--sub-goal", say: (value) => `${value.toFixed(1)} m/s` },
   { name: "Threat level", column: 5, colour: "--radar", say: (value) => value.toFixed(2), least: 0.2 },
   {
@@ -17,9 +17,10 @@ const STRIPS = [
 ];
 
 export class Strips {
-  constructor(element, store, onSeek) {
+  constructor(element, store, ground, onSeek) {
     this.element = element;
     this.store = store;
+    this.ground = ground;
     this.onSeek = onSeek;
     this.plots = [];
     this.build();
@@ -53,7 +54,11 @@ export class Strips {
             { ...axis, size: 20, gap: 2, space: 60, values: (_, marks) => marks.map((mark) => clock(mark - (this.store.begin || 0))) },
             { ...axis, size: 38, gap: 2, space: 26 },
           ],
-          series: [{}, { stroke: () => ink(strip.colour), width: 1.5, spanGaps: false, points: { show: false } }],
+          series: [
+            {},
+            { stroke: () => ink(strip.colour), width: 1.5, spanGaps: false, points: { show: false } },
+            { stroke: () => ink("--contour"), width: 1.5, points: { show: false } },
+          ],
           hooks: {
             draw: [(shown) => this.mark(shown)],
             ready: [
@@ -62,7 +67,7 @@ export class Strips {
             ],
           },
         },
-        [[], []],
+        [[], [], []],
         body,
       );
       return { strip, figure, body, value, plot };
@@ -106,7 +111,8 @@ export class Strips {
     let now = all.length - 1;
     while (now > 0 && all[now][0] > store.now) now--;
     for (const { strip, figure, value, plot } of this.plots) {
-      plot.setData([times, rows.map((row) => row[strip.column])]);
+      const below = rows.map((row) => (strip.hasGround ? this.ground.at(row.slice(1)) : null));
+      plot.setData([times, rows.map((row) => row[strip.column]), below]);
       const last = all[now]?.[strip.column];
       value.textContent = Number.isFinite(last) ? strip.say(last) : all.length && strip.none ? strip.none : "–";
       figure.setAttribute("aria-label", `${strip.name}: ${value.textContent}`);

@@ -9,6 +9,10 @@ import {
 import { fieldPicture } from "./map.js";
 import { trackName } from "./words.js";
 
+const PICTURE = 2048; // pixels of the ground, along its longer side
+const AROUND = 0.3; // of the bounds' longer side it is drawn beyond them
+const GRID = 193; // points of its surface along each side
+
 const at = (place, lift = 0) => new Vector3(place[0], (place[2] ?? 0) + lift, -place[1]);
 
 function dispose(object) {
@@ -123,18 +127,23 @@ export class SolidView {
   way(group, places, colour, look = {}) {
     this.line(group, places, colour, { width: 3, ...look });
     this.line(group, places, colour, { ...look, width: 2, opacity: 0.3, isOnTop: true });
-    this.line(group, places.map((place) => [place[0], place[1], this.ground + 2]), colour, { opacity: 0.3 });
+    this.line(group, places.map((place) => [place[0], place[1], this.groundAt(place) + 2]), colour, { opacity: 0.3 });
+  }
+
+  groundAt(place) {
+    return (this.map.layers.relief ? this.map.ground.at(place) : null) ?? this.ground;
   }
 
   draw() {
     const { store } = this;
     if (!store.world?.bounds_m) return;
     if (this.isFitted !== store.world.name) this.fit();
-    this.ground = 0;
+    this.ground = 0; // where no height is known
     this.scene.background = new Color(this.ink.ground);
     const layers = this.map.layers;
     const look = `${document.documentElement.dataset.theme}/${store.world.name}/${store.version.world}`;
-    this.renew("world", `${look}/${store.version.obstacles}/${layers.obstacles}/${layers.fences}`, (group) => this.makeWorld(group));
+    this.renew("ground", `${look}/${this.map.ground.version}/${layers.relief}/${layers.tiles}`, (group) => this.makeGround(group));
+    this.renew("world", `${look}/${this.isDrawn}/${store.version.obstacles}/${layers.obstacles}/${layers.fences}`, (group) => this.makeWorld(group));
     this.renew("radars", `${look}/${store.known}/${layers.radars}`, (group) => layers.radars && this.makeRadars(group));
     this.renew("field", `${look}/${this.field?.height_m}/${layers.field}`, (group) => layers.field && this.makeField(group));
     this.renew("trees", `${look}/${store.version.trees}/${layers.tree}/${layers.threatTree}`, (group) => this.makeTrees(group));
@@ -176,15 +185,17 @@ export class SolidView {
     const { store, ink } = this;
     const [west, east, south, north] = store.world.bounds_m;
     const size = Math.max(east - west, north - south);
-    const floor = new Mesh(new PlaneGeometry(east - west, north - south), new MeshBasicMaterial({ color: ink.soft }));
-    floor.rotation.x = -Math.PI / 2;
-    floor.position.set((west + east) / 2, this.ground - size / 2000, -(south + north) / 2);
-    group.add(floor);
+    if (!this.isDrawn) {
+      const floor = new Mesh(new PlaneGeometry(east - west, north - south), new MeshBasicMaterial({ color: ink.soft }));
+      floor.rotation.x = -Math.PI / 2;
+      floor.position.set((west + east) / 2, this.ground - size / 2000, -(south + north) / 2);
+      group.add(floor);
+    }
     const step = 10 ** Math.floor(Math.log10(size / 4));
     const points = [];
     for (let x = Math.ceil(west / step) * step; x <= east; x += step) points.push(x, this.ground, -south, x, this.ground, -north);
     for (let y = Math.ceil(south / step) * step; y <= north; y += step) points.push(west, this.ground, -y, east, this.ground, -y);
-    group.add(segments(points, ink.line, 1));
+    if (!this.isDrawn) group.add(segments(points, ink.line, 1));
     for (const wall of store.walls) {
       const isFence = store.isFence(wall);
       if (isFence ? !this.map.layers.fences || wall.name === "fence ceiling" : !this.map.layers.obstacles) continue;
@@ -210,8 +221,47 @@ export class SolidView {
       const ball = new Mesh(new SphereGeometry(Math.max(goal[3], size / 120), 24, 16), new MeshLambertMaterial({ color: ink.goal, transparent: true, opacity: 0.75 }));
       ball.position.copy(at(goal));
       group.add(ball);
-      this.line(group, [goal, [goal[0], goal[1], this.ground]], ink.goal);
+      this.line(group, [goal, [goal[0], goal[1], this.groundAt(goal)]], ink.goal);
     }
+  }
+
+  // Whether the ground is drawn, by heights or tiles.
+  get isDrawn() {
+    const { ground, layers } = this.map;
+    return Boolean((ground.heights && layers.relief) || (ground.tiles && layers.tiles));
+  }
+
+  makeGround(group) {
+    const { ground, layers } = this.map;
+    if (!this.isDrawn) return;
+    const bounds = this.store.world.bounds_m;
+    const more = AROUND * Math.max(bounds[1] - bounds[0], bounds[3] - bounds[2]);
+    const [west, east, south, north] = [bounds[0] - more, bounds[1] + more, bounds[2] - more, bounds[3] + more];
+    const texture = new CanvasTexture(ground.picture([west, east, south, north], this.ink, layers, PICTURE));
+    texture.colorSpace = SRGBColorSpace;
+    texture.anisotropy = 4;
+    const columns = Math.min(GRID, ground.heights?.columns ?? 2);
+    const rows = Math.min(GRID, ground.heights?.rows ?? 2);
+    const places = [];
+    const corners = [];
+    const faces = [];
+    for (let j = 0; j < rows; j++) {
+      for (let i = 0; i < columns; i++) {
+        const [u, v] = [i / (columns - 1), j / (rows - 1)];
+        const [x, y] = [west + u * (east - west), south + v * (north - south)];
+        places.push(x, this.groundAt([x, y]) - 1, -y);
+        corners.push(u, v);
+        if (i + 1 < columns && j + 1 < rows) {
+          const at = j * columns + i;
+          faces.push(at, at + 1, at + columns, at + 1, at + columns + 1, at + columns);
+        }
+      }
+    }
+    const surface = new BufferGeometry();
+    surface.setAttribute("position", new Float32BufferAttribute(places, 3));
+    surface.setAttribute("uv", new Float32BufferAttribute(corners, 2));
+    surface.setIndex(faces);
+    group.add(new Mesh(surface, new MeshBasicMaterial({ map: texture, side: DoubleSide })));
   }
 
   makeRadars(group) {
@@ -300,7 +350,7 @@ export class SolidView {
       craft.rotation.set(-Math.PI / 2 + store.ownship.flight_path_angle_rad, -store.ownship.course_rad, 0);
       craft.position.copy(at(store.ownship.position_enu_m));
       group.add(craft);
-      this.line(group, [store.ownship.position_enu_m, [...store.ownship.position_enu_m.slice(0, 2), this.ground]], ink.flown, { opacity: 0.6, isOnTop: true });
+      this.line(group, [store.ownship.position_enu_m, [...store.ownship.position_enu_m.slice(0, 2), this.groundAt(store.ownship.position_enu_m)]], ink.flown, { opacity: 0.6, isOnTop: true });
     }
     for (const track of layers.tracks ? store.tracks : []) this.makeTrack(group, track, size);
     if (layers.reach) {

@@ -1,0 +1,39 @@
+"""Arguments and options that several commands have. What they say is the commands' help."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
+MetricsPort = Annotated[
+    int | None,
+    typer.Option(
+        "--metrics", min=1, max=65535, envvar="COMPANION_METRICS",
+        help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
+    ),
+]  # fmt: skip
+PagePort = Annotated[
+    int | None, typer.Option("--page", min=1, max=65535, help="Port of the page that shows it in a browser.")
+]
+PageListen = Annotated[
+    str,
+    typer.Option(
+        "--page-listen", envvar="COMPANION_PAGE_LISTEN",
+        help="Address the page is told on, with a token; left out, to this computer alone.",
+    ),
+]  # fmt: skip
+PageToken = Annotated[
+    str,
+    typer.Option("--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers elsewhere have to know."),
+]
+PageGround = Annotated[
+    Path | None,
+    typer.Option(
+        "--page-ground", envvar="COMPANION_PAGE_GROUND",
+        help="Ground under the page's map: an .mbtiles or .hgt file, or a folder with some. Only drawn.",
+    ),
+]  # fmt: skip
