@@ -590,6 +590,55 @@ def test_everything_that_can_be_used_has_a_name(window, live):
     ), names
 
 
+def test_three_dimensions_have_what_the_map_has(window, live):
+    """Each layer that is switched off takes something away, and so does the way that is offered back."""
+    told, server = live
+    page = window()
+    page.look(server)
+    page.press("3")
+    way = [[600.0, 750.0, 120.0], [900.0, 900.0, 130.0], [1900.0, 750.0, 120.0]]
+    items = [[0.0, 0.0, 100.0], [900.0, 0.0, 100.0]]
+
+    def parts():
+        return page.run(
+            "const {page} = window.companionPage; page.solid.draw();"
+            "return Object.values(page.solid.groups).reduce((sum, group) => sum + group.children.length, 0)"
+        )
+
+    page.until("window.companionPage.page.solid?.isShown")
+    page.run("window.companionPage.page.show('threatTree', true)")
+    told.standing(21.0, operator_enu_m=items)
+    page.until("window.companionPage.page.store.standing.operator_enu_m.length === 2")
+    page.until("window.companionPage.page.map.field && window.companionPage.page.map.reach.lines.length")
+    whole = parts()
+    for layer in (
+        "flown",
+        "mission",
+        "ahead",
+        "operator",
+        "tracks",
+        "reach",
+        "field",
+        "radars",
+        "obstacles",
+        "horizon",
+    ):
+        page.run("window.companionPage.page.show(arguments[0], false)", layer)
+        assert parts() < whole, layer
+        page.run("window.companionPage.page.show(arguments[0], true)", layer)
+        assert parts() == whole, layer
+    told.standing(
+        22.0, "suspended", operator_enu_m=items, handback={"is_safe": True, "text": "safe", "way_enu_m": way}
+    )
+    page.until("window.companionPage.page.store.standing.handback.way_enu_m")
+    page.run("window.companionPage.page.show('mission', false)")
+    without = parts()
+    told.standing(23.0, "suspended", operator_enu_m=items)
+    page.until("!window.companionPage.page.store.standing.handback.way_enu_m")
+    assert parts() < without
+    assert page.is_content()
+
+
 def test_keys_switch_trees_and_three_dimensions(window, live):
     _, server = live
     page = window()

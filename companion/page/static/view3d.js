@@ -147,7 +147,10 @@ export class SolidView {
     this.renew("radars", `${look}/${store.known}/${layers.radars}`, (group) => layers.radars && this.makeRadars(group));
     this.renew("field", `${look}/${this.field?.height_m}/${layers.field}`, (group) => layers.field && this.makeField(group));
     this.renew("trees", `${look}/${store.version.trees}/${layers.tree}/${layers.threatTree}`, (group) => this.makeTrees(group));
-    this.renew("ways", `${look}/${store.version.plan}/${layers.mission}/${layers.candidate}`, (group) => this.makeWays(group));
+    const { standing, version } = store;
+    const handed = `${layers.operator}/${JSON.stringify(standing?.operator_enu_m)}/${JSON.stringify(standing?.handback?.way_enu_m)}/${standing?.mode}`;
+    this.renew("ways", `${look}/${version.plan}/${layers.mission}/${layers.candidate}/${handed}`, (group) => this.makeWays(group));
+    this.renew("goals", `${look}/${version.trees}/${layers.horizon}`, (group) => layers.horizon && this.makeSubGoals(group));
     this.renew("moving", `${look}/${store.now}`, (group) => this.makeMoving(group));
     if (this.map.isFollowing && store.ownship) {
       const place = at(store.ownship.position_enu_m);
@@ -317,6 +320,31 @@ export class SolidView {
     if (candidate && store.candidateOnly) {
       this.way(group, store.candidateOnly.path.map((row) => row.slice(1, 4)), ink.candidate, { dashed: true });
     }
+    if (this.map.layers.operator) this.line(group, store.standing?.operator_enu_m ?? [], ink.operator, { dashed: true });
+    const back = store.standing?.handback;
+    if (back?.way_enu_m?.length) this.way(group, back.way_enu_m, back.is_safe ? ink.back : ink.goal, { dashed: true });
+  }
+
+  makeSubGoals(group) {
+    const { store, ink } = this;
+    const size = (store.world.bounds_m[1] - store.world.bounds_m[0]) / 160;
+    for (const place of store.trees?.sub_goals_enu_m ?? []) {
+      const ball = new Mesh(new SphereGeometry(size, 4, 2), new MeshLambertMaterial({ color: ink["sub-goal"] }));
+      ball.position.copy(at(place));
+      group.add(ball);
+    }
+  }
+
+  // How far it senses: a circle at its height.
+  makeHorizon(group) {
+    const { store, ink } = this;
+    const [east, north, up] = store.ownship.position_enu_m;
+    const ring = [];
+    for (let k = 0; k <= 96; k++) {
+      const angle = (2 * Math.PI * k) / 96;
+      ring.push([east + store.world.sensing_horizon_m * Math.cos(angle), north + store.world.sensing_horizon_m * Math.sin(angle), up]);
+    }
+    this.line(group, ring, ink.horizon, { dashed: true, opacity: 0.7 });
   }
 
   makeMoving(group) {
@@ -352,6 +380,7 @@ export class SolidView {
       group.add(craft);
       this.line(group, [store.ownship.position_enu_m, [...store.ownship.position_enu_m.slice(0, 2), this.groundAt(store.ownship.position_enu_m)]], ink.flown, { opacity: 0.6, isOnTop: true });
     }
+    if (store.ownship && layers.horizon) this.makeHorizon(group);
     for (const track of layers.tracks ? store.tracks : []) this.makeTrack(group, track, size);
     if (layers.reach) {
       for (const line of this.map.reach.lines) {
@@ -362,6 +391,18 @@ export class SolidView {
     }
   }
 
+  // Where it may be: the ellipse of two deviations.
+  makeSpread(group, track, place, colour) {
+    const [ee, en, nn] = [track.covariance[0][0], track.covariance[0][2], track.covariance[2][2]];
+    const middle = (ee + nn) / 2;
+    const apart = Math.hypot((ee - nn) / 2, en);
+    const disc = new Mesh(new SphereGeometry(1, 32, 4), new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.35, depthWrite: false }));
+    disc.scale.set(2 * Math.sqrt(Math.max(0, middle + apart)), 1, 2 * Math.sqrt(Math.max(0, middle - apart)));
+    disc.rotation.y = 0.5 * Math.atan2(2 * en, ee - nn);
+    disc.position.copy(at(place, 2));
+    group.add(disc);
+  }
+
   makeTrack(group, track, size) {
     const colour = track.flies_on ? this.ink.muted : this.ink.dynamic;
     const height = track.is_airborne ? track.position_enu_m[2] : Math.max(this.ground, track.position_enu_m[2]);
@@ -369,6 +410,10 @@ export class SolidView {
     const body = new Mesh(new SphereGeometry(size / 2, 16, 12), new MeshLambertMaterial({ color: colour }));
     body.position.copy(at(place, size / 3));
     group.add(body);
+    const [ve, vn] = track.velocity_enu_m_s;
+    const ahead = track.flies_on ? 30 : 10;
+    this.line(group, [place, [place[0] + ve * ahead, place[1] + vn * ahead, height]], colour, { width: 2 });
+    this.makeSpread(group, track, place, colour);
     if (track.flies_on) return;
     const dome = new Mesh(
       new SphereGeometry(track.max_threat_radius_m, 32, 12, 0, 2 * Math.PI, 0, Math.PI / 2),
