@@ -25,6 +25,7 @@ NAMES = {
     LOG: "foxglove.Log",
     channels.LOCATION: "foxglove.LocationFix",
 }
+_STAMP_MAX = 2**64 - 1  # nanoseconds that a message's field holds
 _AXES_SHARE = 0.03  # of the mission's size: the aircraft's axes in the picture
 
 
@@ -66,7 +67,7 @@ def export_flight(flight: Path, target: Path) -> Path:
                 if utc_s is None:
                     utc_s = pictures.epoch_s + (number(told.get("stamp_s")) or 0.0)
                 for name, stamp_s, message in ((topic, utc_s, told), *shown):
-                    stamp = max(0, round(1e9 * stamp_s))
+                    stamp = min(max(0, round(1e9 * stamp_s)), _STAMP_MAX)
                     known = _known(cast("dict[str, object]", plain(message)))
                     data = json.dumps(known, allow_nan=False, separators=(",", ":")).encode("ascii")
                     writer.add_message(ids[name], stamp, data, stamp)

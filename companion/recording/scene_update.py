@@ -146,15 +146,17 @@ def radar_entity(radar: Radar, utc_s: float) -> Entity:
 
 
 def track_entity(track: Mapping[str, object], utc_s: float) -> Entity:
-    """A moving threat as it is recorded: where it is, how surely, its reach, and where it is in 10 s."""
+    """A track as it is recorded: where it is, how surely, the reach of a threat, and where it is in 10 s."""
     place, velocity = _numbers(track.get("position_enu_m")), _numbers(track.get("velocity_enu_m_s"))
     reach, name = number(track.get("max_threat_radius_m")) or 0.0, str(track.get("identity"))
-    colour = PASSING if track.get("flies_on") else THREAT
+    flies_on = bool(track.get("flies_on"))  # and threatens nobody
+    colour = PASSING if flies_on else THREAT
     ahead = [here + 10.0 * speed for here, speed in zip(place, velocity, strict=True)]
+    rings = [] if flies_on else [circle(place, reach, colour)]
     return entity(
         f"track {name}", utc_s,
         spheres=[ball(place, max(5.0, 0.04 * reach), colour), spread(place, track.get("covariance"), colour)],
-        lines=[circle(place, reach, colour), line([place, ahead], colour)], texts=[text(name, place, colour)],
+        lines=[*rings, line([place, ahead], colour)], texts=[text(name, place, colour)],
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 
 from companion.config.load import text_of
 from companion.errors import RecordError
+from companion.recording import foxglove_export
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import FENCES, LOG, SCENES, TRANSFORM, Pictures
@@ -251,6 +252,24 @@ def test_rubbish_in_a_recording_ends_no_export(topic, told):
     list(pictures.of(channels.MISSION, about))
     for _, _, message in pictures.of(topic, told):
         json.dumps(plain(message), allow_nan=False)
+
+
+def test_an_instant_that_no_field_holds_ends_no_export(tmp_path, monkeypatch):
+    flight = recorded(tmp_path / "flight")
+    monkeypatch.setattr(foxglove_export, "utc_of", lambda _: 1e15)
+    layout = export_flight(flight, tmp_path / "picture.mcap")
+    assert layout.exists()
+    with (tmp_path / "picture.mcap").open("rb") as stream:
+        assert max(entry.log_time for _, _, entry in make_reader(stream).iter_messages()) == 2**64 - 1
+
+
+@pytest.mark.parametrize(("flies_on", "rings"), [(False, 1), (True, 0)])
+def test_only_what_threatens_has_a_reach(flies_on, rings):
+    told = {
+        "identity": "a", "position_enu_m": [1.0, 2.0, 3.0], "velocity_enu_m_s": [1.0, 0.0, 0.0],
+        "max_threat_radius_m": 250.0, "flies_on": flies_on,
+    }  # fmt: skip
+    assert len(scenes.track_entity(told, 0.0)["lines"]) == 1 + rings
 
 
 @pytest.mark.parametrize(

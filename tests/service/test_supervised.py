@@ -17,11 +17,11 @@ from companion.service import service
 from companion.tasks.plan_maker import Planner
 from companion.tasks import replanning
 service.warm_up = lambda mission: None  # it plans, too
-def hang(*parts):
+def hang(*parts, **named):
     threading.Event().wait()
 """
 WEDGED = f"{HANG}Planner.plan = hang"  # in a thread of its own
-STANDING = f"{HANG}replanning.conclude = hang"  # in the event loop
+STANDING = f"{HANG}replanning.Replanning._hand_over = hang"  # in the event loop
 
 
 def is_healthy(port):
