@@ -20,6 +20,7 @@ from companion.config.compose import check_limits_of, vehicle_of
 from companion.errors import RecordError
 from companion.flight.checkpoint import Checkpoint
 from companion.flight.modes import Mode
+from companion.frames import speed_made_good
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.mission.waypoints import equivalent_airspeed
 from companion.tasks.app import stop
@@ -190,8 +191,8 @@ class Judge:
 
 
 def at_speed(ownship, airspeed_m_s):
-    """The aircraft at another true airspeed [m/s], and over the ground by as much faster or slower."""
-    speed = max(ownship.ground_speed_m_s + airspeed_m_s - ownship.airspeed_m_s, 1.0)
+    """The aircraft on its course at another true airspeed [m/s], as fast over the ground as it then is."""
+    speed = speed_made_good(ownship.course_rad, airspeed_m_s, ownship.wind_enu_m_s)
     return replace(ownship, airspeed_m_s=airspeed_m_s, ground_speed_m_s=speed)
 
 

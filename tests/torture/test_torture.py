@@ -1,16 +1,26 @@
 """A small share of ``make torture``: exchanges broken off, random schedules, and that the judge can see."""
 
 import asyncio
+import math
 from dataclasses import replace
 
 import pytest
 
 from companion.types.events import Dialect
+from companion.types.state import Ownship
 from sim.autopilot.px4.px4_store import stored
 from sim.faults import Event, FaultKind, LinkFaults, Schedule, random_schedule
 from sim.mission_types import MissionKind
 from tests.torture.campaigns import lossy_flight
-from tests.torture.harness import TortureHarness, broken_after, flown, fly, num_messages, random_flight
+from tests.torture.harness import (
+    TortureHarness,
+    at_speed,
+    broken_after,
+    flown,
+    fly,
+    num_messages,
+    random_flight,
+)
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
 # Within the first mission's upload, its reading back and entry, within the next one's, and within the
@@ -51,6 +61,18 @@ def test_random_schedules(dialect, seed):
     assert not verdict.collision
 
 
+@pytest.mark.parametrize("course_deg", [0.0, 90.0, 217.0])
+def test_the_judge_flies_at_the_airspeed_that_is_commanded(course_deg):
+    """On any course in any wind: what is left of its speed over the ground without the wind is that."""
+    here = Ownship(0.0, (0.0, 0.0, 100.0), math.radians(course_deg), 0.0, 25.0, 33.0, (8.0, -3.0))
+    there = at_speed(here, 37.5)
+    over_ground = [
+        there.ground_speed_m_s * part for part in (math.sin(here.course_rad), math.cos(here.course_rad))
+    ]
+    assert math.dist(over_ground, there.wind_enu_m_s) == pytest.approx(37.5)
+    assert there.course_rad == here.course_rad
+
+
 @pytest.mark.parametrize(
     ("world", "dialect", "seed"),
     [
@@ -65,6 +87,8 @@ def test_random_schedules(dialect, seed):
         pytest.param("paper-2d", Dialect.ARDUPILOT, 50173, marks=pytest.mark.slow),
         # Hurried behind its first waypoint, out of a turn: it passed a wall at 9 m, where 15 are to be kept.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 72011, marks=pytest.mark.slow),
+        # Judged by mistake at 41 m/s over the ground, as if the wind were behind it on each course.
+        pytest.param("paper-2d", Dialect.ARDUPILOT, 347, marks=pytest.mark.slow),
         # A line that takes 1.7 s each way, and a hurried flight round the corner of a wall: both touched it.
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30323, marks=pytest.mark.slow),
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30428, marks=pytest.mark.slow),
