@@ -8,6 +8,8 @@ from pathlib import Path
 
 from tests.real.flights_pool import Binaries, all_wanted, fly_all, head, judged, line_of
 
+PX4_INSTANCE_MAX = 9  # those above speak to the port of the ninth
+
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.real", description=__doc__)
@@ -38,6 +40,9 @@ def main():
     flights = all_wanted(
         binaries, seeds, given.scenarios.split(",") if given.scenarios else None, given.kinds.split(",")
     )
+    if binaries.px4 is not None and given.instance + given.jobs - 1 > PX4_INSTANCE_MAX:
+        say(f"--instance {given.instance}, {given.jobs} at once: PX4 is heard up to {PX4_INSTANCE_MAX}\n")
+        return 2
     say(head() + "\n")
 
     def tell(row):
