@@ -98,14 +98,17 @@ class Square:
     side: int
 
     def heights(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
-        """Heights above the geoid of n points in it [m], shape (n,), bilinear; NaN where unknown.
+        """Heights above the geoid of n points in it [m], shape (n,), bilinear; NaN where none can be read.
 
         Parameters
         ----------
         latitude_deg, longitude_deg : ndarray, shape (n,)
             Points, WGS84.
         """
-        samples = np.memmap(self.file, dtype=">i2", mode="r", shape=(self.side, self.side))
+        try:
+            samples = np.memmap(self.file, dtype=">i2", mode="r", shape=(self.side, self.side))
+        except (OSError, ValueError):  # gone, or cut off, since the page was opened
+            return np.full(len(latitude_deg), np.nan)
         down = (self.south_deg + 1 - latitude_deg) * (self.side - 1)
         right = (longitude_deg - self.west_deg) * (self.side - 1)
         row = np.clip(np.floor(down), 0, self.side - 2).astype(np.intp)

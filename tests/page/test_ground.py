@@ -137,6 +137,18 @@ def test_a_file_that_goes_away_in_flight_takes_nothing_with_it(tmp_path):
     assert not made.exists(), "asking does not make it anew"
 
 
+@pytest.mark.parametrize("left", [None, b"", bytes(1_000)], ids=["gone", "empty", "cut off"])
+def test_heights_that_go_away_before_a_mission_is_known_are_none(alps, tmp_path, left):
+    shutil.copytree(alps, tmp_path / "ground")
+    ground = ground_at(tmp_path / "ground")
+    [file] = (tmp_path / "ground").iterdir()
+    file.unlink()
+    if left is not None:
+        file.write_bytes(left)
+    document = ground.document(LocalFrame(*ALPS, altitude_amsl_m=450.0), (0.0, 1_000.0, 0.0, 1_000.0))
+    assert document["heights"] is None
+
+
 def broken(folder, kind):
     """A file of a kind that cannot be used."""
     match kind:
