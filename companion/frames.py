@@ -65,6 +65,11 @@ class LocalFrame:
         ----------
         east_m, north_m : ndarray, shape (n,)
             Points.
+
+        Returns
+        -------
+        latitude_deg, longitude_deg : ndarray, shape (n,)
+            The same, WGS84.
         """
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return np.asarray(latitude), np.asarray(longitude)

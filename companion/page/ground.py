@@ -54,7 +54,7 @@ class Tiles:
     zoom_min, zoom_max : int
         Levels that it has.
     credit : str
-        Whose map it is, as its file says.
+        Name of who made the map, as the file says.
     """
 
     file: Path
@@ -87,7 +87,7 @@ class Square:
     file : Path
         The height file.
     south_deg, west_deg : int
-        Its south-western corner.
+        South-western corner of the square.
     side : int
         Samples along each side, the rim's two included.
     """
@@ -104,6 +104,11 @@ class Square:
         ----------
         latitude_deg, longitude_deg : ndarray, shape (n,)
             Points, WGS84.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Heights [m].
         """
         try:
             samples = np.memmap(self.file, dtype=">i2", mode="r", shape=(self.side, self.side))
@@ -114,14 +119,14 @@ class Square:
         row = np.clip(np.floor(down), 0, self.side - 2).astype(np.intp)
         column = np.clip(np.floor(right), 0, self.side - 2).astype(np.intp)
 
-        def known(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> FloatArray:
-            found = samples[rows, columns].astype(np.float64)
+        around = [
+            samples[row + below, column + beside].astype(np.float64) for below in (0, 1) for beside in (0, 1)
+        ]
+        for found in around:
             found[found == _UNKNOWN] = np.nan
-            return found
-
         low, beside = down - row, right - column
-        above = (1.0 - beside) * known(row, column) + beside * known(row, column + 1)
-        below = (1.0 - beside) * known(row + 1, column) + beside * known(row + 1, column + 1)
+        above = (1.0 - beside) * around[0] + beside * around[1]
+        below = (1.0 - beside) * around[2] + beside * around[3]
         return (1.0 - low) * above + low * below
 
 
