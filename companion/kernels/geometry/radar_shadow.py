@@ -15,6 +15,7 @@ from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.jit import kernel
 
 NO_SHADOW = -1.0e9
+NEARLY_NORTH_M = 1e-6
 
 
 @kernel
@@ -49,34 +50,86 @@ def crossing_interval(
 
 
 @kernel
+def shadow_behind(rx: float, ry: float, rz: float, x: float, y: float, obstacles: Obstacles, o: int) -> float:
+    """Up coordinate below which prism ``o`` hides a point over (x, y) from a radar at (rx, ry, rz) [m]."""
+    t_in, t_out = crossing_interval(rx, ry, x, y, obstacles, o)
+    if t_in > t_out:
+        return NO_SHADOW
+    top = obstacles.heights[o, 1]
+    t = t_in if top >= rz else t_out
+    return math.inf if t <= 1e-9 else rz + (top - rz) / t
+
+
+@kernel
+def casts_shadow(rz: float, obstacles: Obstacles, o: int) -> bool:
+    """Whether prism ``o`` stands on the ground, or on that of a radar at height ``rz`` [m]."""
+    base = obstacles.heights[o, 0]
+    return base <= min(rz, 0.0) + 1.0 or base <= 1.0
+
+
+@kernel
 def shadow_height(rx: float, ry: float, rz: float, x: float, y: float, obstacles: Obstacles) -> float:
     """Up coordinate below which a point over (x, y) is hidden from a radar at (rx, ry, rz) [m]."""
     height = NO_SHADOW
     for o in range(obstacles.heights.shape[0]):
-        base, top = obstacles.heights[o, 0], obstacles.heights[o, 1]
-        if base > min(rz, 0.0) + 1.0 and base > 1.0:
-            continue
-        t_in, t_out = crossing_interval(rx, ry, x, y, obstacles, o)
-        if t_in > t_out:
-            continue
-        t = t_in if top >= rz else t_out
-        if t <= 1e-9:
-            return math.inf
-        height = max(height, rz + (top - rz) / t)
+        if casts_shadow(rz, obstacles, o):
+            height = max(height, shadow_behind(rx, ry, rz, x, y, obstacles, o))
     return height
+
+
+@kernel
+def sector_behind(rx: float, ry: float, obstacles: Obstacles, o: int) -> tuple[float, float, float, float]:
+    """The sector in which prism ``o`` is seen from (rx, ry): its clockwise and counter-clockwise edges [m].
+
+    Both are vectors (east, north) to a corner of the prism; zeros where (rx, ry) is in its box, and the
+    sector is all round.
+    """
+    box = obstacles.boxes[o]
+    if box[0] <= rx <= box[2] and box[1] <= ry <= box[3]:
+        return 0.0, 0.0, 0.0, 0.0
+    first, last = obstacles.offsets[o], obstacles.offsets[o + 1]
+    ax, ay = obstacles.edges[first, 0] - rx, obstacles.edges[first, 1] - ry
+    bx, by = ax, ay
+    for e in range(first + 1, last):
+        vx, vy = obstacles.edges[e, 0] - rx, obstacles.edges[e, 1] - ry
+        if ax * vy - ay * vx < 0.0:
+            ax, ay = vx, vy
+        if bx * vy - by * vx > 0.0:
+            bx, by = vx, vy
+    return ax, ay, bx, by
 
 
 @kernel
 def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obstacles: Obstacles) -> None:
     """Shadow height of one radar at every node of a grid, in place.
 
+    The same as :func:`shadow_height` at each node; only nodes in the sector behind a prism are looked at.
     ``shadows`` (NX, NY) receives it [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``radar`` (≥ 3,) x y z [m].
     """
-    for i in range(shadows.shape[0]):
-        for j in range(shadows.shape[1]):
-            shadows[i, j] = shadow_height(
-                radar[0], radar[1], radar[2], grid[0] + i * grid[2], grid[1] + j * grid[2], obstacles
-            )
+    rx, ry, rz, spacing = radar[0], radar[1], radar[2], grid[2]
+    shadows[:] = NO_SHADOW
+    for o in range(obstacles.heights.shape[0]):
+        if not casts_shadow(rz, obstacles, o):
+            continue
+        ax, ay, bx, by = sector_behind(rx, ry, obstacles, o)
+        for i in range(shadows.shape[0]):
+            x = grid[0] + i * spacing
+            low, high = grid[1], grid[1] + shadows.shape[1] * spacing
+            # cross(a, d) ≥ 0 and cross(b, d) ≤ 0 with d from the radar; an edge nearly along the rows' north
+            # bounds no row.
+            if abs(ax) > NEARLY_NORTH_M:
+                bound = ry + ay * (x - rx) / ax
+                low, high = (max(low, bound), high) if ax > 0.0 else (low, min(high, bound))
+            if abs(bx) > NEARLY_NORTH_M:
+                bound = ry + by * (x - rx) / bx
+                low, high = (low, min(high, bound)) if bx > 0.0 else (max(low, bound), high)
+            if low - high > 2.0 * spacing:
+                continue
+            first = max(int((low - grid[1]) / spacing) - 1, 0)  # a cell more, for what rounding takes
+            last = min(int((high - grid[1]) / spacing) + 2, shadows.shape[1] - 1)
+            for j in range(first, last + 1):
+                height = shadow_behind(rx, ry, rz, x, grid[1] + j * spacing, obstacles, o)
+                shadows[i, j] = max(shadows[i, j], height)
 
 
 @kernel

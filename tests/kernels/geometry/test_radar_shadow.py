@@ -82,6 +82,37 @@ def test_the_field_finds_the_shadows_behind_prisms():
     assert (exact & ~field).sum() < 0.25 * exact.sum()
 
 
+# Corners and radars on whole tens of metres: radars in prisms, on their sides and in line with them come up.
+TENS = st.integers(-40, 40).map(lambda tens: 10.0 * tens)
+
+
+@st.composite
+def worlds_and_radars(draw):
+    """Up to four boxes, and a radar anywhere."""
+    boxes = []
+    for number in range(draw(st.integers(1, 4))):
+        east, north = draw(TENS), draw(TENS)
+        sides = [10.0 * draw(st.integers(1, 30)) for _ in range(2)]
+        base = draw(st.sampled_from((0.0, 0.0, 50.0)))
+        top = base + draw(st.floats(5.0, 150.0))
+        boxes.append(box(f"b{number}", east, north, east + sides[0], north + sides[1], base, top))
+    return packed(boxes), (draw(TENS), draw(TENS), draw(st.floats(0.0, 120.0)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(worlds_and_radars())
+def test_the_field_is_the_shadow_height_at_every_node(world):
+    obstacles, place = world
+    threats = packed_threats([Radar("r", place, 500.0)], obstacles, BOUNDS)
+    east0, north0, spacing = threats.grid
+    exact = [
+        [shadow_height(*place, east0 + i * spacing, north0 + j * spacing, obstacles)
+         for j in range(0, threats.shadows.shape[2], 4)]
+        for i in range(0, threats.shadows.shape[1], 4)
+    ]  # fmt: skip
+    assert np.array_equal(threats.shadows[0, ::4, ::4], exact)
+
+
 def test_nothing_is_hidden_outside_the_field():
     threats = packed_threats([Radar("r", (0.0, 0.0, 0.0), 500.0)], PACKED, BOUNDS)
     assert is_hidden(400.0, 0.0, 50.0, threats.shadows[0], threats.grid)
