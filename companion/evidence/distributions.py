@@ -30,7 +30,8 @@ COLOURS = (
 )  # fmt: skip
 DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = ("-", (0, (5, 2)), (0, (1, 1)))
 NUM_COLUMNS = 3
-WIDTH_IN, PANEL_IN, LEGEND_IN = 10.4, 2.5, 0.75
+WIDTH_IN, PANEL_IN = 10.4, 2.5
+LEGEND_COLUMNS, LEGEND_ROW_IN, LEGEND_ROOM_IN = 5, 0.2, 0.35
 VIOLIN_IN, VIOLIN_ROOM_IN = 0.24, 1.0  # a method's share of a panel's height, and what else it needs
 
 
@@ -44,16 +45,17 @@ def distributions(kind: str, case: Case) -> Figure | None:
     if not drawn:
         return None
     num_rows = math.ceil(len(drawn) / NUM_COLUMNS)
-    height = num_rows * PANEL_IN + LEGEND_IN
+    legend = LEGEND_ROOM_IN + LEGEND_ROW_IN * math.ceil(len(case.samples) / LEGEND_COLUMNS)
+    height = num_rows * PANEL_IN + legend
     figure = style.new_figure(WIDTH_IN, height)
     panels = figure.subplots(num_rows, NUM_COLUMNS, squeeze=False)
     figure.subplots_adjust(
-        left=0.06, right=0.985, bottom=0.5 / height, top=1.0 - (LEGEND_IN + 0.1) / height, hspace=0.55,
+        left=0.06, right=0.985, bottom=0.5 / height, top=1.0 - (legend + 0.1) / height, hspace=0.55,
         wspace=0.16,
     )  # fmt: skip
     _fill(panels.flat, case, drawn, _draw)
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper left", ncols=5, bbox_to_anchor=(0.05, 1.0))
+    figure.legend(handles, labels, loc="upper left", ncols=LEGEND_COLUMNS, bbox_to_anchor=(0.05, 1.0))
     return figure
 
 
@@ -72,8 +74,8 @@ def violins(kind: str, case: Case) -> Figure | None:
     figure = style.new_figure(WIDTH_IN, num_rows * panel)
     panels = figure.subplots(num_rows, NUM_COLUMNS, squeeze=False)
     figure.subplots_adjust(
-        left=0.125, right=0.985, bottom=0.5 / (num_rows * panel), top=1.0 - 0.35 / (num_rows * panel),
-        hspace=0.9 / panel, wspace=0.42,
+        left=0.14, right=0.985, bottom=0.5 / (num_rows * panel), top=1.0 - 0.35 / (num_rows * panel),
+        hspace=0.9 / panel, wspace=0.62,
     )  # fmt: skip
     _fill(panels.flat, case, drawn, _draw_violins)
     return figure
