@@ -68,16 +68,6 @@ def casts_shadow(rz: float, obstacles: Obstacles, o: int) -> bool:
 
 
 @kernel
-def shadow_height(rx: float, ry: float, rz: float, x: float, y: float, obstacles: Obstacles) -> float:
-    """Up coordinate below which a point over (x, y) is hidden from a radar at (rx, ry, rz) [m]."""
-    height = NO_SHADOW
-    for o in range(obstacles.heights.shape[0]):
-        if casts_shadow(rz, obstacles, o):
-            height = max(height, shadow_behind(rx, ry, rz, x, y, obstacles, o))
-    return height
-
-
-@kernel
 def sector_behind(rx: float, ry: float, obstacles: Obstacles, o: int) -> tuple[float, float, float, float]:
     """The sector in which prism ``o`` is seen from (rx, ry): its clockwise and counter-clockwise edges [m].
 
@@ -103,7 +93,7 @@ def sector_behind(rx: float, ry: float, obstacles: Obstacles, o: int) -> tuple[f
 def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obstacles: Obstacles) -> None:
     """Shadow height of one radar at every node of a grid, in place.
 
-    The same as :func:`shadow_height` at each node; only nodes in the sector behind a prism are looked at.
+    That of the prism that hides most; only nodes in the sector behind a prism are looked at.
     ``shadows`` (NX, NY) receives it [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``radar`` (≥ 3,) x y z [m].
     """
     rx, ry, rz, spacing = radar[0], radar[1], radar[2], grid[2]

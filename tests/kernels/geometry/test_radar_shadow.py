@@ -7,7 +7,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.geometry.radar_shadow import NO_SHADOW, crossing_interval, is_hidden, shadow_height
+from companion.kernels.geometry.radar_shadow import (
+    NO_SHADOW,
+    casts_shadow,
+    crossing_interval,
+    is_hidden,
+    shadow_behind,
+)
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats
 from tests.support.paths import box
@@ -22,6 +28,12 @@ FLOATING = box("bridge", 100.0, 200.0, 300.0, 220.0, 60.0, 90.0)
 WORLD = (*GROUNDED, FLOATING)
 PACKED = packed(WORLD)
 COORDINATE = st.floats(-500.0, 500.0)
+
+
+def shadow_height(rx, ry, rz, x, y, obstacles):
+    """Below which a point over (x, y) is hidden from a radar, by looking behind every prism."""
+    casting = [o for o in range(len(obstacles.heights)) if casts_shadow(rz, obstacles, o)]
+    return max([NO_SHADOW, *(shadow_behind(rx, ry, rz, x, y, obstacles, o) for o in casting)])
 
 
 def test_shadow_height_by_hand():
