@@ -35,7 +35,7 @@ $(STAMP): pyproject.toml $(LOCKS)/dev.txt
 	PYTHONWARNINGS=ignore $(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
-COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-strip-extras --no-annotate --no-header
 
 # All other files take their versions from the first. make lock LOCK=--upgrade takes the newest there are.
 lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade for newer versions
