@@ -1,4 +1,4 @@
-"""``python -m tests.games find`` looks for games that can be won, ``fly`` flies them; prints the counts."""
+"""``python -m tests.games find`` looks for games that can be won and are lost blind, ``fly`` flies them."""
 
 import argparse
 import itertools
@@ -27,26 +27,31 @@ def say(text):
 
 
 def judged(kind, seed):
-    """Whether the map of that seed is a game of its kind."""
-    return is_game(kind, mission_from_text(random_game(seed, kind), f"{kind}_{seed}.yaml"))
+    """Whether the map of that seed is a game of its kind, and whether the planner blind to it loses it."""
+    is_one = is_game(kind, mission_from_text(random_game(seed, kind), f"{kind}_{seed}.yaml"))
+    return is_one, is_one and not played(kind, seed, "blind").is_won
 
 
 def find(wanted, first_seed, pool, jobs):
-    """The first so many games of each kind, as pairs of kind and seed."""
+    """The first so many games of each kind that are lost blind, as pairs of kind and seed."""
     found = []
     for kind, number in wanted.items():
-        began, seeds = time.time(), []
+        began, seeds, num_games = time.time(), [], 0
         for first in itertools.count(first_seed, BATCH * jobs):
             if len(seeds) >= number:
                 break
             batch = range(first, first + BATCH * jobs)
             verdicts = pool.map(judged, [kind] * len(batch), batch)
-            seeds += [seed for seed, is_one in zip(batch, verdicts, strict=True) if is_one]
+            for seed, (is_one, is_lost) in zip(batch, verdicts, strict=True):
+                if len(seeds) < number:
+                    num_games += is_one
+                    seeds += [seed] * is_lost
             if sys.stderr.isatty():
                 sys.stderr.write(f"{kind}: {len(seeds)} in {batch.stop - first_seed} maps\n")
-        found += [[kind, seed] for seed in seeds[:number]]
-        tried = seeds[number - 1] - first_seed + 1 if number else 0
-        say(f"{kind}: {min(number, len(seeds))} games in {tried} maps; {time.time() - began:.0f} s")
+        found += [[kind, seed] for seed in seeds]
+        tried = seeds[-1] - first_seed + 1 if seeds else 0
+        took_s = time.time() - began
+        say(f"{kind}: {num_games} games in {tried} maps, {len(seeds)} of them lost blind; {took_s:.0f} s")
     return found
 
 
@@ -93,7 +98,7 @@ def main():
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--jobs", type=int, default=1, help="maps or flights at once")
     commands = parser.add_subparsers(dest="what", required=True)
-    finding = commands.add_parser("find", parents=[common], help="games that can be won")
+    finding = commands.add_parser("find", parents=[common], help="games that can be won and are lost blind")
     finding.add_argument("--route", type=int, default=20, help="games that another way wins")
     finding.add_argument("--speed", type=int, default=20, help="games that only a faster flight wins")
     finding.add_argument("--first-seed", type=int, default=1)
