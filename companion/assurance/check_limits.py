@@ -26,6 +26,8 @@ class CheckLimits:
         Both positive [rad].
     airspeed_min_m_s, airspeed_max_m_s : float
         Limits of the airspeed [m/s].
+    acceleration_max_m_s2 : float
+        How fast the airspeed may rise along the path, as in still air [m/s²].
     threat_level_max : float
         Largest threat level of a row; 1 limits nothing.
     quality_min : float
@@ -43,6 +45,7 @@ class CheckLimits:
     descent_angle_max_rad: float
     airspeed_min_m_s: float
     airspeed_max_m_s: float
+    acceleration_max_m_s2: float
     bank_max_rad: float = math.radians(40.0)
     threat_level_max: float = 1.0
     quality_min: float = 0.0

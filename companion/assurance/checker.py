@@ -33,6 +33,7 @@ from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
 from companion.assurance.edges import (
     STRAIGHT_COURSE_RAD,
     Edges,
+    acceleration_violations,
     bulges,
     edges_of,
     goal_violations,
@@ -158,6 +159,7 @@ class Checker:
         ahead = edges.usable & (edges.rows > first)
         yield from self._edge_violations(path, edges, ahead, ground_speeds(path, edges, wind))
         limits = self.limits
+        yield from acceleration_violations(path, edges, ahead, limits.acceleration_max_m_s2)
         yield from straight_violations(edges, limits.turn_radius_min_m, limits.straight_length_min_m, first)
         yield from self._bulge_violations(path, edges, ahead)
         which = np.flatnonzero(ahead & well_formed[:-1] & well_formed[1:])

@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.prisms import LENGTH_TOLERANCE_M
-from companion.assurance.violation import Violation
+from companion.assurance.violation import Violation, listed
 from companion.frames import FloatArray
 from companion.types.path import Path
 
 BoolArray = NDArray[np.bool_]
 
 GOAL_TOLERANCE_M = 0.01
+SPEED_JOIN_M_S = 0.15  # by which rows of one path that were planned apart may differ
+SLOWING_M_S2 = 1.0  # or the limit, if that is more: the throttle is closed sooner than speed is gained
 STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
 
 
@@ -72,6 +74,33 @@ def edges_of(path: Path, usable_rows: BoolArray) -> Edges:
         lengths_m=flat / np.sinc(half / math.pi),
         rises_m=away[:, 2],
     )
+
+
+def acceleration_violations(
+    path: Path, edges: Edges, ahead: BoolArray, most_m_s2: float
+) -> Iterator[Violation]:
+    """Airspeeds that rise or fall faster along the path than they can.
+
+    By the way: ``v² = u² + 2·a·s``, so as in still air, however soon the wind takes the aircraft there.
+
+    Parameters
+    ----------
+    path : Path
+        As planned, of N rows.
+    edges : Edges
+        What its rows say of its edges.
+    ahead : ndarray, shape (N - 1,)
+        Which edges are judged.
+    most_m_s2 : float
+        Acceleration [m/s²].
+    """
+    before, after = path.speeds_m_s[:-1], path.speeds_m_s[1:]
+    ways = np.hypot(edges.lengths_m, edges.rises_m)
+    fastest = np.sqrt(before**2 + 2.0 * most_m_s2 * ways) + SPEED_JOIN_M_S
+    slowest = np.sqrt(np.maximum(before**2 - 2.0 * max(most_m_s2, SLOWING_M_S2) * ways, 0.0)) - SPEED_JOIN_M_S
+    detail = "airspeed over one edge [m/s]"
+    yield from listed("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
+    yield from listed("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
 
 
 def bulges(edges: Edges, radius_m: float) -> FloatArray:

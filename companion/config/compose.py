@@ -53,6 +53,7 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
         max_iterations=int(planning.max_iterations),
         threat_level_max=float(planning.threat_level_max),
         quality_min=float(planning.quality_min),
+        cost_hurry=float(planning.hurry_cost),
     )
 
 
@@ -109,6 +110,7 @@ def check_limits_of(mission: MissionConfig) -> CheckLimits:
         descent_angle_max_rad=vehicle.descent_angle_max_rad,
         airspeed_min_m_s=vehicle.airspeed_min_m_s,
         airspeed_max_m_s=vehicle.airspeed_max_m_s,
+        acceleration_max_m_s2=vehicle.acceleration_max_m_s2,
         threat_level_max=float(mission.planning.threat_level_max),
         quality_min=float(mission.planning.quality_min),
         altitude_tolerance_m=ALTITUDE_TOLERANCE_M,

@@ -184,6 +184,11 @@ class PlanningConfig(Section):
     quality_min: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Least probability that a path touches nothing, Q of (8): with less it is refused, and no optimiser goes
     below it. Noise that is large for the gaps asks for detours anyhow; `0` refuses nothing."""
+    hurry_cost: Annotated[float, Field(ge=0.0, le=100.0)] = 0.2
+    """What flying faster than cruise costs: this share of the energy it takes beyond cruise's, as if it were
+    way. Weighed against seconds under threat, where no path is out of every pursuer's reach: at `0` speed is
+    free, and the fastest flight is taken for a small gain; from some `3` on such flights stay at cruise. What
+    is safe only when flown faster is flown so at any cost; `airspeed_fast_m_s` bounds that."""
     swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
     """Share by which a new path must be cheaper to replace one that still passes: at 0 every small gain is
     flown, at 1 only what fails is replaced."""

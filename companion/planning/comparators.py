@@ -66,6 +66,7 @@ def settings_for(
     max_iterations: int,
     threat_level_max: float = 1.0,
     quality_min: float = 0.0,
+    cost_hurry: float = 0.2,
 ) -> PlannerSettings:
     """Settings of a method.
 
@@ -85,6 +86,7 @@ def settings_for(
         max_iterations=max_iterations,
         threat_level_max=threat_level_max,
         quality_min=quality_min,
+        cost_hurry=cost_hurry,
     )
     is_ours = strategies.plays_game and strategies.races
     return chosen if is_ours else _as_comparator(chosen)

@@ -18,6 +18,7 @@ from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, ex
 from companion.kernels.search.growth import FAR, assess
 from companion.kernels.workspace import workspace
 from companion.planning.guides import (
+    ABOVE_LIMIT,
     NO_GUIDE,
     Ways,
     distances_to_go,
@@ -64,6 +65,8 @@ class Exploration:
         Where no DT could bar the way to the present goal; before a race that weighs them, how dear it is.
     airspeeds_m_s : tuple of float
         Airspeeds that may be flown, cruise first.
+    is_above_limit : bool
+        Whether a race that weighs threats was given up since its first way comes above ``threat_level_max``.
     """
 
     problem: Problem
@@ -75,6 +78,7 @@ class Exploration:
     notes: list[str] = field(default_factory=list)
     num_nodes: int = 0
     ways: Ways | None = None
+    is_above_limit: bool = False
 
     def __post_init__(self) -> None:
         problem, settings = self.problem, self.problem.settings
@@ -416,7 +420,7 @@ class Exploration:
     def _raced(
         self, goal: FloatArray, radius_m: float, root: int, home: Guide, should_stop: ShouldStop
     ) -> int:
-        """The node at a goal of the earliest way there that no DT could bar; -1 where none was found.
+        """The node at a goal of the earliest way there that no DT could bar; negative where none was found.
 
         Parameters
         ----------
@@ -435,8 +439,9 @@ class Exploration:
             self.tree, root, np.append(goal, radius_m), home, self.scene(), self.work, rng=self.rng,
             should_stop=should_stop, is_weighed=not self.chase.is_avoided,
             shuns_risk=self.problem.settings.weight_collision > 0.0,
+            is_brief=self.problem.settings.races_briefly,
         )  # fmt: skip
-        self._is_barred = node < 0
+        self._is_barred, self.is_above_limit = node < 0, node == ABOVE_LIMIT
         if node >= 0:
             self.sub_goals.append(goal)
             self.centres.append(self.tree.state[root, :3].copy())

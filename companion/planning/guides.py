@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from companion.kernels.arrays import Game, Guide, Limits, Obstacles, Scene, Tree
 from companion.kernels.geometry.distance_field import distance_to_go, fill_distances, fill_free
 from companion.kernels.search.dynamic_domain_rrt import DRAWS
 from companion.kernels.search.growth import LEAST_CLEAR, grow
-from companion.kernels.search.path_edit import air_time
+from companion.kernels.search.path_edit import air_time, path_cost
 from companion.kernels.search.state_lattice import UNFINISHED, race, race_from
 from companion.kernels.threat.pursuit_game import fill_ways_free
 from companion.kernels.workspace import PathRows, Workspace, empty_rows
@@ -27,8 +28,11 @@ RACE_SHARE = 0.75  # of a goal's radius
 RACED_ASIDE = (3.0, 2.0)  # deviations that a race keeps from walls where one along them is too risky
 RISK_RACED = 0.05  # of -log Q
 MAX_RACE = 2048  # steps of a race
+ABOVE_LIMIT = -2  # instead of a node: the way that was found first comes above the limit of the threat level
 BURST = 4_000  # poses of a race between which it is asked whether time is over
-EAGER, KEEN = 1.1, 3.0  # times the way to go is counted: more finds a way sooner, dearer by no more than that
+# Times the way to go is counted: more finds a way sooner, dearer by no more than that.
+EAGER, KEEN, GREEDY = 1.1, 3.0, 5.0
+BRIEF_BURSTS = 5  # after which a race is given up that is not to take long
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
@@ -209,6 +213,7 @@ def has_way(guide: Guide, state: FloatArray) -> bool:
 def raced_with_room(
     tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
     rng: np.random.Generator, should_stop: Callable[[], bool], is_weighed: bool, shuns_risk: bool,
+    is_brief: bool,
 ) -> int:  # fmt: skip
     """As :func:`raced`, and where that way leads along walls again, farther from them; the less risky one.
 
@@ -216,13 +221,13 @@ def raced_with_room(
     ----------
     goal : ndarray, shape (4,)
         Centre and radius of the goal region [m].
-    tree, root, home, scene, work, rng, should_stop, is_weighed
+    tree, root, home, scene, work, rng, should_stop, is_weighed, is_brief
         As there.
     shuns_risk : bool
         Whether risk counts at all.
     """
     race_to = partial(raced, tree, root, goal, home, work=work, rng=rng, should_stop=should_stop)
-    node, limits = race_to(scene=scene, is_weighed=is_weighed), scene.limits
+    node, limits = race_to(scene=scene, is_weighed=is_weighed, is_brief=is_brief), scene.limits
     for deviations in RACED_ASIDE if shuns_risk else ():
         if node < 0 or log_risk(tree, node) < RISK_RACED:
             break
@@ -254,11 +259,13 @@ def log_risk(tree: Tree, node: int) -> float:
 def raced(
     tree: Tree, root: int, goal: FloatArray, home: Guide, scene: Scene, work: Workspace, *,
     rng: np.random.Generator, should_stop: Callable[[], bool], is_weighed: bool = False,
+    is_brief: bool = False,
 ) -> int:  # fmt: skip
     """Grow the earliest way to a goal that no DT could bar; its last node, or -1 where none was found.
 
     In the plane only. Where threats are weighed the cheapest, but for a tenth; where time or room is over
-    before that is known, one that is found far sooner.
+    before that is known, one that is found sooner, or far sooner: among pursuers that wait everywhere the way
+    to go says little of what is still to come, and who minds it less looks at all there is.
 
     Parameters
     ----------
@@ -280,15 +287,26 @@ def raced(
         Asked now and then whether time is over.
     is_weighed : bool
         Whether places that a DT could threaten are dear, else barred.
+    is_brief : bool
+        Whether, weighed, no cheaper way is looked for where the first comes above the limit of the threat
+        level; :data:`ABOVE_LIMIT` is returned.
     """
     if not has_way(home, tree.state[root]):
         return -1
     run = partial(_run, tree, root, goal, scene=scene, work=work)
     if is_weighed:
-        rows, n = run(home._replace(field=KEEN * home.field), should_stop=lambda: False)
-        eager = home._replace(field=EAGER * home.field)
-        better, m = run(eager, should_stop=should_stop) if n > 0 else (rows, 0)
-        rows, n = (better, m) if m > 0 else (rows, n)
+
+        def count(times: float, until: Callable[[], bool]) -> tuple[PathRows, int]:
+            return run(home._replace(field=times * home.field), should_stop=until)
+
+        rows, n = count(GREEDY, _after(BRIEF_BURSTS))
+        until = should_stop if n > 0 else lambda: False
+        keen, m = count(KEEN, _after(BRIEF_BURSTS) if is_brief and n > 0 else until)
+        rows, n = (keen, m) if m > 0 else (rows, n)
+        if is_brief and n > 0 and math.isinf(path_cost(rows, 1, n, float(tree.delta[root]), scene, work)):
+            return ABOVE_LIMIT
+        eager, k = count(EAGER, should_stop) if m > 0 else (rows, 0)
+        rows, n = (eager, k) if k > 0 else (rows, n)
     else:
         rows, n = run(home, should_stop=should_stop)
     if n == 0 or int(tree.count[0]) + n > len(tree.parent):
@@ -301,6 +319,12 @@ def raced(
         if node < 0:
             break
     return int(node)
+
+
+def _after(bursts: int) -> Callable[[], bool]:
+    """A stopping rule that holds once it was asked so many times."""
+    asked = itertools.count(1)
+    return lambda: next(asked) >= bursts
 
 
 def _run(

@@ -120,6 +120,7 @@ class PlannerSettings:
     stall_iterations: int = 300
     max_iterations: int = 60_000
     least_iterations: int = 1_000  # of a search that races left no time for
+    races_briefly: bool = False  # in a hurry: not on where the first weighed way comes above the level limit
     optimise_iterations: int = 80
     optimise_iterations_max: int = 800
     smooth_iterations: int = 200

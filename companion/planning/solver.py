@@ -240,7 +240,8 @@ def _tried(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
 def _weighed(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:
     """The cheapest way by (9), seconds under threat weighed, at any airspeed; one that fails where none is.
 
-    An airspeed at which no way can be as cheap as one that was found is not tried.
+    An airspeed at which no way can be as cheap as one that was found is not tried; in a hurry neither is
+    another where that of the cheapest ways comes above the limit of the threat level.
     """
     bounds = {airspeed: least_cost(exploration, airspeed) for airspeed in exploration.airspeeds_m_s}
     cheapest, best = math.inf, None
@@ -252,15 +253,22 @@ def _weighed(exploration: Exploration, should_stop: Callable[[], bool]) -> Found
         cost = weighed_between(exploration, found[1]) if found[0] else math.inf
         if best is None or cost < cheapest:
             cheapest, best = cost, (found, exploration.kept())
+        if exploration.is_above_limit:
+            break
     assert best is not None  # cruise is always there to be tried
     best[1]()
     return best[0]
 
 
 def _patient(exploration: Exploration, should_stop: Callable[[], bool]) -> Callable[[], bool]:
-    """The stopping rule, but not before a search that races left no time for has had its chance."""
-    enough = exploration.iterations + exploration.problem.settings.least_iterations
-    return lambda: exploration.iterations >= enough and should_stop()
+    """The stopping rule, but not before a search that races left no time for has had its chance.
+
+    In a hurry it has no more than that where a race's way came above the limit of the threat level.
+    """
+    enough, is_hopeless = (
+        exploration.iterations + exploration.problem.settings.least_iterations, exploration.is_above_limit,
+    )  # fmt: skip
+    return lambda: exploration.iterations >= enough and (is_hopeless or should_stop())
 
 
 def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) -> Found:

@@ -66,6 +66,20 @@ def test_speed_limits():
     assert free_checker().check_path(straight_path(speed=37.5)) == ()
 
 
+@pytest.mark.parametrize(
+    ("gained", "broken"), [(0.5, False), (0.62, False), (0.7, True), (-1.1, False), (-1.3, True)]
+)
+def test_speed_changes_no_faster_than_it_can(gained, broken):
+    # 0.5 m/s² over 25 m from 25 m/s: sqrt(625 + 25) = 25.495, and 0.15 to spare; 1 m/s² down: 23.979 - 0.15.
+    speeds = np.full(11, 25.0)
+    speeds[5:] += gained
+    steps = 25.0 / (0.5 * (speeds[1:] + speeds[:-1]))
+    path = replace(straight_path(), speeds_m_s=speeds, times_s=np.append(0.0, np.cumsum(steps)))
+    found = free_checker().check_path(path)
+    assert [(entry.rule, entry.row) for entry in found] == ([("acceleration", 5)] if broken else [])
+    assert free_checker(acceleration_max_m_s2=5.0).check_path(path) == ()
+
+
 @pytest.mark.parametrize(("stated", "broken"), [(25.0, False), (24.6, False), (23.5, True), (27.0, True)])
 def test_distance_fits_speed_and_time(stated, broken):
     # 25 m in 1 s; tolerance 2 % and 0.2 m: 24.6 m/s allows 24.6·1.02 + 0.2 = 25.29 m, 23.5 m/s 24.17 m.

@@ -69,6 +69,9 @@ MUTATIONS = {
         2, another_aircraft(airspeed_max_m_s=60.0, airspeed_cruise_m_s=50.0, acceleration_max_m_s2=9.0),
         "speed",
     ),
+    "acceleration": (
+        2, another_aircraft(airspeed_cruise_m_s=30.0, acceleration_max_m_s2=2.0), "acceleration",
+    ),
     "margin": (2, other_settings(clearance_min_m=-40.0), "clearance"),
     "obstacles": (2, no_obstacles, "clearance"),
     "bounds": (2, no_bounds, "bounds"),

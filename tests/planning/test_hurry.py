@@ -115,6 +115,41 @@ def test_races_that_use_up_the_time_leave_some_for_a_search():
     assert "no way that moving threats could not bar" in late.notes
 
 
+def in_the_way(threat_level_max, **changes):
+    """A pursuer as fast as the aircraft, 600 m ahead of it and on the way to the goal."""
+    asked = problem(
+        tracks=[track(600.0, 0.0, speed=25.0, radius=250.0)], start=(0.0, 0.0, 100.0), direction=0.0,
+        goal=(4000.0, 0.0, 100.0), bounds=(-6000.0, 6000.0, -6000.0, 6000.0, 60.0, 160.0),
+    )  # fmt: skip
+    return replace(asked, settings=replace(asked.settings, threat_level_max=threat_level_max, **changes))
+
+
+def test_in_a_hurry_no_time_is_lost_on_ways_above_the_threat_limit():
+    """A pop-up was answered a third of a second later: races went on that could only lose."""
+    thorough, brief = (solve(in_the_way(0.3, races_briefly=it_is)) for it_is in (False, True))
+    assert brief.status is PlanStatus.APPROXIMATE
+    assert brief.measures.num_collision_checks < 0.2 * thorough.measures.num_collision_checks
+
+
+def test_among_pursuers_that_wait_everywhere_a_greedy_race_finds_the_fast_way():
+    """Less greedy ones look at all there is, and once lost the airspeeds above cruise for it."""
+    asked = in_the_way(1.0)
+    exploration = Exploration(asked, np.random.default_rng(1))
+    exploration.give_in(lambda: True)  # threats are weighed
+    goal = np.array(asked.goals[0].position_enu_m)
+    for airspeed in exploration.airspeeds_m_s:
+        exploration.start_afresh(airspeed)
+        is_there, end = exploration.reach_goal(goal, 60.0, 0, lambda: False)
+        assert is_there
+        assert exploration.tree.state[end, 5] == pytest.approx(airspeed, abs=0.1)
+
+
+def test_where_no_limit_is_passed_a_hurry_changes_nothing():
+    thorough, brief = (solve(in_the_way(1.0, races_briefly=it_is)) for it_is in (False, True))
+    assert thorough.status is brief.status is PlanStatus.EXACT
+    assert brief.path.rows() == thorough.path.rows()
+
+
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (-6.0, 4.0)])
 def test_who_still_flies_fast_turns_wide_until_it_is_slow(wind):
     """Once a plan at cruise, begun at 36 m/s, turned as at cruise, and was refused until it was too late."""
@@ -155,6 +190,17 @@ def test_where_no_way_is_safe_the_seconds_under_threat_are_weighed():
     assert "no way that moving threats could not bar" in ours.notes
     assert ours.pursuit.total_s < 20.0
     assert cruising.pursuit.total_s > 40.0
+
+
+@pytest.mark.parametrize(("cost", "speed", "at_least_s", "at_most_s"), [
+    (0.0, 37.5, 10.0, 20.0), (1.0, 31.25, 20.0, 35.0), (3.0, 25.0, 40.0, 60.0),
+])  # fmt: skip
+def test_the_mission_file_says_what_speed_is_worth(cost, speed, at_least_s, at_most_s):
+    mission = load_mission(CONFIGS / "paper-2d.yaml")
+    planning = mission.planning.model_copy(update={"hurry_cost": cost})
+    plan = planned(mission.model_copy(update={"planning": planning}))
+    assert plan.path.speeds_m_s.max() == pytest.approx(speed, abs=0.1)
+    assert at_least_s < plan.pursuit.total_s < at_most_s
 
 
 def test_who_starts_within_reach_leaves_it():

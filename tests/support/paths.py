@@ -27,6 +27,7 @@ def check_limits(**changes):
         "descent_angle_max_rad": math.radians(10.0),
         "airspeed_min_m_s": 12.5,
         "airspeed_max_m_s": 37.5,
+        "acceleration_max_m_s2": 0.5,
         "threat_level_max": 1.0,
         "quality_min": 0.0,
         "altitude_tolerance_m": 0.0,

@@ -31,6 +31,7 @@ JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
 ONE_TURN_M = 0.1  # of straight flight between two like turns is none
 HEIGHT_TOLERANCE_M = 1e-3
 UNSURE = 0.25  # of the least turn, from which an edge is neither straight nor a turn
+SPEED_JOIN_M_S = 0.1  # by which an edge may hold a speed above that of the row that it leads to
 TURN_TOLERANCE = 1e-3  # of the turn rate limit, for edges sampled across the end of a turn
 
 
@@ -181,13 +182,15 @@ def is_flyable_after(turn: int, straight: float, rows: PathRows, n: int, first: 
 
 @kernel
 def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
-    """Whether row ``k`` and the edge to it keep bounds, turn radius, climb angles and pitch rate."""
+    """Whether row ``k`` and the edge to it keep bounds, acceleration, radius, climb angles and pitch rate."""
     states, rates = rows.states, rows.rates
     dt, w = air_time(rows, k, limits), rates[k, 0]
     if state_status(states[k], limits) != OK:
         return False
     slow, fast = min(states[k, 5], states[k - 1, 5]), max(states[k, 5], states[k - 1, 5])
     if abs(w) > slow * math.cos(states[k - 1, 4]) / turn_radius(fast, limits) * (1.0 + TURN_TOLERANCE) + 1e-9:
+        return False
+    if states[k, 5] - states[k - 1, 5] > limits.a_max * dt + SPEED_JOIN_M_S:
         return False
     if abs(rates[k, 1]) > limits.pitch_rate_max * (1.0 + TURN_TOLERANCE):
         return False
