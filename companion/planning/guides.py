@@ -17,7 +17,7 @@ from companion.kernels.geometry.distance_field import distance_to_go, fill_dista
 from companion.kernels.search.dynamic_domain_rrt import DRAWS
 from companion.kernels.search.growth import LEAST_CLEAR, grow
 from companion.kernels.search.path_edit import air_time, path_cost
-from companion.kernels.search.state_lattice import UNFINISHED, race, race_from
+from companion.kernels.search.state_lattice import UNFINISHED, num_cells, race, race_from
 from companion.kernels.threat.pursuit_game import fill_ways_free
 from companion.kernels.workspace import PathRows, Workspace, empty_rows
 from companion.planning.settings import PlannerSettings
@@ -332,7 +332,7 @@ def _run(
     should_stop: Callable[[], bool],
 ) -> tuple[PathRows, int]:  # fmt: skip
     """A race to ``goal`` (4,) [m] until time is over; its steps, and how many they are, 0 without a way."""
-    rows, field = empty_rows(MAX_RACE), race_from(tree, root, scene.limits)
+    rows, field = empty_rows(MAX_RACE), race_from(tree, root, np.zeros(num_cells(scene.limits)))
     while True:
         n = race(field, goal, RACE_SHARE * goal[3], home, scene, rows, BURST, work)
         if n != UNFINISHED or should_stop():

@@ -61,8 +61,8 @@ class Race(NamedTuple):
     """A race as far as it has come.
 
     ``poses`` looked at; ``keys`` and ``waiting`` (P,) the heap of those that may be gone on from; ``best``
-    (C,) the earliest that a cell was come to, ``due`` counted [s], minus infinity once it was gone on from;
-    ``sizes`` (2,) of the poses and of the heap.
+    (C,) the earliest that a cell was come to, ``due`` counted [s], minus infinity once it was gone on from, 0
+    where it was not come to; ``sizes`` (2,) of the poses and of the heap.
     """
 
     poses: Poses
@@ -73,22 +73,31 @@ class Race(NamedTuple):
 
 
 @kernel
-def race_from(tree: Tree, i: int, limits: Limits) -> Race:
-    """A race that begins at node ``i``."""
+def num_cells(limits: Limits) -> int:
+    """How many cells of place, direction and turn there are within the bounds."""
+    b, (cell, across) = limits.bounds, _grid(limits)
+    return (int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES
+
+
+@kernel
+def race_from(tree: Tree, i: int, best: FloatArray) -> Race:
+    """A race that begins at node ``i``; ``best`` (C,) zeros, one of each of :func:`num_cells`.
+
+    NumPy's zeros cost nothing where they are not looked at: a race that is soon won looks at few of millions.
+    """
     poses = Poses(
         np.empty((CAPACITY, 6)),
-        np.full(CAPACITY, -1),
+        np.empty(CAPACITY, dtype=np.int64),
         np.empty(CAPACITY),
-        np.zeros(CAPACITY),
-        np.zeros(CAPACITY, dtype=np.int64),
-        np.zeros(CAPACITY),
-        np.zeros(CAPACITY),
-        np.zeros(CAPACITY, dtype=np.int64),
+        np.empty(CAPACITY),
+        np.empty(CAPACITY, dtype=np.int64),
+        np.empty(CAPACITY),
+        np.empty(CAPACITY),
+        np.empty(CAPACITY, dtype=np.int64),
     )
     poses.state[0], poses.time[0], poses.caught[0] = tree.state[i], tree.time[i], tree.caught[i]
     poses.turn[0], poses.straight[0] = tree.turn[i], tree.straight[i]
-    b, (cell, across) = limits.bounds, _grid(limits)
-    best = np.full((int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES, np.inf)
+    poses.parent[0], poses.due[0], poses.rate[0] = -1, 0.0, 0.0
     keys, waiting = np.empty(CAPACITY + 1), np.empty(CAPACITY + 1, dtype=np.int64)
     sizes = np.array([1, push(keys, waiting, 0, poses.time[0], 0)])
     return Race(poses, keys, waiting, best, sizes)
@@ -115,7 +124,7 @@ def race(
         at = field.waiting[0]
         sizes[1] = pop_least(field.keys, field.waiting, sizes[1])
         place = _cell_of(poses.state[at], poses.turn[at], limits.bounds, cell, across)
-        if poses.time[at] + poses.due[at] > best[place]:
+        if poses.time[at] + poses.due[at] > _earliest(best, place):
             continue
         best[place] = -math.inf
         if sizes[0] + int(limits.straight_min) >= CAPACITY:
@@ -134,13 +143,19 @@ def race(
             if is_goal:
                 return _steps_to(last, poses, rows)
             gone = poses.time[last] + poses.due[last]
-            if gone >= best[there]:
+            if gone >= _earliest(best, there):
                 continue
             best[there] = gone
             left = distance_to_go(home, poses.state[last, 0], poses.state[last, 1]) / limits.v_cruise
             sizes[0] = last + 1
             sizes[1] = push(field.keys, field.waiting, sizes[1], gone + left, last)
     return UNFINISHED
+
+
+@kernel
+def _earliest(best: FloatArray, place: int) -> float:
+    """When cell ``place`` was come to at the earliest; infinite where it was not. ``best`` (C,) [s]."""
+    return np.inf if best[place] == 0.0 else best[place]
 
 
 @kernel

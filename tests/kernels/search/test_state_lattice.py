@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from companion.kernels.geometry.distance_field import fill_distances
-from companion.kernels.search.state_lattice import UNFINISHED, race, race_from
+from companion.kernels.search.state_lattice import UNFINISHED, num_cells, race, race_from
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.types.threat import Obstacle, Radar
@@ -21,7 +21,7 @@ WALL = Obstacle("wall", np.array([(700.0, 0.0), (760.0, 0.0), (760.0, 1000.0), (
 
 def run(exploration, goal, home, burst=10**6):
     """Rows of a race from the root, and how many."""
-    rows, field = empty_rows(2048), race_from(exploration.tree, 0, exploration.limits)
+    rows, field = empty_rows(2048), race_from(exploration.tree, 0, np.zeros(num_cells(exploration.limits)))
     while True:
         n = race(field, goal, 45.0, home, exploration.scene(), rows, burst, exploration.work)
         if n != UNFINISHED:
