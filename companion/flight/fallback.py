@@ -5,8 +5,9 @@ Synchronous and without a clock. Whoever plans carries the step out and announce
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from companion.flight.progress import Start
 from companion.flight.shaping import carried, waypoints_of
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
-from companion.planning.problem import GoalRegion, StartState
+from companion.planning.problem import GoalRegion, StartState, rows_at_goals
 from companion.types.path import Path, straight_path
 from companion.types.plan import Plan
 
@@ -31,6 +32,7 @@ AHEAD_ROWS = 24  # of straight flight, tried where no plan leads anywhere
 ROWS_TO_LOITER = 4  # at least
 ROWS_BETWEEN = 2  # places that are tried
 ROW_S = 1.0
+AS_SAFE = 0.1  # of the threat level: with no more than that on the way a place behind a goal is as safe
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +102,8 @@ def respond(
         may_return=may_return, way_home=way_home,
     )  # fmt: skip
     decision = emergency_decision(options)
+    if decision.step is EmergencyStep.LOITER and refuge is not None:
+        decision = decision._replace(reason=decision.reason + _goals_before(state, refuge.path))
     ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: refuge}
     return Response(decision, options, ways.get(decision.step))
 
@@ -151,7 +155,7 @@ def _refuge(
     straight ahead. Without any that passes, the violations of the one tried first.
     """
     wrong: tuple[Violation, ...] | None = None
-    for _, path, row in _places(state, start, paths):
+    for path, row, *_ in _places(state, start, paths):
         waypoints, violations = carried(state, path, row)
         if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
             return EscapeRoute(path.until(row), waypoints, float(path.times_s[row])), ()
@@ -159,10 +163,26 @@ def _refuge(
     return None, wrong
 
 
-def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[tuple[float, Path, int]]:
-    """Threat level, path and row of every place to try, the safest first."""
+class _Place(NamedTuple):
+    """A row of a path at which to circle, its threat level and the highest before it, the goals before it."""
+
+    path: Path
+    row: int
+    level: float
+    highest: float
+    num_goals: int
+
+
+def _goals_before(state: FlightState, path: Path) -> str:
+    """How many of the goals left are on the way to a refuge, in words; '' if none is."""
+    passed = len(rows_at_goals(path.positions_enu_m, state.goals_left))
+    return f", behind {passed} of {len(state.goals_left)} goals" if passed else ""
+
+
+def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[_Place]:
+    """Every place to try: behind the most goals where the way there is as safe; the safest; the nearest."""
     begin = np.asarray(start.state.position_enu_m)
-    places: list[tuple[float, Path, int]] = []
+    places: list[_Place] = []
     for path in (*paths, straight_ahead(start.state, state.wind_enu_m_s)):
         if (
             path is None
@@ -173,9 +193,22 @@ def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> l
         found = state.violations_to(None, path)
         hard = [entry.row for entry in found if not keeps_hard_constraints([entry])]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
-        rows = range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN)
-        places += [(float(path.threat_levels[row]), path, row) for row in rows]
-    return sorted(places, key=lambda place: (place[0], place[2]))
+        places += _places_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
+    safe = min((place.level for place in places), default=0.0) + AS_SAFE
+
+    def wanted(place: _Place) -> tuple[int, float, int]:
+        return -place.num_goals if place.highest <= safe else 0, place.level, place.row
+
+    return sorted(places, key=wanted)
+
+
+def _places_along(path: Path, last: int, at_goals: Sequence[int]) -> Iterator[_Place]:
+    """The places to try along a path up to row ``last``, with those behind the goals ``at_goals``."""
+    highest = np.maximum.accumulate(path.threat_levels)
+    rows = {*range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN), *(row + 1 for row in at_goals if row < last)}
+    for row in sorted(rows):
+        num_goals = sum(at < row for at in at_goals)
+        yield _Place(path, row, float(path.threat_levels[row]), float(highest[row]), num_goals)
 
 
 def straight_ahead(state: StartState, wind_enu_m_s: tuple[float, float]) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,27 @@ class Problem:
     vehicle: VehicleModel
     settings: PlannerSettings
     seed: int
+
+
+def rows_at_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> list[int]:
+    """The rows of a path at which it comes to goals in their order, of as many as it comes to.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, ≥ 3)
+        Positions of its rows in the first three columns [m].
+    goals : sequence of GoalRegion
+        In the order in which they are to be passed.
+    """
+    rows: list[int] = []
+    for goal in goals:
+        first = rows[-1] if rows else 0
+        away = np.linalg.norm(states[first:, :3] - np.asarray(goal.position_enu_m), axis=1)
+        near = np.flatnonzero(away <= goal.acceptance_radius_m)
+        if not len(near):
+            break
+        rows.append(first + int(near[0]))
+    return rows
 
 
 def initial_covariances(vehicle: VehicleModel, horizontal_std_m: float, vertical_std_m: float) -> FloatArray:

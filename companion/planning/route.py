@@ -15,7 +15,7 @@ from companion.kernels.search.path_edit import air_time, path_cost, retime
 from companion.kernels.threat.pursuit_game import caught_rows
 from companion.kernels.workspace import PathRows
 from companion.planning.explore import Exploration
-from companion.planning.problem import GoalRegion, Problem
+from companion.planning.problem import GoalRegion, Problem, rows_at_goals
 from companion.planning.settings import PlannerSettings
 from companion.types.path import Path
 from companion.types.plan import PursuitRisk
@@ -326,11 +326,4 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
     goals : sequence of GoalRegion
         In the order in which they are to be passed.
     """
-    first = 0
-    for goal in goals[:-1]:
-        away = np.linalg.norm(states[first:, :3] - np.asarray(goal.position_enu_m), axis=1)
-        near = np.flatnonzero(away <= goal.acceptance_radius_m)
-        if not len(near):
-            return False
-        first += int(near[0])
-    return True
+    return len(rows_at_goals(states, goals[:-1])) == len(goals) - 1

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapely import LineString, Polygon
+from shapely import LineString, Point, Polygon
 
 from companion.assurance.emergency import EmergencyStep
 from companion.config import mission_from_text
+from companion.flight import fallback
 from companion.flight.fallback import flown_violations, respond, straight_ahead
 from companion.flight.modes import Mode
 from companion.flight.progress import is_on_last_leg, start_after
@@ -85,6 +86,29 @@ def test_a_refuge_lies_where_the_threat_is_least():
     assert response.route.waypoints.loiter_centre_enu_m is not None
 
 
+def two_goals_left():
+    """One 500 m ahead of where the tests' paths begin, and one that they do not come to."""
+    text = OPEN.replace("goals:\n", "goals:\n  - {east_m: 600, north_m: 0, up_m: 100}\n")
+    return begun(text=text.replace("east_m: 1500, north_m: 0", "east_m: 1500, north_m: 900"))
+
+
+@pytest.mark.parametrize(("highest", "is_behind"), [(0.0, True), (0.05, True), (0.15, False)])
+def test_a_refuge_lies_behind_the_goals_on_the_way_where_that_is_as_safe(highest, is_behind):
+    made = two_goals_left()
+    start = starting(made)
+    path = straight(rows=30)
+    levels = np.full(31, highest)
+    levels[:10] = 0.0
+    path = replace(
+        path, positions_enu_m=path.positions_enu_m + start.state.position_enu_m - path.positions_enu_m[0],
+        threat_levels=levels,
+    )  # fmt: skip
+    response = answered(made, start, NO_PLAN, [path])
+    assert response.decision.step is EmergencyStep.LOITER
+    assert (float(response.route.path.positions_enu_m[-1, 0]) > 540.0) is is_behind
+    assert response.decision.reason.endswith("behind 1 of 2 goals") is is_behind
+
+
 def test_straight_ahead_is_a_refuge_only_as_far_as_it_is_clear():
     made = begun(WALL)  # from 700 to 750 m east
     response = answered(made, starting(made))
@@ -137,6 +161,22 @@ def test_the_flown_path_is_judged_with_its_goal_and_a_refuge_without():
 def flown_in(text, until_s, **changes):
     harness = SitlHarness(mission_from_text(text, "shut-in.yaml"), **changes)
     return harness.fly(until_s)
+
+
+def test_the_goals_that_can_be_reached_are_flown_to_beside_the_same_flight_without(monkeypatch):
+    text = SHUT_IN.replace("goals:\n", "goals:\n  - {east_m: 700, north_m: 300, up_m: 100}\n") + YARD
+
+    def nearest_m():
+        harness = flown_in(text, 60.0)
+        assert harness.texts("emergency")[0].startswith("loiter at the safest reachable point")
+        flown = LineString(np.array(harness.simulator.truth.path)[:, 1:3])
+        yard = [Polygon(obstacle.polygon_enu_m) for obstacle in harness.flight.mission.obstacle_list]
+        assert min(wall.distance(flown) for wall in yard) > 15.0
+        return flown.distance(Point(700.0, 300.0))
+
+    assert nearest_m() < 60.0
+    monkeypatch.setattr(fallback, "rows_at_goals", lambda *_: [])
+    assert nearest_m() > 200.0
 
 
 def test_a_goal_that_cannot_be_reached_ends_in_a_circle_that_was_announced():
