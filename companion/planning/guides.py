@@ -295,18 +295,10 @@ def raced(
         return -1
     run = partial(_run, tree, root, goal, scene=scene, work=work)
     if is_weighed:
-
-        def count(times: float, until: Callable[[], bool]) -> tuple[PathRows, int]:
-            return run(home._replace(field=times * home.field), should_stop=until)
-
-        rows, n = count(GREEDY, _after(BRIEF_BURSTS))
-        until = should_stop if n > 0 else lambda: False
-        keen, m = count(KEEN, _after(BRIEF_BURSTS) if is_brief and n > 0 else until)
-        rows, n = (keen, m) if m > 0 else (rows, n)
-        if is_brief and n > 0 and math.isinf(path_cost(rows, 1, n, float(tree.delta[root]), scene, work)):
+        is_above = partial(_is_above_limit, float(tree.delta[root]), scene, work) if is_brief else None
+        rows, n = _weighed(run, home, should_stop, is_above)
+        if n < 0:
             return ABOVE_LIMIT
-        eager, k = count(EAGER, should_stop) if m > 0 else (rows, 0)
-        rows, n = (eager, k) if k > 0 else (rows, n)
     else:
         rows, n = run(home, should_stop=should_stop)
     if n == 0 or int(tree.count[0]) + n > len(tree.parent):
@@ -319,6 +311,45 @@ def raced(
         if node < 0:
             break
     return int(node)
+
+
+def _weighed(
+    run: Callable[..., tuple[PathRows, int]], home: Guide, should_stop: Callable[[], bool],
+    is_above: Callable[[PathRows, int], bool] | None,
+) -> tuple[PathRows, int]:  # fmt: skip
+    """The cheapest way that races find until time is over: a greedy one first, and a keener one after it.
+
+    Parameters
+    ----------
+    run : callable
+        Races along a distance field, until a stopping rule holds; rows, and how many, 0 without a way.
+    home : Guide
+        The goal's distance field.
+    should_stop : callable
+        Asked now and then whether time is over; some way is looked for however late it is.
+    is_above : callable or None
+        In a hurry: whether a way comes above the limit of the threat level; where the first does, it is
+        :data:`ABOVE_LIMIT` rows.
+    """
+
+    def counted(times: float, until: Callable[[], bool]) -> tuple[PathRows, int]:
+        return run(home._replace(field=times * home.field), should_stop=until)
+
+    rows, n = counted(GREEDY, _after(BRIEF_BURSTS))
+    until = should_stop if is_above is None else _after(BRIEF_BURSTS)
+    keen, m = counted(KEEN, until if n > 0 else lambda: False)
+    rows, n = (keen, m) if m > 0 else (rows, n)
+    if is_above is not None and n > 0 and is_above(rows, n):
+        return rows, ABOVE_LIMIT
+    if m == 0:
+        return rows, n
+    eager, k = counted(EAGER, should_stop)
+    return (eager, k) if k > 0 else (rows, n)
+
+
+def _is_above_limit(deviation: float, scene: Scene, work: Workspace, rows: PathRows, n: int) -> bool:
+    """Whether a way of ``n`` rows comes above the threat limit; ``deviation`` at its start, in units."""
+    return math.isinf(path_cost(rows, 1, n, deviation, scene, work))
 
 
 def _after(bursts: int) -> Callable[[], bool]:
