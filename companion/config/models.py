@@ -174,7 +174,9 @@ class PlanningConfig(Section):
     """Iterations one plan may take, where no clock stops it."""
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
     """Distance that plans keep from obstacles and fences; gaps narrower than twice this are closed to them.
-    The check asks for half of it and the uncertainty of the place."""
+    The check asks for half of it and the uncertainty of the place. Where the autopilot's own position may be
+    wrong by more than this, nothing keeps the aircraft off: nothing is planned on a position that jumped, and
+    the mission is flown beside where it should be."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """No place of a path may be above this threat level, and a flown path that comes above it is replaced;
     where no path keeps below it, one of least threat is flown. `1` is no limit: threats cost, and a detour

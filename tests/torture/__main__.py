@@ -113,6 +113,11 @@ def main():
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--every", type=int, default=1, help="break after every so many messages")
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
+    sorts = [kind.__name__ for kind in senses.SENSES]
+    parser.add_argument("--sort", choices=sorts, help="of the senses' flights only those with this fault")
+    parser.add_argument(
+        "--clearance", type=float, help="in place of the missions' clearance_min_m, of those [m]"
+    )
     parser.add_argument("--kinds", default=",".join(dialect.value for dialect in Dialect))
     parser.add_argument("--worlds", default=",".join(WORLDS))
     chosen = parser.parse_args()
@@ -126,7 +131,12 @@ def main():
         with ProcessPoolExecutor(
             chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)
         ) as pool:
-            total = senses.run_senses(chosen.n, chosen.first_seed, say, pool)
+            numbers = [
+                number
+                for number in range(chosen.first_seed, chosen.first_seed + chosen.n)
+                if chosen.sort in (None, senses.kind_of(number).__name__)
+            ]
+            total = senses.run_senses(numbers, say, pool, chosen.clearance)
     elif chosen.what == "wind":
         with ProcessPoolExecutor(
             chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)

@@ -168,12 +168,24 @@ class Phantoms(Tracks):
 SENSES = (Outage, NoAttitude, NoAirspeed, Jump, LateTracks, RareTracks, NoisyTracks, Phantoms)
 
 
-def sensed_flight(number):
-    """A flight by its number: its fault, how it ended, and how long the pilot waited to be told [s]."""
-    kind = SENSES[number % len(SENSES)]
+def kind_of(number):
+    """The sort of fault of a flight."""
+    return SENSES[number % len(SENSES)]
+
+
+def sensed_flight(number, clearance_m=None):
+    """A flight by its number: its fault, how it ended, and how long the pilot waited to be told [s].
+
+    ``clearance_m`` stands for the mission's own ``clearance_min_m`` [m].
+    """
+    kind = kind_of(number)
     dialect = list(Dialect)[number // len(SENSES) % len(Dialect)]
     world = list(WORLDS)[number // (len(SENSES) * len(Dialect)) % len(WORLDS)]
-    harness = TortureHarness(dialect, number, Schedule(), mission=WORLDS[world])
+    mission = WORLDS[world]
+    if clearance_m is not None:
+        planning = mission.planning.model_copy(update={"clearance_min_m": clearance_m})
+        mission = mission.model_copy(update={"planning": planning})
+    harness = TortureHarness(dialect, number, Schedule(), mission=mission)
     harness.judge.look = lambda now_s, verdict: None  # by the truth alone
     fault = kind(harness, np.random.default_rng(number))
     harness.act = lambda _deck: fault.step()
@@ -190,10 +202,10 @@ def sensed_flight(number):
     return f"{kind.__name__} {dialect.value} {world}", outcome(harness, verdict), waited_s
 
 
-def run_senses(number, first, say, pool):
-    """Flights with a fault each; how many ended in an obstacle, or untold."""
-    ends, late, bad = {}, Counter(), 0
-    flights = pool.map(sensed_flight, range(first, first + number))
+def run_senses(numbers, say, pool, clearance_m=None):
+    """Flights with a fault each, at a clearance or the missions' own; how many hit, or were not told."""
+    ends, late, bad, number = {}, Counter(), 0, len(numbers)
+    flights = pool.map(sensed_flight, numbers, [clearance_m] * number)
     for count, (what, how, waited_s) in enumerate(flights, 1):
         if count % TOLD_EVERY == 0:
             say(f"  {count} of {number}, {bad} bad")
