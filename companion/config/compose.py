@@ -49,6 +49,7 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
         method or planning.method,
         certainty=certainty,
         clearance_min_m=float(planning.clearance_min_m),
+        clearance_wanted_m=float(planning.clearance_wanted_m),
         sensing_horizon_m=float(planning.sensing_horizon_m),
         max_iterations=int(planning.max_iterations),
         threat_level_max=float(planning.threat_level_max),

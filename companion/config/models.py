@@ -177,6 +177,11 @@ class PlanningConfig(Section):
     The check asks for half of it and the uncertainty of the place. Where the autopilot's own position may be
     wrong by more than this, nothing keeps the aircraft off: nothing is planned on a position that jumped, and
     the mission is flown beside where it should be."""
+    clearance_wanted_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 60.0
+    """Distance from obstacles and fences that plans are given where it costs little: a second a metre nearer
+    counts like two and a half metres of way, so that a corner passed at 15 m is worth some three seconds
+    under threat. By so much may a position be wrong before anything is touched. Narrower gaps are flown all
+    the same; where it is no more than `clearance_min_m`, as `0`, nothing is asked for."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     """No place of a path may be above this threat level, and a flown path that comes above it is replaced;
     where no path keeps below it, one of least threat is flown. `1` is no limit: threats cost, and a detour

@@ -244,7 +244,8 @@ class Search(NamedTuple):
     ``level_max`` threat level above which a node is not kept; ``straight_in`` (1 on) connects greedily
     to a sub goal that lies in a new node's domain; ``pursuit``: nodes that a DT could threaten are 0 as good
     as others, 1 dearer by ``cost_caught`` a second, 2 not grown, but out of a threat entered already.
-    A node costs ``cost_collision`` times -log p_c more.
+    A node costs ``cost_collision`` times -log p_c more, and ``cost_room`` for each metre that it is nearer
+    than ``room`` to something [m].
     """
 
     k_clear: float
@@ -270,6 +271,8 @@ class Search(NamedTuple):
     pursuit: int
     cost_caught: float
     cost_collision: float
+    room: float
+    cost_room: float
 
 
 class Scene(NamedTuple):

@@ -13,7 +13,9 @@ from companion.planning.settings import (
     SubGoalRule,
 )
 
-_PRINTED = Strategies(plays_game=False)  # the paper's: DTs are kept away from by threat levels alone
+_PRINTED = Strategies(
+    plays_game=False, keeps_room=False
+)  # the paper's: DTs are kept away from by threat levels alone
 
 # What is no comparator's subject it shares with Safe-RRT: samples that follow the distance field, the
 # connection to the goal and restarts. Their budgets are larger: a race's collision checks are of no
@@ -42,7 +44,7 @@ METHODS: dict[str, Strategies] = {
     "safe-rrt-blind": Strategies(minds_dts=False),
     "safe-rrt-cruise": Strategies(may_hurry=False),
     "safe-rrt-rs": _PRINTED,
-    "safe-rrt-certain": Strategies(use_uncertainty=False),
+    "safe-rrt-certain": Strategies(use_uncertainty=False, keeps_room=False),
     "safe-rrt-first": Strategies(optimiser=Optimiser.NONE),
     "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,
@@ -67,6 +69,7 @@ def settings_for(
     threat_level_max: float = 1.0,
     quality_min: float = 0.0,
     cost_hurry: float = 0.2,
+    clearance_wanted_m: float = 0.0,
 ) -> PlannerSettings:
     """Settings of a method.
 
@@ -87,6 +90,7 @@ def settings_for(
         threat_level_max=threat_level_max,
         quality_min=quality_min,
         cost_hurry=cost_hurry,
+        clearance_wanted_m=clearance_wanted_m,
     )
     is_ours = strategies.plays_game and strategies.races
     return chosen if is_ours else _as_comparator(chosen)

@@ -133,15 +133,9 @@ class Exploration:
         scene, scratch = self.scene(), self.work.growth
         threats = threats_at(scene, self.work.points, scratch.threat)
         assess(
-            tree,
-            0,
-            snapshot.dimension,
-            scene.search,
-            scene.tables.normals,
-            threats,
-            scratch.factor,
+            tree, 0, snapshot.dimension, scene.search, scene.tables.normals, threats, scratch.factor,
             scratch.levels,
-        )
+        )  # fmt: skip
 
     @property
     def start_is_valid(self) -> bool:
@@ -196,14 +190,9 @@ class Exploration:
             burst = min(settings.burst, left)
             left -= burst
             status, node = explore(
-                self.tree,
-                scene,
-                centre,
-                settings.sensing_horizon_m,
-                sub_goal,
-                self.rng.random((burst, DRAWS)),
-                self.work,
-            )
+                self.tree, scene, centre, settings.sensing_horizon_m, sub_goal,
+                self.rng.random((burst, DRAWS)), self.work,
+            )  # fmt: skip
             if status == REACHED:
                 return int(node)
             if status == FULL:

@@ -17,6 +17,7 @@ from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
+from companion.planning.room import price_of_room
 from companion.planning.route import (
     Assessment,
     Route,
@@ -178,6 +179,7 @@ def smoothed_route(
             exploration, shorter, i + 1, at + 1
         )
         gain += caught_weight * (before_s - after_s)
+        gain += price_of_room(exploration, route, i + 1, j) - price_of_room(exploration, shorter, i + 1, at)
         if after_s > before_s or gain <= 1e-9:
             continue
         laid = assess_route(exploration, shorter.until(at), known, i + 1)

@@ -62,6 +62,7 @@ class Strategies:
     minds_dts: bool = True  # else nothing is heard of them
     may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
     use_safety_adjustment: bool = True
+    keeps_room: bool = True  # farther from obstacles than it has to, where that costs little (ours)
     optimiser: Optimiser = Optimiser.RRT_STAR
 
     @property
@@ -85,6 +86,7 @@ class PlannerSettings:
     method: str = "safe-rrt"
     tau_s: float = 1.0
     clearance_min_m: float = 15.0
+    clearance_wanted_m: float = 0.0  # that a path is given where it costs little (ours); 0: none
     sensing_horizon_m: float = 825.0
     num_sub_goal_points: int = 60
     sub_goal_tolerance_steps: float = 8.0
@@ -112,6 +114,7 @@ class PlannerSettings:
     quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
     cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
     cost_caught: float = 2.0  # of a second that a DT could threaten, in (9): four seconds of straight flight
+    cost_room: float = 2.5  # of a second a metre nearer than is wanted, in (9), in metres of way
     cost_hurry: float = 0.2  # of the energy that speed above cruise takes, in (9), as if it were way
     pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
     pursuit_slack_min_s: float = 0.5  # where no way leaves more
@@ -119,6 +122,9 @@ class PlannerSettings:
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
+    roomy_iterations: int = (
+        3_000  # of another search, where a tree's way lacks much of the room that is wanted
+    )
     least_iterations: int = 1_000  # of a search that races left no time for
     races_briefly: bool = False  # in a hurry: not on where the first weighed way comes above the level limit
     optimise_iterations: int = 80
@@ -152,6 +158,16 @@ class PlannerSettings:
         return 1.0 + self.cost_caught * unit_m / (self.weights_cost[0] * airspeed_m_s)
 
     @property
+    def room_wanted_m(self) -> float:
+        """Distance from obstacles that a path is given where it costs little; 0 where none more is wanted."""
+        is_more = self.strategies.keeps_room and self.clearance_wanted_m > self.clearance_min_m
+        return self.clearance_wanted_m if is_more else 0.0
+
+    def price_of_room(self, limits: Limits) -> float:
+        """Metres of way that a step costs more for each metre of the room that is wanted and lacking."""
+        return self.cost_room * limits.tau if self.room_wanted_m > 0.0 else 0.0
+
+    @property
     def weight_collision(self) -> float:
         """What -log p_c of a waypoint costs, in (9); nothing where uncertainty is left out."""
         return self.cost_collision if self.strategies.use_uncertainty else 0.0
@@ -183,4 +199,6 @@ class PlannerSettings:
             pursuit=int(pursuit),
             cost_caught=self.weight_caught(pursuit),
             cost_collision=self.weight_collision,
+            room=self.room_wanted_m,
+            cost_room=self.price_of_room(limits) * self.weights_cost[0] / unit_m,
         )

@@ -17,6 +17,7 @@ from companion.planning.explore import Exploration
 from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem, StartState
+from companion.planning.room import least_room, price_of_room, widened_route
 from companion.planning.route import (
     FLOWN_SLACK_S,
     Assessment,
@@ -40,6 +41,7 @@ from companion.world.pursuer_trees import grown_trees
 
 HIGH_THREAT = 0.5
 MIN_ROWS = 4
+LITTLE_ROOM = 0.75  # of what is wanted: with less another way is looked for
 NUM_SECONDARY = 10
 
 Found = tuple[bool, Route, int]  # whether all goals were passed, the route, and the node at its end
@@ -107,6 +109,13 @@ def solve(
         notes.append(_shortfall(route, problem, num_nodes))
     if assessment is None:
         assessment = assess_route(exploration, route)
+    if reached:
+        route, assessment, widened = widened_route(exploration, route, assessment)
+        notes.append(f"{widened} moves for room")
+        other = _elsewhere(exploration, route, assessment, should_stop)
+        if other is not None:
+            exploration, route, assessment = other
+            notes.append("another way, with more room")
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(exploration, route, assessment),
@@ -202,13 +211,39 @@ def _optimised(
     return min((smooth, known), chosen, key=lambda pair: worth(exploration, *pair)) if kept else chosen
 
 
+def _elsewhere(
+    exploration: Exploration, route: Route, known: Assessment, should_stop: Callable[[], bool]
+) -> tuple[Exploration, Route, Assessment] | None:
+    """A better way that keeps the room that is wanted throughout, where a tree's lacks much of it.
+
+    A tree takes what it comes to first, and no move leads round the other side of something. There has to be
+    so much room about the start and the goals.
+    """
+    problem, settings = exploration.problem, exploration.problem.settings
+    wanted, obstacles = settings.room_wanted_m, problem.snapshot.obstacles
+    if exploration.chase.is_raced or should_stop() or least_room(exploration, route) >= LITTLE_ROOM * wanted:
+        return None
+    places = (problem.start.position_enu_m, *(goal.position_enu_m for goal in problem.goals))
+    margin = min(clearance(*place, obstacles, wanted) for place in places) - 1.0
+    if margin < LITTLE_ROOM * wanted:
+        return None
+    asked = replace(settings, clearance_min_m=margin, max_iterations=settings.roomy_iterations)
+    another = Exploration(replace(problem, settings=asked), np.random.default_rng(problem.seed))
+    reached, way, end = _found(another, should_stop)
+    if not reached:
+        return None
+    way, found = _finished(another, way, end, should_stop, [])
+    return (another, way, found) if worth(another, way, found) < worth(exploration, route, known) else None
+
+
 def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bool, float]:
     """What a route is chosen by, the least first: whether it breaks ``quality_min``, then its cost.
 
-    The cost is (9) with what -log Q of (8) and seconds that a DT could threaten cost.
+    The cost is (9) with what -log Q of (8), seconds that a DT could threaten, and room that is lacking cost.
     """
     settings, risk = exploration.problem.settings, known.log_risk()
     cost = weighed_between(exploration, route) + settings.weight_collision * risk
+    cost += price_of_room(exploration, route)
     return math.exp(-risk) < settings.quality_min, cost
 
 

@@ -115,9 +115,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
     sorts = [kind.__name__ for kind in senses.SENSES]
     parser.add_argument("--sort", choices=sorts, help="of the senses' flights only those with this fault")
-    parser.add_argument(
-        "--clearance", type=float, help="in place of the missions' clearance_min_m, of those [m]"
-    )
+    parser.add_argument("--clearance", type=float, help="of those, in place of the missions' [m]")
+    parser.add_argument("--wanted", type=float, help="of those, in place of what is wanted [m]")
     parser.add_argument("--kinds", default=",".join(dialect.value for dialect in Dialect))
     parser.add_argument("--worlds", default=",".join(WORLDS))
     chosen = parser.parse_args()
@@ -136,7 +135,9 @@ def main():
                 for number in range(chosen.first_seed, chosen.first_seed + chosen.n)
                 if chosen.sort in (None, senses.kind_of(number).__name__)
             ]
-            total = senses.run_senses(numbers, say, pool, chosen.clearance)
+            given = {"clearance_min_m": chosen.clearance, "clearance_wanted_m": chosen.wanted}
+            planning = {key: value for key, value in given.items() if value is not None}
+            total = senses.run_senses(numbers, say, pool, planning)
     elif chosen.what == "wind":
         with ProcessPoolExecutor(
             chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)

@@ -173,18 +173,18 @@ def kind_of(number):
     return SENSES[number % len(SENSES)]
 
 
-def sensed_flight(number, clearance_m=None):
-    """A flight by its number: its fault, how it ended, and how long the pilot waited to be told [s].
+def sensed_flight(number, planning=None):
+    """A flight by its number, with other values in its mission's ``planning`` if any are given.
 
-    ``clearance_m`` stands for the mission's own ``clearance_min_m`` [m].
+    What its fault was, how it ended, how long the pilot waited to be told [s], and how near it came to
+    anything [m].
     """
     kind = kind_of(number)
     dialect = list(Dialect)[number // len(SENSES) % len(Dialect)]
     world = list(WORLDS)[number // (len(SENSES) * len(Dialect)) % len(WORLDS)]
     mission = WORLDS[world]
-    if clearance_m is not None:
-        planning = mission.planning.model_copy(update={"clearance_min_m": clearance_m})
-        mission = mission.model_copy(update={"planning": planning})
+    if planning is not None:
+        mission = mission.model_copy(update={"planning": mission.planning.model_copy(update=planning)})
     harness = TortureHarness(dialect, number, Schedule(), mission=mission)
     harness.judge.look = lambda now_s, verdict: None  # by the truth alone
     fault = kind(harness, np.random.default_rng(number))
@@ -199,22 +199,28 @@ def sensed_flight(number, clearance_m=None):
             if entry.kind == "stale" and entry.text.startswith(fault.told) and entry.stamp_s > fault.begin_s
         )
         waited_s = next(told, np.inf)
-    return f"{kind.__name__} {dialect.value} {world}", outcome(harness, verdict), waited_s
+    nearest_m = harness.simulator.truth.min_obstacle_clearance_m
+    return f"{kind.__name__} {dialect.value} {world}", outcome(harness, verdict), waited_s, nearest_m
 
 
-def run_senses(numbers, say, pool, clearance_m=None):
-    """Flights with a fault each, at a clearance or the missions' own; how many hit, or were not told."""
-    ends, late, bad, number = {}, Counter(), 0, len(numbers)
-    flights = pool.map(sensed_flight, numbers, [clearance_m] * number)
-    for count, (what, how, waited_s) in enumerate(flights, 1):
+def run_senses(numbers, say, pool, planning=None):
+    """Flights with a fault each, by their missions or with other planning; how many hit, or were not told."""
+    ends, late, near, bad = {}, Counter(), {}, 0
+    flights = pool.map(sensed_flight, numbers, [planning] * len(numbers))
+    for count, (number, (what, how, waited_s, nearest_m)) in enumerate(zip(numbers, flights, strict=True), 1):
         if count % TOLD_EVERY == 0:
-            say(f"  {count} of {number}, {bad} bad")
+            say(f"  {count} of {len(numbers)}, {bad} bad")
         kind = what.split()[0]
         ends.setdefault(kind, Counter())[how] += 1
         late[kind] = max(late[kind], waited_s)
+        near.setdefault(kind, []).append(nearest_m)
         if how == "collision" or waited_s > TOLD_S:
             bad += 1
-            say(f"  {what}: {how}, told after {waited_s:.1f} s")
+            say(f"  {number}, {what}: {how}, told after {waited_s:.1f} s")
     for kind, counts in ends.items():
-        say(f"{kind}: {dict(counts)}, told after {late[kind]:.1f} s at most")
+        tenth, half = np.quantile(near[kind], [0.1, 0.5])
+        say(
+            f"{kind}: {dict(counts)}, told after {late[kind]:.1f} s at most; nearest to anything "
+            f"{min(near[kind]):.1f} m, of a tenth {tenth:.1f} m, of half {half:.1f} m"
+        )
     return bad

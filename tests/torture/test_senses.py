@@ -14,12 +14,12 @@ def kinds():
 
 @pytest.mark.parametrize("number", list(kinds()))
 def test_a_flight_without_one_of_its_senses_ends_in_no_obstacle(number):
-    _, how, waited_s = sensed_flight(number)
+    _, how, waited_s, _ = sensed_flight(number)
     assert how == "goal"
     assert waited_s <= TOLD_S
 
 
-def test_a_position_that_is_wrong_by_40_m_is_survived_by_more_clearance_than_that():
+def test_a_position_that_is_wrong_by_40_m_is_survived_by_room():
     """Nothing is planned on such a position: the autopilot flies what it has, 40 m beside it."""
-    assert sensed_flight(3)[:2] == ("Jump ardupilot paper-2d", "collision")
-    assert sensed_flight(3, 60.0)[:2] == ("Jump ardupilot paper-2d", "goal")
+    assert sensed_flight(3, {"clearance_wanted_m": 0.0})[:2] == ("Jump ardupilot paper-2d", "collision")
+    assert sensed_flight(3)[:2] == ("Jump ardupilot paper-2d", "goal")

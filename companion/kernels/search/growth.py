@@ -242,6 +242,16 @@ def collision_cost(search: Search, clear: float) -> float:
 
 
 @kernel
+def room_cost(scene: Scene, state: FloatArray) -> float:
+    """What the state ``state`` (6,) costs more for the room that it lacks."""
+    search = scene.search
+    if search.cost_room == 0.0:
+        return 0.0
+    free = clearance(state[0], state[1], state[2], scene.obstacles, search.room)
+    return search.cost_room * (search.room - free)
+
+
+@kernel
 def grow(
     tree: Tree, scene: Scene, q_n: int, state: FloatArray, control: FloatArray, dt: float, draws: FloatArray,
     scratch: GrowthScratch, stats: IntArray,
@@ -278,6 +288,6 @@ def grow(
             assess(tree, changed[c], dimension, search, normals, threats, factor, levels)
     tree.cost[i] = tree.cost[q_n] + cost_distance(tree, q_n, state[0], state[1], state[2], search, threats)
     tree.cost[i] += search.cost_caught * tree.caught[i] * (tree.time[i] - tree.time[q_n])
-    tree.cost[i] += collision_cost(search, tree.clear[i])
+    tree.cost[i] += collision_cost(search, tree.clear[i]) + room_cost(scene, state)
     tree.to_go[i] = distance_to_go(scene.guide, state[0], state[1])
     return i

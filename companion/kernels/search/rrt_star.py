@@ -29,7 +29,14 @@ from companion.kernels.search.branches import (
     shift_below,
 )
 from companion.kernels.search.costs import cost_distance, step_cost, threats_at
-from companion.kernels.search.growth import BLOCKED, EXTENDED, collision_cost, extend_or_descend, grow
+from companion.kernels.search.growth import (
+    BLOCKED,
+    EXTENDED,
+    collision_cost,
+    extend_or_descend,
+    grow,
+    room_cost,
+)
 from companion.kernels.search.near_nodes import OUTSIDE, choose_node, near_nodes, num_near
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
 from companion.kernels.threat.pursuit_game import is_caught
@@ -183,7 +190,8 @@ def try_edge(
     threats = threats_at(scene, work.points, work.edge.threat)
     cost = tree.cost[last] + cost_distance(tree, last, q[0], q[1], q[2], scene.search, threats)
     stamp = tree.time[last] + (times[n - 1] - times[n - 2])
-    cost += caught_cost(scene, q, tree.time[last], stamp) + collision_cost(scene.search, tree.clear[b])
+    cost += caught_cost(scene, q, tree.time[last], stamp)
+    cost += collision_cost(scene.search, tree.clear[b]) + room_cost(scene, q)
     gain, later = cost - tree.cost[b], stamp - tree.time[b]
     if gain > -GAIN or (scene.search.pursuit > 0 and later > 0.0):  # whoever comes later may be caught
         return False

@@ -24,7 +24,7 @@ from companion.kernels.borrowed import borrowed
 from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.jit import kernel
 from companion.kernels.search.costs import threats_at
-from companion.kernels.search.growth import AVOID, is_edge_clear
+from companion.kernels.search.growth import AVOID, is_edge_clear, room_cost
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.threat.pursuit_game import is_caught, pop_least, push
 from companion.kernels.threat.reachability import passes_by
@@ -220,7 +220,7 @@ def _is_judged_fit(poses: Poses, first: int, last: int, scene: Scene, work: Work
             return False
         dear = scene.search.cost_threat * level
         if not is_avoided:
-            dear += scene.search.cost_caught * caught * taken
+            dear += scene.search.cost_caught * caught * taken + room_cost(scene, out)
         poses.due[n] = poses.due[before] + dear / per_second
         poses.time[n], poses.caught[n] = time, caught
     return True
