@@ -111,7 +111,7 @@ def solve(
         assessment = assess_route(exploration, route)
     if reached:
         route, assessment, widened = widened_route(exploration, route, assessment)
-        notes.append(f"{widened} moves for room")
+        notes += [f"{widened} moves for room"] * (widened > 0)
         other = _elsewhere(exploration, route, assessment, should_stop)
         if other is not None:
             exploration, route, assessment = other

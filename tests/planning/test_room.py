@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from companion.assurance.checker import Checker
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
+from companion.planning import solver
 from companion.planning.comparators import METHODS, settings_for
 from companion.planning.explore import Exploration
 from companion.planning.room import price_of_room, widened_route
@@ -110,6 +111,24 @@ def test_moves_are_worth_what_they_cost(seed, dimension):
     again = assess_route(exploration, wide)
     assert np.array_equal(later.clear, again.clear)
     assert np.array_equal(later.levels, again.levels)
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_where_a_tree_is_led_too_near_another_way_is_looked_for(seed, monkeypatch):
+    """Its way begins where no move leads out of: a search that keeps the room throughout does."""
+    blocks = [
+        box("middle", 560.0, 420.0, 900.0, 800.0),
+        box("left", 250.0, 600.0, 420.0, 900.0),
+        box("right", 800.0, 80.0, 1000.0, 300.0),
+    ]
+    asked = problem(blocks, dimension=3, seed=seed, clearance_wanted_m=60.0)
+    plan = solve(asked)
+    assert "another way, with more room" in plan.notes
+    assert nearest(plan.path, blocks) > 55.0
+    monkeypatch.setattr(solver, "LITTLE_ROOM", 0.0)
+    first = solve(asked)
+    assert "another way, with more room" not in first.notes
+    assert nearest(first.path, blocks) < 45.0
 
 
 def test_goals_on_the_way_stay_on_it():

@@ -146,6 +146,30 @@ def test_where_threats_are_weighed_no_way_over_a_grid_is_cheaper(east):
     assert cost <= weighed_by_grid(asked, dear) + 1.0
 
 
+def test_where_threats_are_weighed_room_has_its_price_and_where_they_are_avoided_none():
+    """The way round the wall's end, 15 m off it or 60."""
+
+    def nearest(wanted, is_weighed):
+        asked = problem(
+            [WALL], tracks=[track(1300.0, 100.0, speed=2.0, radius=100.0)], clearance_wanted_m=wanted
+        )
+        exploration = Exploration(asked, np.random.default_rng(1))
+        while is_weighed and exploration.chase.is_avoided:
+            exploration.give_in(lambda: False)
+        goal = np.array((1350.0, 600.0, 150.0))
+        rows, n = run(exploration, goal, exploration.guide_home(goal))
+        east, north = rows.states[:n, 0], rows.states[:n, 1]
+        gaps = np.hypot(np.clip(700.0 - east, 0.0, None) + np.clip(east - 760.0, 0.0, None),
+                        np.clip(north - 1000.0, 0.0, None))  # fmt: skip
+        return n, gaps.min()
+
+    ways = {pair: nearest(*pair) for pair in itertools.product((0.0, 60.0), (False, True))}
+    assert all(n > 0 for n, _ in ways.values())
+    assert ways[0.0, True][1] < 30.0
+    assert ways[60.0, True][1] > 50.0
+    assert ways[60.0, False] == ways[0.0, False]
+
+
 def test_threat_levels_above_the_limit_are_not_entered():
     radar = Radar("radar", (725.0, 725.0, 150.0), 300.0)
     far = replace(problem(radars=[radar], threat_level_max=0.3), seed=2)
