@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.search.room import Aside, fill_rooms, lack_of_room, lay_aside
+from companion.kernels.search.lay_aside import Aside, fill_rooms, lack_of_room, lay_aside
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.route import Assessment, Route, assess_route, visits_goals, weighed_between

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,9 +12,17 @@ from companion.frames import FloatArray, course_from_direction, direction_from_c
 from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
-from companion.kernels.search.path_edit import air_time, path_cost, retime
+from companion.kernels.search.path_edit import (
+    JOINED,
+    air_time,
+    is_clear,
+    is_flyable,
+    join,
+    path_cost,
+    retime,
+)
 from companion.kernels.threat.pursuit_game import caught_rows
-from companion.kernels.workspace import PathRows
+from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem, rows_at_goals
 from companion.planning.settings import PlannerSettings
@@ -21,6 +30,9 @@ from companion.types.path import Path
 from companion.types.plan import PursuitRisk
 
 FLOWN_SLACK_S = 0.5  # what is flown may have lost of the slack that it was planned with
+BACK_STEPS = (3, 5, 8, 12, 16, 24)  # rows before the goal from which an edge to it is tried
+SPARE_ROWS = 64
+COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # tried on the bearing to the goal
 HURRY_FREE = 0.05  # of the energy at cruise: as speeds settle
 
 
@@ -327,3 +339,42 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
         In the order in which they are to be passed.
     """
     return len(rows_at_goals(states, goals[:-1])) == len(goals) - 1
+
+
+def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
+    """Lead a route that ends inside the goal region to the goal's centre.
+
+    From a few rows back a Dubins edge to the goal is tried, arriving along the bearing or a little
+    turned from it; the first that is flyable and clear replaces the end. Where none is, the route
+    stays as it is: it ends inside the region.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the route.
+    route : Route
+        Ends inside the goal region.
+    goal : ndarray, shape (3,)
+        Centre of the goal region [m].
+    """
+    limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
+    for back in BACK_STEPS:
+        i = len(route) - 1 - back
+        if i < 0:
+            break
+        bearing = math.atan2(goal[1] - route.states[i, 1], goal[0] - route.states[i, 0])
+        flat = math.hypot(goal[0] - route.states[i, 0], goal[1] - route.states[i, 1])
+        climb = math.atan2(goal[2] - route.states[i, 2], max(flat, 1.0))
+        for change in COURSE_CHANGES_RAD:
+            rows = empty_rows(i + 1 + SPARE_ROWS)
+            for row, known in zip(rows, route.rows, strict=True):
+                row[: i + 1] = known[: i + 1]
+            pose = np.array([*goal, bearing + change, climb, route.states[i, 5]])
+            status, n = join(rows, i + 1, pose, limits)
+            if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
+                continue
+            if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits):
+                found = Route.of(rows, n)
+                if pursuit_risk(exploration, found).total_s <= pursuit_risk(exploration, route).total_s:
+                    return found
+    return route

@@ -14,7 +14,6 @@ from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.explore import Exploration
-from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem, StartState
 from companion.planning.room import least_room, price_of_room, widened_route
@@ -24,6 +23,7 @@ from companion.planning.route import (
     Route,
     assess_route,
     cost_between,
+    finished_route,
     least_cost,
     path_from_route,
     pursuit_risk,
@@ -107,15 +107,7 @@ def solve(
             notes = [f"the flown path, {kept} short cuts"]
     if not reached:
         notes.append(_shortfall(route, problem, num_nodes))
-    if assessment is None:
-        assessment = assess_route(exploration, route)
-    if reached:
-        route, assessment, widened = widened_route(exploration, route, assessment)
-        notes += [f"{widened} moves for room"] * (widened > 0)
-        other = _elsewhere(exploration, route, assessment, should_stop)
-        if other is not None:
-            exploration, route, assessment = other
-            notes.append("another way, with more room")
+    exploration, route, assessment = _settled(exploration, route, assessment, should_stop, notes)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(exploration, route, assessment),
@@ -211,6 +203,26 @@ def _optimised(
     return min((smooth, known), chosen, key=lambda pair: worth(exploration, *pair)) if kept else chosen
 
 
+def _settled(
+    exploration: Exploration, route: Route, known: Assessment | None, should_stop: Callable[[], bool],
+    notes: list[str],
+) -> tuple[Exploration, Route, Assessment]:  # fmt: skip
+    """A route that reaches the goal, and so is ``known``, given room where it lacks it, or another one.
+
+    With it the search that it is of. One that does not reach the goal stays, and is assessed.
+    """
+    if known is None:
+        return exploration, route, assess_route(exploration, route)
+    route, known, moved = widened_route(exploration, route, known)
+    if moved:
+        notes.append(f"{moved} moves for room")
+    other = _elsewhere(exploration, route, known, should_stop)
+    if other is None:
+        return exploration, route, known
+    notes.append("another way, with more room")
+    return other
+
+
 def _elsewhere(
     exploration: Exploration, route: Route, known: Assessment, should_stop: Callable[[], bool]
 ) -> tuple[Exploration, Route, Assessment] | None:
@@ -233,6 +245,7 @@ def _elsewhere(
     if not reached:
         return None
     way, found = _finished(another, way, end, should_stop, [])
+    another.stats[:] += exploration.stats  # all the checks that the plan took
     return (another, way, found) if worth(another, way, found) < worth(exploration, route, known) else None
 
 

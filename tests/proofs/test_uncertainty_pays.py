@@ -23,7 +23,7 @@ def noisy(mission):
     noise = {
         key: NOISE * float(getattr(vehicle, key)) for key in type(vehicle).model_fields if "_std_" in key
     }
-    planning = mission.planning.model_copy(update={"clearance_min_m": MARGIN_M})
+    planning = mission.planning.model_copy(update={"clearance_min_m": MARGIN_M, "clearance_wanted_m": 0.0})
     return mission.model_copy(update={"vehicle": vehicle.model_copy(update=noise), "planning": planning})
 
 

@@ -168,7 +168,7 @@ def radius_between(v: float, target: float, limits: Limits) -> float:
 def join_accelerated(
     rows: PathRows, n: int, goal: FloatArray, target: float, limits: Limits
 ) -> tuple[int, int]:
-    """:func:`join` in level flight, with the airspeed going to ``target`` as soon as it can [m/s].
+    """:func:`join` to the pose ``goal`` (6,) in level flight, its airspeed going to ``target`` at once [m/s].
 
     The pose's own airspeed is not asked for: it is passed at what is reached by then. Turns are as wide as
     the fastest flight of the edge needs.

@@ -10,9 +10,8 @@ from companion.kernels.search import branches as below_root
 from companion.kernels.search import rrt_star as k
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.goal_connection import finished_route
 from companion.planning.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
-from companion.planning.route import assess_route, path_from_route, route_from_tree
+from companion.planning.route import assess_route, finished_route, path_from_route, route_from_tree
 from companion.planning.solver import _found
 from companion.types.threat import Radar
 from tests.planning.test_solver import checker_for

@@ -12,7 +12,6 @@ from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.jit import kernel
 from companion.kernels.search.path_edit import (
     JOINED,
-    SPEED_JOIN_M_S,
     is_clear,
     is_flyable,
     join,
@@ -22,7 +21,7 @@ from companion.kernels.search.path_edit import (
 from companion.kernels.workspace import PathRows
 
 ASIDE_M = 1.0  # by which the slope of the distance is told
-SAME_SPEED_M_S = 0.05
+SAME_SPEED_M_S = 0.01  # rows may be close, and the next one as fast as the check allows
 FLAT = 0.1  # a slope of the distance below which no way leads aside: over or below something
 
 
@@ -130,7 +129,7 @@ def _led_back(
     status, end = _led_to(trial, m, rows.states[last], rows.states[last, 5], limits)
     if status != JOINED or end + n - 1 - last > len(trial.times):
         return 0.0, end
-    if abs(trial.states[end - 1, 5] - rows.states[last, 5]) > SPEED_JOIN_M_S:
+    if abs(trial.states[end - 1, 5] - rows.states[last, 5]) > SAME_SPEED_M_S:
         return 0.0, end
     later = trial.times[end - 1] - rows.times[last]
     _copy(rows, last + 1, n, trial, end)

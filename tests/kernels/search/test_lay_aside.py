@@ -8,11 +8,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.assurance.checker import Checker
+from companion.frames import course_from_direction
+from companion.kernels.search import lay_aside as kernels
 from companion.kernels.search import path_edit
-from companion.kernels.search import room as kernels
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.vehicle.vehicle_model import VehicleModel
-from tests.support.paths import box
+from tests.support.paths import box, check_limits, path_of
 from tests.support.worlds import packed
 
 pytestmark = pytest.mark.compiled
@@ -38,11 +40,11 @@ def straight(length=60):
     return rows
 
 
-def laid(obstacles, aside, k=30, search=SEARCH, rows=None):
+def laid(obstacles, aside, k=30, *, search=SEARCH, rows=None, limits=LIMITS):
     path = straight() if rows is None else rows
     trial, best = empty_rows(len(path.times) + 96), empty_rows(len(path.times) + 96)
     n, first, last, at = kernels.lay_aside(
-        path, k, np.array(aside), search, LIMITS, packed(obstacles, BOUNDS), trial, best
+        path, k, np.array(aside), search, limits, packed(obstacles, BOUNDS), trial, best
     )
     return PathRows(*(array[:n] for array in best)), first, last, at
 
@@ -151,3 +153,25 @@ def test_whatever_is_laid_is_flyable_clear_and_back_where_it_was(k, aside, besid
     assert path_edit.is_clear(path, 1, len(path.times), packed([tower], BOUNDS), LIMITS)
     assert path.states[at, :3] == pytest.approx(old.states[last, :3], abs=1e-6)
     assert len(path.times) - at == len(old.times) - last
+
+
+@given(st.integers(8, 40), st.floats(5.0, 60.0), st.floats(24.0, 30.0), st.floats(20.0, 37.0))
+def test_whatever_is_laid_while_it_gets_faster_passes_the_independent_check(k, aside, begins, target):
+    """A flight east that settles at an airspeed; the check knows how fast each row may be: v² = u² + 2as."""
+    limits = LIMITS._replace(v_cruise=target)
+    rows = straight()
+    gone = np.arange(60.0)
+    gain = math.copysign(0.5, target - begins)
+    settled = abs(target - begins) / 0.5
+    held = np.minimum(gone, settled)
+    rows.states[:, 5] = begins + gain * held
+    rows.states[:, 0] = begins * held + 0.5 * gain * held**2 + target * (gone - held)
+    tower = box("tower", rows.states[k, 0] - 10.0, -60.0, rows.states[k, 0] + 10.0, -20.0)
+    path, _, last, at = laid([tower], (0.0, aside), k, rows=rows, limits=limits)
+    if len(path.times) == 0:
+        return
+    assert path.states[at] == pytest.approx(rows.states[last], abs=0.02)
+    courses = [course_from_direction(theta) for theta in path.states[:, 3]]
+    as_path = path_of(path.times, path.states[:, :3], courses, path.states[:, 4], path.states[:, 5])
+    checker = Checker([tower], check_limits(bounds=BOUNDS, turn_radius_min_m=125.0))
+    assert not [entry for entry in checker.check_path(as_path) if entry.rule != "bounds"]
