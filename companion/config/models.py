@@ -175,8 +175,8 @@ class PlanningConfig(Section):
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
     """Distance that plans keep from obstacles and fences; gaps narrower than twice this are closed to them.
     The check asks for half of it and the uncertainty of the place. Where the autopilot's own position may be
-    wrong by more than this, nothing keeps the aircraft off: nothing is planned on a position that jumped, and
-    the mission is flown beside where it should be."""
+    wrong by more than this, nothing keeps the aircraft off but what there is of `clearance_wanted_m`: nothing
+    is planned on a position that jumped, and the mission is flown beside where it should be."""
     clearance_wanted_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 60.0
     """Distance from obstacles and fences that plans are given where it costs little: a second a metre nearer
     counts like two and a half metres of way, so that a corner passed at 15 m is worth some three seconds

@@ -94,7 +94,7 @@ def _with_more_room(
     """
     problem, settings, limits = exploration.problem, exploration.problem.settings, exploration.limits
     trial, best = empty_rows(len(route) + SPARE_ROWS), empty_rows(len(route) + SPARE_ROWS)
-    search = Aside(LEADS, TURNS, settings.room_wanted_m, settings.price_of_room(limits), LEAST_GAIN_M)
+    search = Aside(LEADS, TURNS, settings.room_wanted_m, settings.way_for_room(limits), LEAST_GAIN_M)
     for share in SHARES:
         n, first, last, at = lay_aside(
             route.rows, k, share * aside, search, limits, problem.snapshot.obstacles, trial, best

@@ -122,9 +122,7 @@ class PlannerSettings:
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
-    roomy_iterations: int = (
-        3_000  # of another search, where a tree's way lacks much of the room that is wanted
-    )
+    roomy_iterations: int = 3_000  # of another search, where a tree's way lacks much of that room
     least_iterations: int = 1_000  # of a search that races left no time for
     races_briefly: bool = False  # in a hurry: not on where the first weighed way comes above the level limit
     optimise_iterations: int = 80
@@ -163,7 +161,7 @@ class PlannerSettings:
         is_more = self.strategies.keeps_room and self.clearance_wanted_m > self.clearance_min_m
         return self.clearance_wanted_m if is_more else 0.0
 
-    def price_of_room(self, limits: Limits) -> float:
+    def way_for_room(self, limits: Limits) -> float:
         """Metres of way that a step costs more for each metre of the room that is wanted and lacking."""
         return self.cost_room * limits.tau if self.room_wanted_m > 0.0 else 0.0
 
@@ -200,5 +198,5 @@ class PlannerSettings:
             cost_caught=self.weight_caught(pursuit),
             cost_collision=self.weight_collision,
             room=self.room_wanted_m,
-            cost_room=self.price_of_room(limits) * self.weights_cost[0] / unit_m,
+            cost_room=self.way_for_room(limits) * self.weights_cost[0] / unit_m,
         )

@@ -26,10 +26,10 @@ pytestmark = pytest.mark.compiled
 WALL = box("wall", 700.0, 300.0, 760.0, 1100.0)
 
 
-def nearest(path, obstacles, first=0):
-    """How near a path's rows come to obstacles, from one row on [m], by shapely."""
+def nearest(path, obstacles):
+    """How near a path's rows come to obstacles [m], by shapely."""
     shapes = shapely.MultiPolygon([shapely.Polygon(obstacle.polygon_enu_m) for obstacle in obstacles])
-    return min(shapes.distance(shapely.Point(place)) for place in path.positions_enu_m[first:, :2])
+    return min(shapes.distance(shapely.Point(place)) for place in path.positions_enu_m[:, :2])
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
