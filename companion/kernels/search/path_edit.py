@@ -31,7 +31,8 @@ JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
 ONE_TURN_M = 0.1  # of straight flight between two like turns is none
 HEIGHT_TOLERANCE_M = 1e-3
 UNSURE = 0.25  # of the least turn, from which an edge is neither straight nor a turn
-SPEED_JOIN_M_S = 0.1  # by which an edge may hold a speed above that of the row that it leads to
+SPEED_GAP_M_S = 0.5  # between the ends of an edge between two poses
+SPEED_TOLERANCE_M_S = 1e-3  # of what an edge can gain
 TURN_TOLERANCE = 1e-3  # of the turn rate limit, for edges sampled across the end of a turn
 
 
@@ -116,35 +117,39 @@ def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int,
     """Append a Dubins edge from row ``n - 1`` to the pose ``goal`` (6,), sampled about every le.
 
     The climb angle goes from the start's to the goal's over whatever :func:`climb_profile` finds for
-    the height between. Returns the status and the new number of rows.
+    the height between, the airspeed by an even acceleration. Returns the status and the new number of rows.
     """
     states, times, rates = rows.states, rows.times, rows.rates
     start = states[n - 1]
     segments, pose = np.empty(3), np.empty(3)
-    rho = turn_radius(start[5], limits)
+    slow, fast = min(start[5], goal[5]), max(start[5], goal[5])
+    rho = turn_radius(fast, limits) * (0.5 * (slow + fast) / slow)  # a turn rate is held to the slower end
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
     length = rho * (segments[0] + segments[1] + segments[2])
-    v = start[5]
-    if length < 1.0 or abs(v - goal[5]) > 0.5 or not keeps_turns_apart(kind, segments, limits):
+    if length < 1.0 or fast - slow > SPEED_GAP_M_S or not keeps_turns_apart(kind, segments, limits):
+        return NOT_FLYABLE, n
+    gained = (goal[5] * goal[5] - start[5] * start[5]) / length
+    if abs(gained) > 2.0 * limits.a_max:
         return NOT_FLYABLE, n
     steepest = max(limits.climb_max, limits.descent_max)
     if abs(goal[2] - start[2]) > math.tan(steepest) * length:
         return NOT_FLYABLE, n
     is_level = goal[2] == start[2] and goal[4] == 0.0 and start[4] == 0.0
-    le = v * limits.tau * (1.0 if is_level else math.cos(steepest))
+    le = slow * limits.tau * (1.0 if is_level else math.cos(steepest))
     steps = max(1, int(math.ceil(length / le - 1e-6)))
     if n + steps > states.shape[0]:
         return TOO_LONG, n
     ds, z, angles = length / steps, start[2], np.zeros(steps + 1)
     if limits.dimension == 3 and not climb_profile(
-        goal[2] - start[2], start[4], goal[4], ds, steps, v, limits, angles
+        goal[2] - start[2], start[4], goal[4], ds, steps, fast, limits, angles
     ):
         return NOT_FLYABLE, n
     for k in range(1, steps + 1):
         dubins.sample(start[0], start[1], start[3], kind, segments, rho, ds * k, pose)
         mean = 0.5 * (angles[k] + angles[k - 1])
-        dt = ds / (v * math.cos(mean))
         row, before = states[n], states[n - 1]
+        v = math.sqrt(start[5] * start[5] + gained * ds * k) if k < steps else goal[5]
+        dt = ds / (0.5 * (before[5] + v) * math.cos(mean))
         z += ds * math.tan(mean)
         row[0], row[1], row[2] = pose[0], pose[1], z if k < steps else goal[2]
         row[3], row[4], row[5] = wrapped(pose[2]), angles[k], v
@@ -239,7 +244,7 @@ def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
     slow, fast = min(states[k, 5], states[k - 1, 5]), max(states[k, 5], states[k - 1, 5])
     if abs(w) > slow * math.cos(states[k - 1, 4]) / turn_radius(fast, limits) * (1.0 + TURN_TOLERANCE) + 1e-9:
         return False
-    if states[k, 5] - states[k - 1, 5] > limits.a_max * dt + SPEED_JOIN_M_S:
+    if states[k, 5] - states[k - 1, 5] > limits.a_max * dt + SPEED_TOLERANCE_M_S:
         return False
     if abs(rates[k, 1]) > limits.pitch_rate_max * (1.0 + TURN_TOLERANCE):
         return False

@@ -155,10 +155,10 @@ def grow_edge(
     ``draws`` (≥ 7,) uniform numbers.
     """
     rows, control, last = work.edge.rows, work.step.control, a
-    control[0] = 0.0
     for k in range(1, n - 1):
-        control[1], control[2] = rows.rates[k, 0], rows.rates[k, 1]
         dt = air_time(rows, k, scene.limits)
+        control[0] = (rows.states[k, 5] - rows.states[k - 1, 5]) / dt
+        control[1], control[2] = rows.rates[k, 0], rows.rates[k, 1]
         i = grow(tree, scene, last, rows.states[k], control, dt, draws, work.growth, work.stats)
         if i < 0:
             return -1

@@ -39,7 +39,7 @@ def joined(goal, capacity=400):
 
 def as_path(states, times, n):
     courses = [course_from_direction(theta) for theta in states[:n, 3]]
-    return path_of(times[:n], states[:n, :3], courses, states[:n, 4], 25.0)
+    return path_of(times[:n], states[:n, :3], courses, states[:n, 4], states[:n, 5])
 
 
 def test_a_straight_join_by_hand():
@@ -65,6 +65,17 @@ def test_a_climb_angle_is_entered_no_faster_than_the_pitch_rate():
     assert np.abs(rates[1:n, 1]).max() <= 0.1 + 1e-9
     assert states[1, 4] == pytest.approx(0.1 * 25.0 * 12.0 / 13.0 / 25.0, rel=0.01)
     assert states[2, 4] > 0.1 > states[1, 4]
+
+
+def test_an_airspeed_is_made_up_evenly_by_hand():
+    # Half the way to 25.5 m/s are 125 m, where v² = (25² + 25.5²)/2. From 25 to 25.4 m/s takes 20.16 m at
+    # 0.5 m/s²: v² grows by 20.16.
+    status, n, states, times, _ = joined((250.0, 0.0, 200.0, 0.0, 0.0, 25.5))
+    assert (status, n) == (s.JOINED, 11)
+    assert states[[5, 10], 5] == pytest.approx([math.sqrt((625.0 + 650.25) / 2.0), 25.5])
+    assert times[10] - times[0] == pytest.approx(250.0 / 25.25, rel=1e-5)  # the mean speed is in the middle
+    assert joined((20.1, 0.0, 200.0, 0.0, 0.0, 25.4))[0] == s.NOT_FLYABLE
+    assert joined((20.2, 0.0, 200.0, 0.0, 0.0, 25.4))[0] == s.JOINED
 
 
 @pytest.mark.parametrize(
@@ -108,19 +119,25 @@ def test_a_join_ends_at_the_pose_and_is_sampled_along_a_dubins_path(x, y, rise, 
 
 
 @settings(max_examples=150, deadline=None)
-@given(COORDINATE, COORDINATE, st.floats(-20.0, 20.0), ANGLE, COORDINATE, COORDINATE, ANGLE)
-def test_what_is_called_flyable_passes_the_independent_checker(x, y, rise, theta, x2, y2, theta2):
-    status, n, states, times, rates = joined((x, y, 200.0 + rise, theta, 0.0, 25.0))
+@given(
+    COORDINATE, COORDINATE, st.floats(-20.0, 20.0), ANGLE, COORDINATE, COORDINATE, ANGLE,
+    st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)) | st.just((0.0, 0.0)),
+)  # fmt: skip
+def test_what_is_called_flyable_passes_the_independent_checker(x, y, rise, theta, x2, y2, theta2, faster):
+    status, n, states, times, rates = joined((x, y, 200.0 + rise, theta, 0.0, 25.0 + faster[0]))
     assume(status == s.JOINED)
-    goal = np.array([x2, y2, states[n - 1, 2], theta2, 0.0, 25.0])
+    goal = np.array([x2, y2, states[n - 1, 2], theta2, 0.0, 25.0 + sum(faster)])
     status, n = s.join(PathRows(states, times, rates), n, goal, LIMITS)
     assume(status == s.JOINED)
     flyable = s.is_flyable(PathRows(states, times, rates), n, 1, LIMITS)
-    found = Checker([], check_limits()).check_path(as_path(states, times, n))
+    path = as_path(states, times, n)
+    found = Checker([], check_limits()).check_path(path)
     if flyable:
         assert found == ()
+        ways = 0.5 * (path.speeds_m_s[1:] + path.speeds_m_s[:-1]) * np.diff(path.times_s)
+        assert (np.abs(np.diff(path.speeds_m_s**2)) <= 2.0 * 0.5 * ways + 0.06).all()
     tighter = LIMITS._replace(r_min=200.0)
-    if np.abs(rates[1:n, 0]).max() > 25.0 / 200.0 * 1.01:
+    if np.abs(rates[1:n, 0]).max() > 25.6 / 200.0 * 1.01:
         assert not s.is_flyable(PathRows(states, times, rates), n, 1, tighter)
 
 

@@ -1,6 +1,7 @@
 """RRT* on the remaining tree: its bookkeeping, bounds and pruning, and that it never makes a path worse."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,6 +88,27 @@ def test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer(seed, dimensi
     path = path_from_route(exploration, route, assess_route(exploration, route))
     found = checker_for(exploration.problem).check_path(path)
     assert [str(violation) for violation in found] == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_edge_gains_airspeed_faster_than_the_aircraft_can(seed):
+    # From 23.3 m/s the tree reaches the cruise of 25 m/s over its first steps; edges laid over them may not
+    # jump there.
+    asked = problem(WALLS, RADARS, seed=seed)
+    asked = replace(asked, start=replace(asked.start, airspeed_m_s=23.3))
+    exploration = Exploration(asked, np.random.default_rng(seed))
+    _, route, end = _found(exploration, lambda: False)
+    goal = _with_last_edge(exploration, exploration.scene(), route, end)
+    tree, branches, star = exploration.tree, branches_below(exploration, 0), exploration.star_work
+    draws = np.random.default_rng(seed).random((400, k.STAR_DRAWS))
+    rewired, _ = k.rrt_star(tree, branches, exploration.scene(), 0, goal, draws, star)
+    assert rewired > 0
+    nodes = np.array(below(branches, 0))
+    up = tree.parent[nodes]
+    assert (tree.state[up, 5] < 24.9).sum() > 5
+    ways = 0.5 * (tree.state[nodes, 5] + tree.state[up, 5]) * (tree.time[nodes] - tree.time[up])
+    gained = tree.state[nodes, 5] ** 2 - tree.state[up, 5] ** 2
+    assert (np.abs(gained) <= 2.0 * 0.5 * ways + 0.06).all()  # a = 0.5 m/s², and 1 mm/s of tolerance
 
 
 def chain(exploration, goal):
