@@ -1,5 +1,6 @@
 """RRT* on the remaining tree: its bookkeeping, bounds and pruning, and that it never makes a path worse."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -109,6 +110,14 @@ def test_no_edge_gains_airspeed_faster_than_the_aircraft_can(seed):
     ways = 0.5 * (tree.state[nodes, 5] + tree.state[up, 5]) * (tree.time[nodes] - tree.time[up])
     gained = tree.state[nodes, 5] ** 2 - tree.state[up, 5] ** 2
     assert (np.abs(gained) <= 2.0 * 0.5 * ways + 0.06).all()  # a = 0.5 m/s², and 1 mm/s of tolerance
+    # The tree keeps a node's airspeed when it is given another parent: the edge must come to it with that.
+    rows, gaps = empty_rows(128), 0
+    for a, b in itertools.product(np.flatnonzero(tree.state[: tree.count[0], 5] < 24.9), nodes):
+        n = k.lay_edge(tree, exploration.scene(), a, b, rows, np.zeros(4, dtype=np.int64))
+        if n:
+            assert rows.states[n - 1, 5] == tree.state[b, 5]
+            gaps += tree.state[a, 5] != tree.state[b, 5]
+    assert gaps > 5
 
 
 def chain(exploration, goal):
