@@ -34,6 +34,7 @@ from companion.cli_options import (
     PageListen,
     PagePort,
     PageToken,
+    make_ready_with_bar,
 )
 from companion.errors import CompanionError, ConfigError
 from companion.service.log_format import LogKind, PlainFormatter, set_up
@@ -157,6 +158,7 @@ def plan(
 
     config = load_mission(mission)
     require_goals(config, mission)
+    make_ready_with_bar(Console(stderr=True))
     snapshot, plans = plan_runs(
         config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
         time_limit_s=time_limit,
@@ -173,24 +175,14 @@ def plan(
 
 
 @app.command("warm-up")
-def warm_up(
-    mission: MissionFile,
-    lean: Annotated[
-        bool, typer.Option("--lean", help="Keep only what a flight reads: for images and small disks.")
-    ] = False,
-) -> None:
+def warm_up() -> None:
     """Compile the planner's kernels now, so that the service need not at its first start."""
-    from companion.config import load_mission
-    from companion.service import warm_up as warming
+    from companion.kernels.native.store import kernel_store
 
-    config = load_mission(mission)
     began = time.perf_counter()
-    warming.warm_up(config)
-    console.print(f"kernels are compiled ({time.perf_counter() - began:.0f} s)")
-    if lean:
-        from companion.service import lean_cache
-
-        console.print(f"{lean_cache.make_lean(config)} MB of parts that are in others are removed")
+    make_ready_with_bar(console)
+    kernel_store().prune(time.time())
+    console.print(f"the planner's kernels are ready ({time.perf_counter() - began:.1f} s)")
 
 
 @app.command()

@@ -1,11 +1,16 @@
-"""Arguments and options that several commands have. What they say is the commands' help."""
+"""What several commands have: arguments and options, whose texts are the commands' help, and a bar that is shown
+while kernels are compiled.
+"""  # noqa: D205
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 MissionFile = Annotated[Path, typer.Argument(help="A mission file, as in mission_configs.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the result here; - is standard output.")]
@@ -37,3 +42,33 @@ PageGround = Annotated[
         help="Ground under the page's map: an .mbtiles or .hgt file, or a folder with some. Only drawn.",
     ),
 ]  # fmt: skip
+
+
+def make_ready_with_bar(console: Console) -> None:
+    """Have all kernels ready; where some have to be compiled, a bar says how many of how many are.
+
+    Raises
+    ------
+    RuntimeError
+        If one cannot be compiled.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from companion.kernels.native.ready import make_ready
+
+    bar = Progress(
+        TextColumn("compiling the planner's kernels, once"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        console=console,
+    )  # fmt: skip
+    task = bar.add_task("")
+
+    def report(done: int, total: int) -> None:
+        if not bar.live.is_started:
+            bar.start()
+        bar.update(task, completed=done, total=total)
+
+    try:
+        make_ready(report)
+    finally:
+        if bar.live.is_started:
+            bar.stop()

@@ -16,7 +16,14 @@ from rich.table import Table
 
 from companion.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.cli import EXIT_FAILED, require_goals, write_json
-from companion.cli_options import MissionFile, PageGround, PageListen, PagePort, PageToken
+from companion.cli_options import (
+    MissionFile,
+    PageGround,
+    PageListen,
+    PagePort,
+    PageToken,
+    make_ready_with_bar,
+)
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
@@ -64,7 +71,6 @@ def sitl(
     from companion.page.live_page import page_of
     from companion.page.playback_page import wait_for_interrupt
     from companion.recording.retention import folder_for
-    from companion.service.warm_up import warm_up
     from sim.sitl import Flight
 
     if not headless:
@@ -77,9 +83,7 @@ def sitl(
     shown_on = page_of(page, page_listen, page_token, page_ground)
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
     logging.getLogger("companion.tasks.app").setLevel(logging.WARNING)
-    if not headless:
-        console.print(f"{config.name}, seed {seed}: compiling the planner's kernels (once a machine)")
-    warm_up(config)
+    make_ready_with_bar(console)
     flight = Flight(
         config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
         mission_text=mission.read_text(encoding="utf-8-sig"),

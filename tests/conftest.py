@@ -27,7 +27,9 @@ REWIRED = (
 # Tests that need compiled kernels, by how their names begin, and why: `make coverage` leaves them
 # out where it runs kernels as Python.
 COMPILED = {
-    "tests/kernels/test_borrowed.py": "what is borrowed is compiled code's; as Python nobody counts",
+    "tests/kernels/native/test_kernel.py::test_compiled": "as Python, nobody checks and division raises",
+    "tests/kernels/native/test_kept_code.py": "as Python, nothing is kept",
+    "tests/kernels/native/test_ready.py": "as Python, there are no kernels",
     **{f"{REWIRED}[{seed}": "two of eight are enough, in half a minute each" for seed in (0, 2, 3)},
     "tests/kernels/threat/test_threat_tree.py": "takes many minutes as Python",
     "tests/kernels/geometry/test_line_of_sight.py::test_lines_agree": "numpy warns where numba goes on",

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Obstacles
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.intercept import EYE_M
 from companion.kernels.threat.reachability import dt_positions
@@ -120,7 +120,7 @@ def _threat(dt: FloatArray, aircraft: FloatArray, reach_m: float, obstacles: Obs
     """Membership, paper (1), of a DT at ``dt`` to an ``aircraft``, shape (3,) each [m]; 0 where unseen."""
     slant = float(np.linalg.norm(aircraft - dt))
     if slant > reach_m or line_blocked(
-        dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], prisms_of(obstacles)
+        dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], obstacles
     ):
         return 0.0
     return float(membership(slant, 0.0, 0.0, reach_m, 0.0))

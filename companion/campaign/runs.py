@@ -15,6 +15,7 @@ from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.errors import ConfigError
 from companion.frames import direction_from_course
+from companion.kernels.native.ready import make_ready
 from companion.planning.comparators import METHODS
 from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.solver import solve
@@ -77,8 +78,7 @@ def plan_runs(
     """Plans with consecutive seeds, and the world they were made in."""
     snapshot = offline_world(mission)
     problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
-    if time_limit_s is not None:  # compile outside the clock
-        solve(problems[0])
+    make_ready()
     plans = []
     for problem in problems:
         deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s

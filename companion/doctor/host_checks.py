@@ -7,12 +7,11 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numba
-
 from companion.clock import UNSYNCHRONISED, clock_state
 from companion.config import MissionConfig
 from companion.doctor.finding import Finding, fail, ok, warn
 from companion.errors import CompanionError
+from companion.kernels.native.store import kernel_store
 from companion.link.wire.key_file import read_key
 
 NOT_BEFORE = datetime(2026, 1, 1, tzinfo=UTC)
@@ -34,7 +33,7 @@ def local_findings(mission: MissionConfig | None, url: str | None, flights: Path
         Folder that recordings would go to.
     """
     findings = [clock_set(datetime.now(UTC)), clock_synchronised(clock_state())]
-    findings += [kernel_cache(Path(numba.config.CACHE_DIR)), disk(flights)]  # type: ignore[attr-defined]
+    findings += [kernel_cache(kernel_store().folder), disk(flights)]
     if url is not None and url.startswith("serial://"):
         findings.append(serial_port(Path(url.removeprefix("serial://").rpartition(":")[0])))
     if mission is not None and mission.link.signing is not None:
@@ -64,9 +63,9 @@ def kernel_cache(folder: Path) -> Finding:
     check = "kernel cache"
     if not os.access(folder, os.W_OK):
         return fail(check, f"{folder} cannot be written", "set NUMBA_CACHE_DIR to a folder of the service's")
-    if folder.name.startswith("safe-rrt-companion-"):  # the last resort of companion.kernels
+    if folder.name.startswith("safe-rrt-companion-"):  # the last resort of kernel_store
         return warn(check, f"{folder} is temporary", "set NUMBA_CACHE_DIR: each start compiles for a minute")
-    number = sum(1 for _ in folder.rglob("*.nbi"))
+    number = sum(1 for _ in folder.glob("*.o"))
     if number == 0:
         return warn(check, f"{folder} is empty", "let the service start once on the ground: it compiles")
     return ok(check, f"{number} kernels in {folder}")

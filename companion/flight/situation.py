@@ -12,7 +12,7 @@ from companion.config import MissionConfig
 from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.threat.fuzzy_threat import PASSES, point_threat
 from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
 from companion.kernels.workspace import threat_scene
@@ -117,7 +117,7 @@ class Situation:
     def threat_at(self, state: Ownship, tracks: tuple[TrackState, ...]) -> float:
         """Threat level TI the aircraft is under, from all radars of the mission and the tracked DTs."""
         x, y, z = state.position_enu_m
-        is_plane, walls = self._snapshot.dimension == 2, prisms_of(self._snapshot.walls)
+        is_plane, walls = self._snapshot.dimension == 2, self._snapshot.walls
         points, reach = np.zeros((max(len(tracks), 1), 4)), np.zeros(len(tracks))
         for row, radius, track in zip(points, range(len(tracks)), tracks, strict=False):
             row[:3] = track.position_enu_m

@@ -1,24 +1,34 @@
 """How the kernels' arrays are laid out.
 
-Named tuples of plain arrays and numbers: numba passes them without boxing, and every kernel
-names what it reads. All arrays are C-contiguous float64 or int64. Lengths are metres, angles
-radians, ``theta`` counter-clockwise from east.
+Structures of plain arrays and numbers, which kernels are handed by one address. All arrays are C-contiguous
+float64 or int64; an annotation says how many axes they have. Lengths are metres, angles radians, ``theta``
+counter-clockwise from east.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.kernels.native.kinds import Array
+from companion.kernels.native.struct import Struct
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Float1D = Annotated[FloatArray, Array("f", 1)]
+Float2D = Annotated[FloatArray, Array("f", 2)]
+Float3D = Annotated[FloatArray, Array("f", 3)]
+Float5D = Annotated[FloatArray, Array("f", 5)]
+Int1D = Annotated[IntArray, Array("i", 1)]
+Int2D = Annotated[IntArray, Array("i", 2)]
+Bool2D = Annotated[NDArray[np.bool_], Array("b", 2)]
 
 NUM_CELLS = 48  # along each side of the grid that finds near nodes
 
 
-class Obstacles(NamedTuple):
+class Obstacles(Struct):
     """Upright prisms, their edges one after another.
 
     ``edges`` (E, 4) x0 y0 x1 y1; ``offsets`` (O + 1,) first edge of each; ``heights`` (O, 2) base
@@ -26,15 +36,15 @@ class Obstacles(NamedTuple):
     prism at the grid's nodes; ``grid`` (6,) x0 y0 z0 and the spacings dx dy dz.
     """
 
-    edges: FloatArray
-    offsets: IntArray
-    heights: FloatArray
-    boxes: FloatArray
-    field: FloatArray
-    grid: FloatArray
+    edges: Float2D
+    offsets: Int1D
+    heights: Float2D
+    boxes: Float2D
+    field: Float3D
+    grid: Float1D
 
 
-class Threats(NamedTuple):
+class Threats(Struct):
     """Static threats and the shadows obstacles cast over them.
 
     ``radars`` (R, 5) x y z r_max k_r; ``known`` (R,) 1 where the planner may use it; ``shadows``
@@ -42,13 +52,13 @@ class Threats(NamedTuple):
     ``grid`` (3,) x0 y0 and the spacing.
     """
 
-    radars: FloatArray
-    known: IntArray
-    shadows: FloatArray
-    grid: FloatArray
+    radars: Float2D
+    known: Int1D
+    shadows: Float3D
+    grid: Float1D
 
 
-class ThreatModel(NamedTuple):
+class ThreatModel(Struct):
     """Parameters of the A-IFS model (paper 3.1). ``form``: 0 shifted, 1 literal, 2 probabilistic."""
 
     weight_count: float
@@ -61,7 +71,7 @@ class ThreatModel(NamedTuple):
     unit: float
 
 
-class Limits(NamedTuple):
+class Limits(Struct):
     """Constraints of motion (paper 2.2), and the box the aircraft stays in.
 
     ``bounds`` (6,) x_min x_max y_min y_max z_min z_max [m]. ``wind_x``, ``wind_y``: velocity of the air over
@@ -82,12 +92,12 @@ class Limits(NamedTuple):
     margin: float
     tau: float
     dimension: int
-    bounds: FloatArray
+    bounds: Float1D
     wind_x: float
     wind_y: float
 
 
-class Uncertainty(NamedTuple):
+class Uncertainty(Struct):
     """LQG-MP: noise and the tabulated controller.
 
     ``process`` (3,) variances of a, turn rate, climb rate; ``measurement`` (5,) variances of
@@ -96,14 +106,14 @@ class Uncertainty(NamedTuple):
     standard-normal points.
     """
 
-    process: FloatArray
-    measurement: FloatArray
-    gains: FloatArray
-    axes: FloatArray
-    normals: FloatArray
+    process: Float1D
+    measurement: Float1D
+    gains: Float5D
+    axes: Float2D
+    normals: Float2D
 
 
-class Tree(NamedTuple):
+class Tree(Struct):
     """The PathTree. Row i is a node; ``count`` (1,) how many are in use.
 
     ``state`` (N, 6) x y z theta phi v; ``parent`` (N,); ``time`` (N,) TS; ``turn`` (N,) sign of the
@@ -116,29 +126,29 @@ class Tree(NamedTuple):
     the sub goal [m]; ``caught`` (N,) 1 where a DT could threaten the node by then.
     """
 
-    state: FloatArray
-    parent: IntArray
-    time: FloatArray
-    turn: IntArray
-    straight: FloatArray
-    rate: FloatArray
-    cov_error: FloatArray
-    cov_estimate: FloatArray
-    delta: FloatArray
-    clear: FloatArray
-    level: FloatArray
-    domain: FloatArray
-    cost: FloatArray
-    active: IntArray
-    threat_point: FloatArray
-    children: IntArray
-    blocked: IntArray
-    to_go: FloatArray
-    caught: IntArray
-    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
+    state: Float2D
+    parent: Int1D
+    time: Float1D
+    turn: Int1D
+    straight: Float1D
+    rate: Float2D
+    cov_error: Float3D
+    cov_estimate: Float3D
+    delta: Float1D
+    clear: Float1D
+    level: Float1D
+    domain: Float1D
+    cost: Float1D
+    active: Int1D
+    threat_point: Float3D
+    children: Int1D
+    blocked: Int1D
+    to_go: Float1D
+    caught: Int1D
+    count: Int1D
 
 
-class Guide(NamedTuple):
+class Guide(Struct):
     """The distance field of a point: how far it is from everywhere, round obstacles.
 
     ``field`` (N, M) the distance [m] from every cell of a grid, infinite where no way leads; ``origin``
@@ -146,14 +156,14 @@ class Guide(NamedTuple):
     ``ahead`` how far along it they lie at most [m].
     """
 
-    field: FloatArray
-    origin: FloatArray
+    field: Float2D
+    origin: Float1D
     cell: float
     share: float
     ahead: float
 
 
-class Game(NamedTuple):
+class Game(Struct):
     """What moving threats could do if they knew the path (:mod:`companion.kernels.threat.pursuit_game`).
 
     ``hunters`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
@@ -164,16 +174,16 @@ class Game(NamedTuple):
     ``slack`` by which a place has to be passed before it is under threat [s].
     """
 
-    hunters: FloatArray
-    arrival: FloatArray
-    least: FloatArray
-    tops: FloatArray
-    grid: FloatArray
+    hunters: Float2D
+    arrival: Float3D
+    least: Float3D
+    tops: Float2D
+    grid: Float1D
     is_plane: int
     slack: float
 
 
-class Branches(NamedTuple):
+class Branches(Struct):
     """How the PathTree hangs together while RRT* rearranges it.
 
     ``first``, ``following`` (N,) first child and next sibling, -1 where there is none; ``upper`` (N,)
@@ -181,11 +191,11 @@ class Branches(NamedTuple):
     radius [m] of the goals to be passed in order.
     """
 
-    first: IntArray
-    following: IntArray
-    upper: FloatArray
-    stage: IntArray
-    goals: FloatArray
+    first: Int1D
+    following: Int1D
+    upper: Float1D
+    stage: Int1D
+    goals: Float2D
 
 
 class GridIndex(NamedTuple):
@@ -193,18 +203,27 @@ class GridIndex(NamedTuple):
 
     ``cells`` (C·C,) the newest row in each cell, ``chain`` (M,) the next older row in the same cell, -1
     where there is none; ``places`` (M, 2) where each row was when it was taken in [m]; ``extent`` (4,)
-    first and last cell in each direction that may hold rows; ``filled`` (1,) how many rows are in. An
-    index of each of D trees has a leading axis D in every array.
+    first and last cell in each direction that may hold rows; ``filled`` (1,) how many rows are in.
     """
 
-    cells: IntArray
-    chain: IntArray
-    places: FloatArray
-    extent: IntArray
-    filled: IntArray
+    cells: Int1D
+    chain: Int1D
+    places: Float2D
+    extent: Int1D
+    filled: Int1D
 
 
-class Pursuers(NamedTuple):
+class GridIndices(Struct):
+    """A :class:`GridIndex` of each of D trees: its arrays with a leading axis D."""
+
+    cells: Int2D
+    chain: Int2D
+    places: Float3D
+    extent: Int2D
+    filled: Int2D
+
+
+class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
@@ -218,21 +237,21 @@ class Pursuers(NamedTuple):
     nodes, ``path_index`` of the PathTree's.
     """
 
-    position: FloatArray
-    heading: FloatArray
-    parent: IntArray
-    time: FloatArray
-    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
-    model: FloatArray
-    reach: FloatArray
-    bounds: FloatArray
-    corners: IntArray
-    by_corner: IntArray
-    index: GridIndex  # type: ignore[assignment]  # hides tuple.index, which nobody calls
+    position: Float3D
+    heading: Float2D
+    parent: Int2D
+    time: Float2D
+    count: Int1D
+    model: Float2D
+    reach: Float1D
+    bounds: Float1D
+    corners: Int2D
+    by_corner: Int2D
+    index: GridIndices
     path_index: GridIndex
 
 
-class Search(NamedTuple):
+class Search(Struct):
     """Weights and switches of the local search (paper 4.4) and of the RS estimator (3.2.2).
 
     ``k_clear``, ``k_threat``, ``domain``: k_c, k_T and DD [m] of (7); ``cost_distance``,
@@ -275,7 +294,7 @@ class Search(NamedTuple):
     cost_room: float
 
 
-class Scene(NamedTuple):
+class Scene(Struct):
     """What one sub task's search reads, in one piece.
 
     ``obstacles`` the aircraft keeps clear of; ``walls``, those of them that hide and stop a DT, too.
@@ -320,16 +339,24 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
     )
 
 
-def empty_index(capacity: int, trees: int | None = None) -> GridIndex:
-    """An index with room for ``capacity`` rows; of each of so many trees, if a number is given."""
-    leading = () if trees is None else (trees,)
-    return GridIndex(
-        cells=np.full((*leading, NUM_CELLS**2), -1, dtype=np.int64),
-        chain=np.full((*leading, capacity), -1, dtype=np.int64),
-        places=np.zeros((*leading, capacity, 2)),
-        extent=np.zeros((*leading, 4), dtype=np.int64),
-        filled=np.zeros((*leading, 1), dtype=np.int64),
-    )
+def empty_index(capacity: int) -> GridIndex:
+    """An index with room for ``capacity`` rows."""
+    return GridIndex(**_index_arrays(capacity, ()))
+
+
+def empty_indices(capacity: int, trees: int) -> GridIndices:
+    """An index with room for ``capacity`` rows of each of so many trees."""
+    return GridIndices(**_index_arrays(capacity, (trees,)))
+
+
+def _index_arrays(capacity: int, leading: tuple[int, ...]) -> dict[str, Any]:
+    return {
+        "cells": np.full((*leading, NUM_CELLS**2), -1, dtype=np.int64),
+        "chain": np.full((*leading, capacity), -1, dtype=np.int64),
+        "places": np.zeros((*leading, capacity, 2)),
+        "extent": np.zeros((*leading, 4), dtype=np.int64),
+        "filled": np.zeros((*leading, 1), dtype=np.int64),
+    }
 
 
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
@@ -351,7 +378,7 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_c
         bounds=np.ascontiguousarray(bounds[:4], dtype=np.float64),
         corners=np.zeros((num, 2), dtype=np.int64),
         by_corner=np.full((num, NUM_CELLS**2), -2, dtype=np.int64),
-        index=empty_index(capacity, num),
+        index=empty_indices(capacity, num),
         path_index=empty_index(path_capacity),
     )
 

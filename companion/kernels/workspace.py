@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, IntArray, ThreatModel, Threats
+from companion.kernels.arrays import Float1D, Float2D, FloatArray, Int1D, ThreatModel, Threats
+from companion.kernels.native.struct import Struct
 
 MAX_THREATS = 32  # felt at one point
 MAX_NEAR = 16  # nodes of a query by the reachability estimator
@@ -21,31 +22,31 @@ MAX_ROWS = 128  # of one Dubins edge
 MAX_PATH = 4096  # nodes of a path
 
 
-class KNearest(NamedTuple):
+class KNearest(Struct):
     """The answer to a query for near nodes, nearest first.
 
     ``squares`` (K,) squared distances [m²]; ``rows`` (≥ K,) the nodes.
     """
 
-    squares: FloatArray
-    rows: IntArray
+    squares: Float1D
+    rows: Int1D
 
 
-class PathRows(NamedTuple):
+class PathRows(Struct):
     """A path as rows: ``states`` (N, 6) x y z theta phi v, ``times`` (N,) of arrival [s], and for each row
     but the first ``rates`` (N, 2), the turn rate w and climb rate wp of the edge that ends there [rad/s].
     """  # noqa: D205
 
-    states: FloatArray
-    times: FloatArray
-    rates: FloatArray
+    states: Float2D
+    times: Float1D
+    rates: Float2D
 
 
-class ThreatScratch(NamedTuple):
+class ThreatScratch(Struct):
     """``pairs`` (MAX_THREATS, 2) μ and ν of each threat felt; ``course`` (3,) the velocity's unit vector."""
 
-    pairs: FloatArray
-    course: FloatArray
+    pairs: Float2D
+    course: Float1D
 
 
 class ThreatScene(NamedTuple):
@@ -56,28 +57,28 @@ class ThreatScene(NamedTuple):
     """
 
     threats: Threats
-    points: FloatArray
-    reach: FloatArray
+    points: Float2D
+    reach: Float1D
     model: ThreatModel
     scratch: ThreatScratch
 
 
-class FilterScratch(NamedTuple):
+class FilterScratch(Struct):
     """Matrices of one LQG-MP step.
 
     ``motion`` (6, 6) A, then A + B·L; ``control`` (6, 3) B; ``gain`` (3, 6) L; ``product`` (6, 6);
     ``taken`` (6, 5) what a measurement takes out of P; ``factor`` (5, 5) of the innovation's covariance.
     """
 
-    motion: FloatArray
-    control: FloatArray
-    gain: FloatArray
-    product: FloatArray
-    taken: FloatArray
-    factor: FloatArray
+    motion: Float2D
+    control: Float2D
+    gain: Float2D
+    product: Float2D
+    taken: Float2D
+    factor: Float2D
 
 
-class ReachScratch(NamedTuple):
+class ReachScratch(Struct):
     """What the reachability estimator needs.
 
     ``near``, ``targets`` nodes found; ``spot`` (6,) q_B and the DT's nearest position [m]; ``sample`` (3,)
@@ -87,59 +88,59 @@ class ReachScratch(NamedTuple):
 
     near: KNearest
     targets: KNearest
-    spot: FloatArray
-    sample: FloatArray
-    changed: IntArray
-    everything: IntArray
+    spot: Float1D
+    sample: Float1D
+    changed: Int1D
+    everything: Int1D
 
 
-class Step(NamedTuple):
+class Step(Struct):
     """One step of the aircraft: ``control`` (3,) a, w, wp and ``state`` (6,) at its end."""
 
-    control: FloatArray
-    state: FloatArray
+    control: Float1D
+    state: Float1D
 
 
-class Straight(NamedTuple):
+class Straight(Struct):
     """Steps of a greedy connection: ``states`` (MAX_STRAIGHT, 6) and ``controls`` (MAX_STRAIGHT, 3)."""
 
-    states: FloatArray
-    controls: FloatArray
+    states: Float2D
+    controls: Float2D
     threat: ThreatScratch
 
 
-class GrowthScratch(NamedTuple):
+class GrowthScratch(Struct):
     """What a new node needs.
 
     ``factor`` (3, 3) Cholesky factor of its position covariance [m]; ``levels`` (M,) TI of each particle;
     ``threat``, ``lqg`` and ``reach`` of those kernels.
     """
 
-    factor: FloatArray
-    levels: FloatArray
+    factor: Float2D
+    levels: Float1D
     threat: ThreatScratch
     lqg: FilterScratch
     reach: ReachScratch
 
 
-class EdgeScratch(NamedTuple):
+class EdgeScratch(Struct):
     """A Dubins edge between two nodes: its ``rows``, and ``segments`` (3,) of a Dubins word."""
 
     rows: PathRows
-    segments: FloatArray
+    segments: Float1D
     threat: ThreatScratch
 
 
-class Walk(NamedTuple):
+class Walk(Struct):
     """A walk down the tree: ``stack``, ``felt``, ``turns`` (N,) and ``lengths`` (N,) [m]."""
 
-    stack: IntArray
-    felt: IntArray
-    turns: IntArray
-    lengths: FloatArray
+    stack: Int1D
+    felt: Int1D
+    turns: Int1D
+    lengths: Float1D
 
 
-class Workspace(NamedTuple):
+class Workspace(Struct):
     """Scratch of one plan's search.
 
     In parts, each for the kernels that need it: numba hands over a tuple array by array, so that a kernel
@@ -150,16 +151,16 @@ class Workspace(NamedTuple):
     failed extensions and iterations.
     """
 
-    sample: FloatArray
+    sample: Float1D
     step: Step
     near: KNearest
     straight: Straight
     growth: GrowthScratch
     edge: EdgeScratch
     walk: Walk
-    points: FloatArray
-    path: IntArray
-    stats: IntArray
+    points: Float2D
+    path: Int1D
+    stats: Int1D
 
 
 def empty_nearest(capacity: int) -> KNearest:

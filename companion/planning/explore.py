@@ -13,10 +13,9 @@ from companion.kernels.aircraft.motion import OK, state_status
 from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.branches import activate
-from companion.kernels.search.costs import threats_at
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
 from companion.kernels.search.growth import FAR, assess
-from companion.kernels.workspace import workspace
+from companion.kernels.workspace import ThreatScene, workspace
 from companion.planning.guides import (
     ABOVE_LIMIT,
     NO_GUIDE,
@@ -131,7 +130,9 @@ class Exploration:
         tree.caught[0] = int(self.chase.is_caught(start.position_enu_m, start.stamp_s))
         tree.threat_point[0] = 0.0
         scene, scratch = self.scene(), self.work.growth
-        threats = threats_at(scene, self.work.points, scratch.threat)
+        threats = ThreatScene(
+            scene.threats, self.work.points, scene.pursuers.reach, scene.model, scratch.threat
+        )
         assess(
             tree, 0, snapshot.dimension, scene.search, scene.tables.normals, threats, scratch.factor,
             scratch.levels,

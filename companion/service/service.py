@@ -13,6 +13,7 @@ from companion.clock import Clock, WallClock
 from companion.config import MissionConfig, mission_from_text, mission_text
 from companion.config.reload import prepared_mission
 from companion.errors import CompanionError, ConfigError
+from companion.kernels.native.ready import make_ready
 from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.metrics import Endpoint, Metrics
@@ -20,7 +21,6 @@ from companion.service.observers import LivePage, Observers, page_of
 from companion.service.recorded_flight import RecordedFlight
 from companion.service.sd_notify import Notifier, watchdog_of
 from companion.service.signing_setup import signing_of
-from companion.service.warm_up import warm_up
 from companion.service.watchdog import Report, Supervision, stacks_told
 from companion.tasks.app import App
 from companion.threads import in_thread
@@ -195,9 +195,8 @@ class Service:
         self._on_ground = ended.folder
 
     async def _warm(self) -> None:
-        """Compile beside everything else; the first plan waits for it."""
-        _log.info("compiling the planner's kernels")
-        await in_thread(warm_up, self._mission)
+        """Read the kernels, or compile them, beside everything else; the first plan waits for it."""
+        await in_thread(make_ready, _log_progress)
         self._is_warm = True
         self.app.warmed_up()
         _log.info("ready to plan")
@@ -255,6 +254,12 @@ async def serve(
             page=page,
         )  # fmt: skip
         await service.run()
+
+
+def _log_progress(done: int, total: int) -> None:
+    """Say how far compiling has come, ten times."""
+    if done == total or done % max(1, total // 10) == 0:
+        _log.info("compiling the planner's kernels: %d of %d", done, total)
 
 
 def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:

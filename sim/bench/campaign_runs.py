@@ -12,7 +12,7 @@ from companion.campaign.engines.runners import Outcome
 from companion.campaign.flown_methods import FLOWN_METHODS
 from companion.config import MissionConfig
 from companion.frames import FloatArray
-from companion.service.warm_up import warm_up
+from companion.kernels.native.ready import make_ready
 from companion.types.events import Dialect
 from companion.types.path import Path
 from sim.threats.pursuer import TargetEstimate
@@ -43,8 +43,8 @@ class FlightRunner:
         self._dialect = Dialect(campaign.config.autopilot)
 
     def warm_up(self) -> None:
-        """Compile the planner's kernels."""
-        warm_up(self._mission(self._campaign.runs[0]))
+        """Have the planner's kernels ready."""
+        make_ready()
 
     def outcome(self, run: Run) -> Outcome:
         """Fly, and measure the flight."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import asyncio
 
 from companion.config import MissionConfig
+from companion.kernels.native.ready import make_ready
 from companion.offline import Flown
-from companion.service.warm_up import warm_up
 from companion.types.events import Dialect
 from sim.flight_record import record_of
 from sim.sitl import Flight
 
 
 def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:
-    """Fly a mission; kernels are compiled before.
+    """Fly a mission; kernels are read or compiled before.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:
     autopilot : str
         The value of a :class:`Dialect`.
     """
-    warm_up(mission)
+    make_ready()
     flight = Flight(mission, seed, dialect=Dialect(autopilot))
     asyncio.run(flight.fly())
     document = flight.document()

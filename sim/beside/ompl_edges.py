@@ -1,57 +1,46 @@
 """Edges between two poses, as others' planners ask for them: whether one can be flown, and its cost by (9).
 
 An edge is the shortest Dubins path, its height growing evenly along it, in steps of at most what is flown
-in τ. One call of compiled code judges it whole. What it needs of the world, a hundred arrays, stays in one
-compiled object: to hand these over one by one takes 60 µs a call, five times as long as to judge an edge.
+in τ. One call of compiled code judges it whole.
 """
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-from typing import Any
 
-import numba as nb
 import numpy as np
-from numba.experimental import jitclass  # type: ignore[attr-defined]
 
 from companion.frames import FloatArray
 from companion.kernels.aircraft.dubins import sample, shortest, turn_of
+from companion.kernels.arrays import Float1D, Limits, Scene
+from companion.kernels.native.kernel import kernel
+from companion.kernels.native.struct import Struct
 from companion.kernels.search.path_edit import is_clear, path_cost
-from companion.kernels.workspace import PathRows
+from companion.kernels.workspace import PathRows, Workspace
 from companion.planning.explore import Exploration
 
 Pose = tuple[float, float, float, float]  # east, north, up [m], direction [rad]
 
 ROWS_MAX = 2_000
-_Compiled = Any  # numba's objects have no static types
 
 
-class _World:
-    """What edges are judged by; becomes a compiled class."""
+class EdgeWorld(Struct):
+    """What edges are judged by.
 
-    def __init__(  # noqa: PLR0917 - compiled classes take none by keyword
-        self, limits: _Compiled, scene: _Compiled, obstacles: _Compiled, rows: _Compiled, work: _Compiled,
-        segments: _Compiled, delta: float,
-    ) -> None:  # fmt: skip
-        self.limits = limits
-        self.scene = scene
-        self.obstacles = obstacles
-        self.rows = rows
-        self.work = work
-        self.segments = segments
-        self.delta = delta
+    ``rows`` receive an edge, ``segments`` (3,) are used up; ``delta`` is δ_q.
+    """
+
+    limits: Limits
+    scene: Scene
+    rows: PathRows
+    work: Workspace
+    segments: Float1D
+    delta: float
 
 
-@functools.cache
-def _world_class(kinds: tuple[tuple[str, _Compiled], ...]) -> _Compiled:
-    """The compiled class for a world of such types."""
-    return jitclass(list(kinds))(_World)
-
-
-@nb.njit(nogil=True)
-def _laid(world: _Compiled, a: Pose, b: Pose) -> int:
+@kernel
+def lay(world: EdgeWorld, a: Pose, b: Pose) -> int:
     """Lay an edge into the world's rows; how many there are, 0 where it is too steep or too long."""
     limits, segments, rows = world.limits, world.segments, world.rows
     kind = shortest(a[0], a[1], a[3], b[0], b[1], b[3], limits.r_min, segments)
@@ -79,20 +68,22 @@ def _laid(world: _Compiled, a: Pose, b: Pose) -> int:
     return n + 1
 
 
-@nb.njit(nogil=True)
-def _is_free(world: _Compiled, a: Pose, b: Pose) -> bool:
-    n = _laid(world, a, b)
+@kernel
+def is_free(world: EdgeWorld, a: Pose, b: Pose) -> bool:
+    """Whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
+    n = lay(world, a, b)
     rows, box = world.rows, world.limits.bounds
     for k in range(n):
         for axis in range(3):
             if rows.states[k, axis] < box[2 * axis] or rows.states[k, axis] > box[2 * axis + 1]:
                 return False
-    return n > 0 and is_clear(rows, 1, n, world.obstacles, world.limits)
+    return n > 0 and is_clear(rows, 1, n, world.scene.obstacles, world.limits)
 
 
-@nb.njit(nogil=True)
-def _cost(world: _Compiled, a: Pose, b: Pose) -> float:
-    n = _laid(world, a, b)
+@kernel
+def cost(world: EdgeWorld, a: Pose, b: Pose) -> float:
+    """Cost of an edge by (9); infinite where it cannot be flown."""
+    n = lay(world, a, b)
     return path_cost(world.rows, 1, n, world.delta, world.scene, world.work) if n > 0 else math.inf
 
 
@@ -115,21 +106,18 @@ class Edges:
         self.weight = problem.settings.weights_cost[0] / problem.snapshot.unit_m
         self._speed = exploration.limits.v_cruise
         self._rows = PathRows(np.zeros((ROWS_MAX, 6)), np.zeros(ROWS_MAX), np.zeros((ROWS_MAX, 2)))
-        fields = {
-            "limits": exploration.limits, "scene": exploration.scene(),
-            "obstacles": problem.snapshot.obstacles, "rows": self._rows, "work": exploration.work,
-            "segments": np.empty(3), "delta": float(exploration.tree.delta[0]),
-        }  # fmt: skip
-        kinds = tuple((name, nb.typeof(value)) for name, value in fields.items())
-        self._world = _world_class(kinds)(*fields.values())
+        self._world = EdgeWorld(
+            exploration.limits, exploration.scene(), self._rows, exploration.work, np.empty(3),
+            float(exploration.tree.delta[0]),
+        )  # fmt: skip
 
     def is_free(self, first: Pose, second: Pose) -> bool:
         """Whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
-        return bool(_is_free(self._world, first, second))
+        return is_free(self._world, first, second)
 
     def cost(self, first: Pose, second: Pose) -> float:
         """Cost by (9); infinite where the edge cannot be flown, or threat levels are above the limit."""
-        return float(_cost(self._world, first, second))
+        return cost(self._world, first, second)
 
     def states_along(self, poses: list[Pose]) -> FloatArray:
         """States a step apart along edges, shape (N, 6), as the planner's rows.
@@ -141,6 +129,6 @@ class Edges:
         """
         laid = [np.array([[*poses[0], 0.0, self._speed]])]
         for a, b in itertools.pairwise(poses):
-            n = _laid(self._world, a, b)
+            n = lay(self._world, a, b)
             laid.append(self._rows.states[1:n].copy())
         return np.concatenate(laid)

@@ -1,22 +1,23 @@
 """What one call of the kernels takes that a plan calls most, from compiled code as in a plan."""
 
+from __future__ import annotations
+
 import time
 
-import numba as nb
 import numpy as np
 import pytest
 
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.kernels.aircraft.lqg_mp import propagate
-from companion.kernels.borrowed import borrowed
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.arrays import Float1D, Float2D, Obstacles, Pursuers, Tree, Uncertainty
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import clearance
+from companion.kernels.native.kernel import kernel
 from companion.kernels.search.near_nodes import near_nodes
 from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.threat.reachability import gets_to
-from companion.kernels.threat.threat_tree import threat_trees_of
-from companion.kernels.workspace import threat_scene
+from companion.kernels.workspace import FilterScratch, KNearest, ThreatScene, threat_scene
 from companion.planning.explore import Exploration
 from tests.sim.client import CONFIGS
 
@@ -25,9 +26,8 @@ pytestmark = pytest.mark.bench
 CALLS, ROUNDS = 2000, 7
 
 
-@nb.njit
-def lines(points, prisms):
-    prisms = borrowed(prisms)
+@kernel
+def lines(points: Float2D, prisms: Obstacles) -> int:
     n = 0
     for k in range(CALLS):
         p, q = points[k], points[k + 1]
@@ -35,18 +35,16 @@ def lines(points, prisms):
     return n
 
 
-@nb.njit
-def clearances(points, obstacles):
-    obstacles = borrowed(obstacles)
+@kernel
+def clearances(points: Float2D, obstacles: Obstacles) -> float:
     total = 0.0
     for k in range(CALLS):
         total += clearance(points[k, 0], points[k, 1], points[k, 2], obstacles, 1e4)
     return total
 
 
-@nb.njit
-def threats(points, scene):
-    scene = borrowed(scene)
+@kernel
+def threats(points: Float2D, scene: ThreatScene) -> float:
     total = 0.0
     for k in range(CALLS):
         q = points[k + 1]
@@ -54,26 +52,26 @@ def threats(points, scene):
     return total
 
 
-@nb.njit
-def filters(states, tables, p, estimate, p_out, l_out, scratch):
-    tables, scratch = borrowed(tables), borrowed(scratch)
+@kernel
+def filters(
+    states: Float2D, tables: Uncertainty, p: Float2D, estimate: Float2D, p_out: Float2D, l_out: Float2D,
+    scratch: FilterScratch,
+) -> None:  # fmt: skip
     for k in range(CALLS):
         state = states[k % states.shape[0]]
         propagate(state, (0.0, 0.05, 0.0), 1.0, tables, p, estimate, p_out, l_out, scratch)
 
 
-@nb.njit
-def neighbours(points, tree, near):
-    tree, near = borrowed(tree), borrowed(near)
+@kernel
+def neighbours(points: Float2D, tree: Tree, near: KNearest) -> int:
     n = 0
     for k in range(CALLS):
         n += near_nodes(tree, points[k], 20, near)
     return n
 
 
-@nb.njit
-def pursuits(points, trees, prisms, out):
-    trees, prisms = borrowed(trees), borrowed(prisms)
+@kernel
+def pursuits(points: Float2D, trees: Pursuers, prisms: Obstacles, out: Float1D) -> int:
     n = 0
     for k in range(CALLS):
         n += gets_to(trees, 0, 0, points[k, 0], points[k, 1], points[k, 2], 40.0, prisms, out)
@@ -99,7 +97,7 @@ def test_kernels(tell):
     search.reach_goal(np.array(goal.position_enu_m), goal.acceptance_radius_m, 0, lambda: False)
     scene, b = search.scene(), search.limits.bounds
     points = np.random.default_rng(2).uniform(b[::2], b[1::2], (CALLS + 1, 3))
-    prisms, nodes = prisms_of(scene.walls), search.tree.state[: int(search.tree.count[0])]
+    prisms, nodes = scene.walls, search.tree.state[: int(search.tree.count[0])]
     here = threat_scene(search.threats, np.zeros((1, 4)), np.zeros(0), search.model)
     p, out = problem.start.error_covariance, np.empty((2, 6, 6))
     scratch, spot = search.work.growth.lqg, np.empty(6)
@@ -109,7 +107,7 @@ def test_kernels(tell):
         "threat along a line": least(threats, points, here),
         "LQG-MP step": least(filters, nodes, search.tables, p, 0.1 * p, out[0], out[1], scratch),
         f"20 near nodes of {len(nodes)}": least(neighbours, points, search.tree, search.work.near),
-        "reach of a node": least(pursuits, points, threat_trees_of(search.pursuers), prisms, spot),
+        "reach of a node": least(pursuits, points, search.pursuers, prisms, spot),
     }
     for name, nanoseconds in took.items():
         tell(f"paper-3d, {name}", nanoseconds, "ns")

@@ -32,7 +32,7 @@ class PageBench(Bench):
 
 @pytest.fixture
 def bench(tmp_path, monkeypatch):
-    monkeypatch.setattr(services, "warm_up", lambda mission: None)
+    monkeypatch.setattr(services, "make_ready", lambda report: None)
     return PageBench(tmp_path)
 
 

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.geometry.line_of_sight import prisms_of
+from companion.kernels.native.struct import Struct
 from companion.kernels.threat import reachability as r
-from companion.kernels.threat.threat_tree import threat_trees_of
 from companion.kernels.workspace import reach_scratch
 from companion.planning.explore import Exploration
 from companion.planning.settings import Estimator, Strategies
@@ -25,7 +24,7 @@ WORLD = (
     box("house", -300.0, 200.0, -150.0, 300.0, 0.0, 40.0),
 )
 PACKED = packed(WORLD, BOUNDS)
-PRISMS = prisms_of(PACKED)
+PRISMS = PACKED
 
 
 def assert_sound(trees, d):
@@ -44,9 +43,9 @@ def assert_sound(trees, d):
 
 
 def arrays_in(trees):
-    """Every array of a tuple, those of its indices included."""
+    """Every array of a structure, those of its indices included."""
     for part in trees:
-        yield from arrays_in(part) if isinstance(part, tuple) else [part]
+        yield from arrays_in(part) if isinstance(part, tuple | Struct) else [part]
 
 
 def grow(trees, rng, n):
@@ -54,9 +53,7 @@ def grow(trees, rng, n):
     for d in range(len(trees.count)):
         for x, y, z in rng.uniform((-580.0, -580.0, 0.0), (580.0, 580.0, 300.0), (n, 3)):
             r.near_pursuer_nodes(trees, d, x, y, 1, scratch.everything, scratch.near)
-            r.connect(
-                threat_trees_of(trees), d, scratch.near.rows[0], x, y, z, bool(rng.random() < 0.3), PRISMS
-            )
+            r.connect(trees, d, scratch.near.rows[0], x, y, z, bool(rng.random() < 0.3), PRISMS)
 
 
 STEPS = st.lists(

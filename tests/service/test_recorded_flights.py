@@ -91,7 +91,7 @@ class Bench:
 
 @pytest.fixture(autouse=True)
 def _needs_no_kernels(monkeypatch):
-    monkeypatch.setattr(services, "warm_up", lambda mission: None)
+    monkeypatch.setattr(services, "make_ready", lambda report: None)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import threading
 from companion.service import service
 from companion.tasks.plan_maker import Planner
 from companion.tasks import replanning
-service.warm_up = lambda mission: None  # it plans, too
+service.make_ready = lambda report: None  # it plans, too
 def hang(*parts, **named):
     threading.Event().wait()
 """

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D
+from companion.kernels.native.kernel import inlined, kernel
 
 LSL, RSR, LSR, RSL, RLR, LRL = 0, 1, 2, 3, 4, 5
 TWO_PI = 2.0 * math.pi
 
 
-@kernel
+@inlined
 def _mod(angle: float) -> float:
     """The angle in [0, 2π); values a rounding below 2π count as 0, so that no full circle appears."""
     a = angle - TWO_PI * math.floor(angle / TWO_PI)
@@ -66,7 +66,7 @@ def word(kind: int, d: float, alpha: float, beta: float) -> tuple[bool, float, f
 
 @kernel
 def shortest(
-    x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: FloatArray
+    x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: Float1D
 ) -> int:
     """Shortest word between two poses; its segments (t, p, q) in radii go to ``out`` (3,).
 
@@ -87,7 +87,7 @@ def shortest(
 
 @kernel
 def distance(
-    x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: FloatArray
+    x0: float, y0: float, theta0: float, x1: float, y1: float, theta1: float, rho: float, out: Float1D
 ) -> float:
     """Length of the shortest Dubins path between two poses [m]; its segments go to ``out`` (3,) in radii."""
     shortest(x0, y0, theta0, x1, y1, theta1, rho, out)
@@ -108,8 +108,8 @@ def turn_of(kind: int, segment: int) -> float:
 
 @kernel
 def sample(
-    x0: float, y0: float, theta0: float, kind: int, segments: FloatArray, rho: float, s: float,
-    pose: FloatArray,
+    x0: float, y0: float, theta0: float, kind: int, segments: Float1D, rho: float, s: float,
+    pose: Float1D,
 ) -> None:  # fmt: skip
     """Pose (x, y, theta) after ``s`` metres of a word from a start pose, into ``pose`` (3,).
 

@@ -16,15 +16,15 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray, Uncertainty
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D, Float2D, Uncertainty
+from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.workspace import FilterScratch
 
 
 @kernel
 def linearise(
     theta: float, phi: float, v: float, a: float, w: float, wp: float, tau: float,
-    motion: FloatArray, control: FloatArray,
+    motion: Float2D, control: Float2D,
 ) -> None:  # fmt: skip
     """Jacobians of one step about its nominal edge: ``motion`` (6, 6) A, ``control`` (6, 3) B.
 
@@ -49,14 +49,14 @@ def linearise(
     control[5, 0], control[3, 1], control[4, 2] = tau, tau, tau
 
 
-@kernel
+@inlined
 def nearest_entry(value: float, first: float, spacing: float, n: int) -> int:
     """Index of the entry of an axis of ``n`` that is nearest to a value."""
     return min(n - 1, max(0, int(round((value - first) / spacing))))
 
 
 @kernel
-def look_up_gain(v: float, w: float, phi: float, theta: float, tables: Uncertainty, gain: FloatArray) -> None:
+def look_up_gain(v: float, w: float, phi: float, theta: float, tables: Uncertainty, gain: Float2D) -> None:
     """LQR gain of the nearest tabulated (speed, turn rate, climb), turned to ``theta``, into ``gain`` (3, 6).
 
     The motion is the same in every direction, so the table holds direction 0 only and the position
@@ -76,7 +76,7 @@ def look_up_gain(v: float, w: float, phi: float, theta: float, tables: Uncertain
 
 
 @kernel
-def congruence(m: FloatArray, c: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
+def congruence(m: Float2D, c: Float2D, scratch: Float2D, out: Float2D) -> None:
     """``m·c·mᵀ`` of ``m`` (6, 6) and ``c`` (6, 6) into ``out`` (6, 6); ``scratch`` (6, 6) is used up."""
     for i in range(6):
         for j in range(6):
@@ -94,7 +94,7 @@ def congruence(m: FloatArray, c: FloatArray, scratch: FloatArray, out: FloatArra
 
 
 @kernel
-def information_gain(p: FloatArray, measurement: FloatArray, w: FloatArray, chol: FloatArray) -> None:
+def information_gain(p: Float2D, measurement: Float1D, w: Float2D, chol: Float2D) -> None:
     """``w`` (6, 5) with ``w·wᵀ = K·S·Kᵀ``, the covariance a measurement takes out of ``p`` (6, 6).
 
     ``S = H·p·Hᵀ + N`` is factored ``L·Lᵀ`` and ``w = p·Hᵀ·L⁻ᵀ``. ``measurement`` (5,) the variances N;
@@ -118,8 +118,8 @@ def information_gain(p: FloatArray, measurement: FloatArray, w: FloatArray, chol
 
 @kernel
 def propagate(
-    state: FloatArray, control: tuple[float, float, float], dt: float, tables: Uncertainty,
-    p: FloatArray, l: FloatArray, p_out: FloatArray, l_out: FloatArray, work: FilterScratch,  # noqa: E741
+    state: Float1D, control: tuple[float, float, float], dt: float, tables: Uncertainty,
+    p: Float2D, l: Float2D, p_out: Float2D, l_out: Float2D, work: FilterScratch,  # noqa: E741
 ) -> None:  # fmt: skip
     """One edge of LQG-MP: ``P⁺ = P⁻ − K·S·Kᵀ`` and ``Λ⁺ = (A+BL)Λ(A+BL)ᵀ + K·S·Kᵀ``.
 
@@ -167,7 +167,7 @@ def largest_eigenvalue(a: float, b: float, c: float, d: float, e: float, f: floa
 
 
 @kernel
-def position_deviation(p: FloatArray, l: FloatArray, dimension: int) -> float:  # noqa: E741
+def position_deviation(p: Float2D, l: Float2D, dimension: int) -> float:  # noqa: E741
     """Largest standard deviation of the position part of Σ = P + Λ [m], in the plane or in space.
 
     ``p`` (6, 6) is P and ``l`` (6, 6) Λ.
@@ -181,7 +181,7 @@ def position_deviation(p: FloatArray, l: FloatArray, dimension: int) -> float:  
 
 
 @kernel
-def position_factor(p: FloatArray, l: FloatArray, dimension: int, factor: FloatArray) -> None:  # noqa: E741
+def position_factor(p: Float2D, l: Float2D, dimension: int, factor: Float2D) -> None:  # noqa: E741
     """Lower Cholesky factor of the position part of Σ, into ``factor`` (3, 3) [m].
 
     ``p`` (6, 6) is P and ``l`` (6, 6) Λ; the up row is 0 in the plane.

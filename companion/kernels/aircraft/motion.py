@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray, Limits
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D, Limits
+from companion.kernels.native.kernel import inlined, kernel
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
 SLOWEST = 0.1  # of the airspeed, over the ground
@@ -16,7 +16,7 @@ WIND_RESERVE = 1.1  # of the wind is reckoned with, where more of it allows less
 STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
 
 
-@kernel
+@inlined
 def wrapped(angle: float) -> float:
     """The angle in [-π, π]."""
     turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
@@ -37,7 +37,7 @@ def turn_radius(v: float, limits: Limits) -> float:
 
 @kernel
 def steer(
-    state: FloatArray, turn: int, straight: float, x: float, y: float, z: float, limits: Limits
+    state: Float1D, turn: int, straight: float, x: float, y: float, z: float, limits: Limits
 ) -> tuple[float, float, float]:
     """Control (a, w, wp) of one step towards (x, y, z).
 
@@ -64,7 +64,7 @@ def steer(
 
 
 @kernel
-def advance(state: FloatArray, a: float, w: float, wp: float, tau: float, out: FloatArray) -> None:
+def advance(state: Float1D, a: float, w: float, wp: float, tau: float, out: Float1D) -> None:
     """The state after ``tau`` seconds of constant control from ``state`` (6,), into ``out`` (6,)."""
     half = 0.5 * w * tau
     k = 1.0 if abs(half) < 1e-9 else math.sin(half) / half
@@ -91,7 +91,7 @@ def ground_speed(theta: float, v: float, limits: Limits) -> float:
 
 
 @kernel
-def slowness(p: FloatArray, q: FloatArray, limits: Limits) -> float:
+def slowness(p: Float1D, q: Float1D, limits: Limits) -> float:
     """How many times as long as in still air the edge from state ``p`` (6,) to ``q`` (6,) takes.
 
     Its course turns evenly; Simpson's rule over its beginning, middle and end.
@@ -108,7 +108,7 @@ def slowness(p: FloatArray, q: FloatArray, limits: Limits) -> float:
 
 
 @kernel
-def state_status(state: FloatArray, limits: Limits) -> int:
+def state_status(state: Float1D, limits: Limits) -> int:
     """``OK``, or which constraint ``state`` (6,) breaks."""
     b = limits.bounds
     if state[0] < b[0] or state[0] > b[1] or state[1] < b[2] or state[1] > b[3]:
@@ -120,7 +120,7 @@ def state_status(state: FloatArray, limits: Limits) -> int:
     return OK
 
 
-@kernel
+@inlined
 def straight_after(turn: int, straight: float, w: float, length: float) -> tuple[int, float]:
     """Turn sign and straight length carried on after an edge of turn rate ``w``."""
     if w > STRAIGHT_RATE:
@@ -130,7 +130,7 @@ def straight_after(turn: int, straight: float, w: float, length: float) -> tuple
     return 0, length if turn != 0 else straight + length
 
 
-@kernel
-def distance_to(state: FloatArray, point: FloatArray) -> float:
+@inlined
+def distance_to(state: Float1D, point: Float1D) -> float:
     """Distance of the position of ``state`` (≥ 3,) to ``point`` (≥ 3,) [m]."""
     return math.sqrt((state[0] - point[0]) ** 2 + (state[1] - point[1]) ** 2 + (state[2] - point[2]) ** 2)

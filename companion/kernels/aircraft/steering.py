@@ -13,10 +13,10 @@ Beard, McLain, *Small Unmanned Aircraft*, 2012, eq. (9.14): the coordinated turn
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from companion.kernels.arrays import FloatArray
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D, Float2D
+from companion.kernels.native.kernel import kernel, local_floats
+from companion.kernels.native.struct import Struct
 
 GRAVITY = 9.80665
 STEP = 0.05  # of the integration [s]
@@ -26,7 +26,7 @@ HALF_PI = 0.5 * math.pi
 SIN_45 = 0.7071  # sine of the angle at which a leg far off is met
 
 
-class SteeringLaw(NamedTuple):
+class SteeringLaw(Struct):
     """Parameters of an autopilot's guidance.
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
@@ -55,7 +55,7 @@ def _pull(angle: float, speed: float, law: SteeringLaw) -> float:
 
 @kernel
 def leg_acceleration(
-    e: float, n: float, ve: float, vn: float, begin: FloatArray, end: FloatArray, law: SteeringLaw
+    e: float, n: float, ve: float, vn: float, begin: Float1D, end: Float1D, law: SteeringLaw
 ) -> float:
     """Acceleration to the right along a leg [m/s²], from ``begin`` (3,) to ``end`` (3,).
 
@@ -83,9 +83,7 @@ def leg_acceleration(
 
 
 @kernel
-def circle_acceleration(
-    e: float, n: float, ve: float, vn: float, circle: FloatArray, law: SteeringLaw
-) -> float:
+def circle_acceleration(e: float, n: float, ve: float, vn: float, circle: Float1D, law: SteeringLaw) -> float:
     """Acceleration to the right onto and round ``circle`` (4,) [m/s²]: its centre, and radius.
 
     The radius is positive clockwise. Outside, the centre is steered for until the circle's own law turns
@@ -110,7 +108,7 @@ def circle_acceleration(
 
 
 @kernel
-def moved(state: FloatArray, wind: tuple[float, float], acceleration: float, law: SteeringLaw) -> None:
+def moved(state: Float1D, wind: tuple[float, float], acceleration: float, law: SteeringLaw) -> None:
     """Fly one step: ``state`` (6,) e n up psi phi v is moved on; its height stays."""
     wanted = max(-law.bank_max, min(law.bank_max, math.atan(acceleration / GRAVITY)))
     rate = max(-law.roll_rate_max, min(law.roll_rate_max, (wanted - state[4]) / max(law.roll_time, STEP)))
@@ -125,7 +123,7 @@ def moved(state: FloatArray, wind: tuple[float, float], acceleration: float, law
 
 
 @kernel
-def _share(state: FloatArray, begin: FloatArray, end: FloatArray) -> float:
+def _share(state: Float1D, begin: Float1D, end: Float1D) -> float:
     """How much of the leg from ``begin`` (3,) to ``end`` (3,) lies behind ``state`` (6,); 1 abeam the end."""
     de, dn = end[0] - begin[0], end[1] - begin[1]
     square = de * de + dn * dn
@@ -135,7 +133,7 @@ def _share(state: FloatArray, begin: FloatArray, end: FloatArray) -> float:
 
 
 @kernel
-def _height(share: float, begin: FloatArray, end: FloatArray, law: SteeringLaw) -> float:
+def _height(share: float, begin: Float1D, end: Float1D, law: SteeringLaw) -> float:
     """Height to be flown at a share of the leg from ``begin`` (3,) to ``end`` (3,) [m]."""
     change = end[2] - begin[2]
     if abs(change) < law.slope_min:
@@ -144,7 +142,7 @@ def _height(share: float, begin: FloatArray, end: FloatArray, law: SteeringLaw) 
 
 
 @kernel
-def _is_reached(state: FloatArray, share: float, end: FloatArray, law: SteeringLaw) -> bool:
+def _is_reached(state: Float1D, share: float, end: Float1D, law: SteeringLaw) -> bool:
     """Whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
     if abs(state[2] - end[2]) > law.height_acceptance:
         return False
@@ -154,8 +152,8 @@ def _is_reached(state: FloatArray, share: float, end: FloatArray, law: SteeringL
 
 @kernel
 def fly_targets(
-    state: FloatArray, wind: tuple[float, float], places: FloatArray, circle: FloatArray,
-    law: SteeringLaw, every: int, rows: FloatArray,
+    state: Float1D, wind: tuple[float, float], places: Float2D, circle: Float1D,
+    law: SteeringLaw, every: int, rows: Float2D,
 ) -> None:  # fmt: skip
     """Fly leg by leg, then round a circle; what is passed every so many steps goes to ``rows`` (K, 7).
 
@@ -164,7 +162,8 @@ def fly_targets(
     A row is e, n, up, course over the ground, bank, climb angle, and the number of the target: M behind
     the last.
     """
-    target, begin = 1, places[0].copy()
+    target, begin, end = 1, local_floats(3), local_floats(3)
+    begin[:] = places[0]
     last = len(places) - 1
     climbed = 0.0
     for row in range(len(rows)):
@@ -181,13 +180,13 @@ def fly_targets(
                 share = _share(state, begin, places[target])
                 if _is_reached(state, share, places[target], law):
                     if target < last or circle[3] != 0.0:
-                        begin = places[target].copy()
+                        begin[:] = places[target]
                     target += 1
             if target > last and circle[3] != 0.0:
                 wanted = circle[2]
                 pull = circle_acceleration(state[0], state[1], ve, vn, circle, law)
             else:
-                end = places[min(target, last)].copy()
+                end[:] = places[min(target, last)]
                 wanted = _height(_share(state, begin, end), begin, end, law)
                 if target > last:  # on along its line
                     end[0] += 1e3 * (end[0] - begin[0])

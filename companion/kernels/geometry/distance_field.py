@@ -11,18 +11,17 @@ import math
 
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, Guide, Limits, Obstacles, Tree
+from companion.kernels.arrays import Float1D, Float2D, Guide, Limits, Obstacles, Tree
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel
 
 FIRST_PICK = 8  # column of the draws from which nodes are picked
 PICKS = 8  # nodes compared: the one farthest on is followed
 SPREAD = 0.5  # radius of the disc a sample is drawn from, of the way it lies ahead
 
 
-@kernel
 def fill_distance_field(
-    point: FloatArray, radius: float, margin: float, bounds: FloatArray, obstacles: Obstacles, guide: Guide
+    point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles, guide: Guide
 ) -> None:
     """Distance of ``point`` (≥ 3,) round obstacles at its height from every cell of a guide, in place [m].
 
@@ -38,8 +37,8 @@ def fill_distance_field(
 
 @kernel
 def fill_free(
-    point: FloatArray, radius: float, margin: float, bounds: FloatArray, obstacles: Obstacles, guide: Guide,
-    free: FloatArray,
+    point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles, guide: Guide,
+    free: Float2D,
 ) -> None:  # fmt: skip
     """Which cells of a guide may be passed at the height of ``point`` (≥ 3,): 1 in ``free`` (N, M), else 0.
 
@@ -59,7 +58,7 @@ def fill_free(
 
 
 @kernel
-def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
+def fill_distances(point: Float1D, guide: Guide, free: Float2D) -> None:
     """Distance of ``point`` (≥ 2,) over the cells that are ``free`` (N, M), into the guide's field [m].
 
     A cell's ``free`` is how many times its length a way over it counts, 0 where none leads. The point's own
@@ -67,7 +66,7 @@ def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
     """
     field, origin, cell = guide.field, guide.origin, guide.cell
     x, y = point[0], point[1]
-    field[:] = np.inf
+    field[:] = math.inf
     i, j = int(round((x - origin[0]) / cell)), int(round((y - origin[1]) / cell))
     if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
         return
@@ -77,7 +76,7 @@ def fill_distances(point: FloatArray, guide: Guide, free: FloatArray) -> None:
 
 
 @kernel
-def _sweep(field: FloatArray, free: FloatArray, cell: float, step: int) -> bool:
+def _sweep(field: Float2D, free: Float2D, cell: float, step: int) -> bool:
     """One sweep over all rows, each crossed both ways; whether anything changed.
 
     ``field`` (N, M) distances so far [m]; ``free`` (N, M) as in :func:`fill_distances`.
@@ -121,7 +120,7 @@ def distance_to_go(guide: Guide, x: float, y: float) -> float:
 
 @kernel
 def draw_ahead(
-    draws: FloatArray, tree: Tree, guide: Guide, sub_goal: FloatArray, limits: Limits, q_s: FloatArray
+    draws: Float1D, tree: Tree, guide: Guide, sub_goal: Float1D, limits: Limits, q_s: Float1D
 ) -> bool:
     """A sample ahead of a node that is far on; False where no way leads from any node.
 

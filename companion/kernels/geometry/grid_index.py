@@ -9,20 +9,20 @@ Symbols: ``rows`` (N, ≥ 2) the tree's places as they are [m]; ``bounds`` (4,) 
 
 from __future__ import annotations
 
-from companion.kernels.arrays import NUM_CELLS, FloatArray, GridIndex, IntArray
-from companion.kernels.jit import kernel_numpy_errors
+from companion.kernels.arrays import NUM_CELLS, Float1D, Float2D, GridIndex, Int1D
+from companion.kernels.native.kernel import inlined_numpy_errors, kernel_numpy_errors
 from companion.kernels.workspace import KNearest
 
 FEW = 48  # rows up to which looking at all of them is quicker
 
 
-@kernel_numpy_errors
-def cell_size(bounds: FloatArray) -> float:
+@inlined_numpy_errors
+def cell_size(bounds: Float1D) -> float:
     """Side of a cell [m]: square cells that cover ``bounds`` (4,)."""
     return max(bounds[1] - bounds[0], bounds[3] - bounds[2], 1e-9) / NUM_CELLS
 
 
-@kernel_numpy_errors
+@inlined_numpy_errors
 def cell_along(value: float, low: float, size: float) -> int:
     """Cell along one axis; those at the rim reach on outwards without end, what is no number is in 0."""
     at = (value - low) / size
@@ -31,14 +31,14 @@ def cell_along(value: float, low: float, size: float) -> int:
     return int(at) if at > 0.0 else 0
 
 
-@kernel_numpy_errors
-def cell_of(x: float, y: float, bounds: FloatArray, size: float) -> int:
+@inlined_numpy_errors
+def cell_of(x: float, y: float, bounds: Float1D, size: float) -> int:
     """Number of a place's cell; ``bounds`` (4,) of all cells [m]."""
     return cell_along(x, bounds[0], size) * NUM_CELLS + cell_along(y, bounds[2], size)
 
 
 @kernel_numpy_errors
-def follow(index: GridIndex, filled: int, rows: FloatArray, n: int, bounds: FloatArray) -> None:
+def follow(index: GridIndex, filled: int, rows: Float2D, n: int, bounds: Float1D) -> None:
     """Bring an index of ``filled`` rows up to a tree of ``n``.
 
     Since it was asked last the tree may have grown or been cut back, or its last rows may have been
@@ -88,9 +88,7 @@ def keep(near: KNearest, found: int, k: int, square: float, row: int) -> int:
 
 
 @kernel_numpy_errors
-def nearest_of_all(
-    rows: FloatArray, n: int, active: IntArray, x: float, y: float, k: int, near: KNearest
-) -> int:
+def nearest_of_all(rows: Float2D, n: int, active: Int1D, x: float, y: float, k: int, near: KNearest) -> int:
     """The ``k`` nearest of ``n`` rows, by looking at each; how many there are.
 
     ``rows`` (N, ≥ 2) places [m]; ``active`` (N,) marks those that count, empty: all do.
@@ -105,7 +103,7 @@ def nearest_of_all(
     return found
 
 
-@kernel_numpy_errors
+@inlined_numpy_errors
 def least_distance(value: float, low: float, size: float, cell: int) -> float:
     """Least distance along one axis from a value to a cell's places [m]; 0 towards cells without end."""
     if cell > 0 and value < low + cell * size:
@@ -117,7 +115,7 @@ def least_distance(value: float, low: float, size: float, cell: int) -> float:
 
 @kernel_numpy_errors
 def keep_chain(
-    index: GridIndex, row: int, rows: FloatArray, active: IntArray, x: float, y: float, found: int, k: int,
+    index: GridIndex, row: int, rows: Float2D, active: Int1D, x: float, y: float, found: int, k: int,
     near: KNearest,
 ) -> int:  # fmt: skip
     """Keep of one cell's rows, from ``row`` on, those nearest to a place; -1 where one is stale.
@@ -138,7 +136,7 @@ def keep_chain(
 
 @kernel_numpy_errors
 def nearest_by_cells(
-    index: GridIndex, rows: FloatArray, bounds: FloatArray, active: IntArray, x: float, y: float, k: int,
+    index: GridIndex, rows: Float2D, bounds: Float1D, active: Int1D, x: float, y: float, k: int,
     near: KNearest,
 ) -> int:  # fmt: skip
     """The ``k`` nearest rows of an index, ring by ring of cells about the place; -1 where it is stale.
@@ -179,7 +177,7 @@ def nearest_by_cells(
 
 @kernel_numpy_errors
 def nearest(
-    index: GridIndex, rows: FloatArray, n: int, bounds: FloatArray, active: IntArray, x: float, y: float,
+    index: GridIndex, rows: Float2D, n: int, bounds: Float1D, active: Int1D, x: float, y: float,
     k: int, near: KNearest,
 ) -> int:  # fmt: skip
     """The ``k`` nearest of ``n`` rows; the index is brought up to the tree, or made anew. How many there are.

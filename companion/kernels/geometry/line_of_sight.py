@@ -1,8 +1,7 @@
 """Lines among upright prisms, for callers that ask thousands of times a plan.
 
 A line is clipped to a prism's box before its polygon is looked at, and where the polygon is its own box
-that settles it. Only the arrays needed are passed on: numba passes a tuple's arrays one by one, which costs
-more than most of these tests do.
+that settles it.
 
 References
 ----------
@@ -11,33 +10,13 @@ Ericson, *Real-Time Collision Detection* (2005), 5.3.3 (segment against a box by
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-from companion.kernels.arrays import FloatArray, IntArray, Obstacles
+from companion.kernels.arrays import Float2D, Obstacles
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
-from companion.kernels.jit import kernel, kernel_numpy_errors
-
-
-class Prisms(NamedTuple):
-    """The part of :class:`~companion.kernels.arrays.Obstacles` that lines are tested against.
-
-    ``boxes`` (O, 4), ``heights`` (O, 2), ``edges`` (E, 4) [m] and ``offsets`` (O + 1,) as there.
-    """
-
-    boxes: FloatArray
-    heights: FloatArray
-    edges: FloatArray
-    offsets: IntArray
-
-
-@kernel
-def prisms_of(obstacles: Obstacles) -> Prisms:
-    """The prisms alone, without the distance field."""
-    return Prisms(obstacles.boxes, obstacles.heights, obstacles.edges, obstacles.offsets)
+from companion.kernels.native.kernel import kernel_numpy_errors
 
 
 @kernel_numpy_errors
-def is_rectangle(edges: FloatArray, first: int, last: int) -> bool:
+def is_rectangle(edges: Float2D, first: int, last: int) -> bool:
     """Whether a polygon has four sides, all along the axes: then it fills its box.
 
     It is rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m].
@@ -53,7 +32,7 @@ def is_rectangle(edges: FloatArray, first: int, last: int) -> bool:
 
 
 @kernel_numpy_errors
-def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: FloatArray, first: int, last: int) -> bool:
+def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: Float2D, first: int, last: int) -> bool:
     """Whether a polygon, rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m], meets the segment a–b."""
     if point_in_polygon(ax, ay, edges, first, last):
         return True
@@ -64,7 +43,7 @@ def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: FloatArray, f
 
 
 @kernel_numpy_errors
-def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: float, prisms: Prisms) -> bool:
+def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: float, prisms: Obstacles) -> bool:
     """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z."""
     boxes, heights, edges, offsets = prisms.boxes, prisms.heights, prisms.edges, prisms.offsets
     x_low, x_high = min(px, qx), max(px, qx)

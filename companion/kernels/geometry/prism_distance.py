@@ -14,12 +14,12 @@ import math
 
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, Obstacles
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D, Float2D, Float3D, FloatArray, Obstacles
+from companion.kernels.native.kernel import inlined, kernel
 
 
 @kernel
-def point_in_polygon(x: float, y: float, edges: FloatArray, first: int, last: int) -> bool:
+def point_in_polygon(x: float, y: float, edges: Float2D, first: int, last: int) -> bool:
     """Whether a point lies inside the polygon of rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m]."""
     inside = False
     for e in range(first, last):
@@ -29,7 +29,7 @@ def point_in_polygon(x: float, y: float, edges: FloatArray, first: int, last: in
     return inside
 
 
-@kernel
+@inlined
 def distance_to_edge_squared(x: float, y: float, x0: float, y0: float, x1: float, y1: float) -> float:
     """Squared distance of a point to a segment in the plane [m²]."""
     dx, dy = x1 - x0, y1 - y0
@@ -85,7 +85,7 @@ def clearance_bound(x: float, y: float, z: float, obstacles: Obstacles) -> float
 
 
 @kernel
-def fill_field(field: FloatArray, grid: FloatArray, obstacles: Obstacles) -> None:
+def fill_field(field: Float3D, grid: Float1D, obstacles: Obstacles) -> None:
     """Distance to the nearest prism at every node of a grid, in place.
 
     ``field`` (NX, NY, NZ) receives it [m]; ``grid`` (6,) x0 y0 z0 and the spacings dx dy dz [m].
@@ -147,7 +147,7 @@ def segment_clear(
 
 @kernel
 def boxes_on_segment(
-    px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, out: FloatArray
+    px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, out: Float2D
 ) -> int:
     """Heights and widths of the bounding boxes a segment crosses, as (6) wants them [m].
 

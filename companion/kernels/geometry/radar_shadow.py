@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray, Obstacles
+from companion.kernels.arrays import Float1D, Float2D, Obstacles
 from companion.kernels.geometry.prism_distance import point_in_polygon
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel
 
 NO_SHADOW = -1.0e9
 NEARLY_NORTH_M = 1e-6
@@ -90,7 +90,7 @@ def sector_behind(rx: float, ry: float, obstacles: Obstacles, o: int) -> tuple[f
 
 
 @kernel
-def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obstacles: Obstacles) -> None:
+def fill_shadows(shadows: Float2D, grid: Float1D, radar: Float1D, obstacles: Obstacles) -> None:
     """Shadow height of one radar at every node of a grid, in place.
 
     That of the prism that hides most; only nodes in the sector behind a prism are looked at.
@@ -123,7 +123,7 @@ def fill_shadows(shadows: FloatArray, grid: FloatArray, radar: FloatArray, obsta
 
 
 @kernel
-def is_hidden(x: float, y: float, z: float, shadows: FloatArray, grid: FloatArray) -> bool:
+def is_hidden(x: float, y: float, z: float, shadows: Float2D, grid: Float1D) -> bool:
     """Whether a point is in a radar's shadow: it must be below all four nodes of its cell.
 
     Taking the lowest corner shrinks shadows by at most a cell: masking is never claimed where the

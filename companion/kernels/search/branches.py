@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.motion import distance_to, slowness, straight_after
-from companion.kernels.arrays import Branches, FloatArray, IntArray, Limits, Scene, Tree
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Branches, Float1D, Float2D, Int1D, Limits, Scene, Tree
+from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.search.growth import renew_covariance
 from companion.kernels.search.path_edit import breaks_turn_rule
 from companion.kernels.workspace import FilterScratch, Walk
@@ -17,7 +17,7 @@ from companion.kernels.workspace import FilterScratch, Walk
 SETTLED = 1e-4  # change of δ_q below which descendants keep their covariance
 
 
-@kernel
+@inlined
 def attach_child(tree: Tree, branches: Branches, i: int) -> None:
     """Enter node ``i`` among its parent's children."""
     up = tree.parent[i]
@@ -40,7 +40,7 @@ def detach_child(tree: Tree, branches: Branches, i: int) -> None:
 
 
 @kernel
-def next_stage(stage: int, x: float, y: float, z: float, goals: FloatArray) -> int:
+def next_stage(stage: int, x: float, y: float, z: float, goals: Float2D) -> int:
     """Goals passed at a point reached with ``stage`` of them passed; ``goals`` (G, 4) x y z radius [m]."""
     if stage < goals.shape[0]:
         g = goals[stage]
@@ -76,7 +76,7 @@ def enter_below(tree: Tree, branches: Branches, root: int) -> None:
 
 
 @kernel
-def activate(tree: Tree, centre: FloatArray, horizon: float, end: int, root: int, below: IntArray) -> None:
+def activate(tree: Tree, centre: Float1D, horizon: float, end: int, root: int, below: Int1D) -> None:
     """Search ``end``, and the nodes below ``root`` within ``horizon`` metres of ``centre`` (3,) [m].
 
     Other branches have not passed the goals before ``root``. ``below`` (N,) is used up.
@@ -90,7 +90,7 @@ def activate(tree: Tree, centre: FloatArray, horizon: float, end: int, root: int
 
 
 @kernel
-def path_to(tree: Tree, root: int, goal: int, path: IntArray) -> int:
+def path_to(tree: Tree, root: int, goal: int, path: Int1D) -> int:
     """Nodes from the goal back to ``root``, into ``path`` (P,); how many."""
     n, i = 0, goal
     while n < path.shape[0]:
@@ -103,7 +103,7 @@ def path_to(tree: Tree, root: int, goal: int, path: IntArray) -> int:
 
 
 @kernel
-def remove_below(tree: Tree, branches: Branches, top_node: int, stack: IntArray) -> int:
+def remove_below(tree: Tree, branches: Branches, top_node: int, stack: Int1D) -> int:
     """Take a node and all below it out of the search; how many there were. ``stack`` (N,) is used up."""
     detach_child(tree, branches, top_node)
     stack[0], top, n = top_node, 1, 0

@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.motion import wrapped
-from companion.kernels.arrays import FloatArray, Scene, Search, Tree
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Float1D, Float2D, Scene, Search, Tree
+from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.workspace import ThreatScene, ThreatScratch
 
 
 @kernel
-def turn_cost(state: FloatArray, x: float, y: float, z: float) -> float:
+def turn_cost(state: Float1D, x: float, y: float, z: float) -> float:
     """P_y of (9): absolute course change plus climb angle from ``state`` (6,) to a point [rad].
 
     Descent is free.
@@ -26,13 +26,13 @@ def turn_cost(state: FloatArray, x: float, y: float, z: float) -> float:
     return min(math.pi, yaw + max(0.0, math.atan2(dz, flat)))
 
 
-@kernel
-def threats_at(scene: Scene, points: FloatArray, scratch: ThreatScratch) -> ThreatScene:
+@inlined
+def threats_at(scene: Scene, points: Float2D, scratch: ThreatScratch) -> ThreatScene:
     """What threatens while the DTs are at ``points`` (D, 4) [m]."""
     return ThreatScene(scene.threats, points, scene.pursuers.reach, scene.model, scratch)
 
 
-@kernel
+@inlined
 def threats_when(tree: Tree, i: int, threats: ThreatScene) -> ThreatScene:
     """The same threats with the DTs where they can be when node ``i`` is reached."""
     return ThreatScene(threats.threats, tree.threat_point[i], threats.reach, threats.model, threats.scratch)
@@ -40,7 +40,7 @@ def threats_when(tree: Tree, i: int, threats: ThreatScene) -> ThreatScene:
 
 @kernel
 def step_cost(
-    p: FloatArray, x: float, y: float, z: float, delta: float, search: Search, threats: ThreatScene
+    p: Float1D, x: float, y: float, z: float, delta: float, search: Search, threats: ThreatScene
 ) -> float:
     """D_C of (9) from the state ``p`` (6,) to a point, lengths in planning units."""
     d = math.sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2) / search.unit

@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.motion import OK, advance, distance_to, state_status, steer, straight_after
-from companion.kernels.arrays import FloatArray, IntArray, Limits, Scene, Tree
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Scene, Tree
 from companion.kernels.geometry.distance_field import FIRST_PICK, PICKS, distance_to_go, draw_ahead
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
-from companion.kernels.jit import kernel
+from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.native.kernel import kernel
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import (
     BLOCKED,
@@ -33,8 +32,8 @@ DRAWS = FIRST_PICK + PICKS  # uniform numbers an iteration uses
 
 @kernel
 def draw_sample(
-    draws: FloatArray, zoom: float, centre: FloatArray, horizon: float, sub_goal: FloatArray, nearest: float,
-    limits: Limits, q_s: FloatArray,
+    draws: Float1D, zoom: float, centre: Float1D, horizon: float, sub_goal: Float1D, nearest: float,
+    limits: Limits, q_s: Float1D,
 ) -> None:  # fmt: skip
     """A sample in the horizon, or (GoalZoom) in the ball about the sub goal, into ``q_s`` (3,) [m].
 
@@ -62,8 +61,8 @@ def draw_sample(
 
 @kernel
 def greedy_connect(
-    tree: Tree, scene: Scene, i: int, centre: FloatArray, horizon: float, sub_goal: FloatArray,
-    straight: Straight, stats: IntArray,
+    tree: Tree, scene: Scene, i: int, centre: Float1D, horizon: float, sub_goal: Float1D,
+    straight: Straight, stats: Int1D,
 ) -> int:  # fmt: skip
     """Steps from node ``i`` to the sub goal, each with the sub goal in its domain; 0 where there are none.
 
@@ -78,7 +77,7 @@ def greedy_connect(
         return 0
     stats[0] += 1
     x, y, z = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2]
-    if line_blocked(x, y, z, gx, gy, gz, prisms_of(scene.obstacles)):
+    if line_blocked(x, y, z, gx, gy, gz, scene.obstacles):
         return 0
     most = min(MAX_STRAIGHT, int(left / (limits.v_min * limits.tau)) + TURN_STEPS)
     turn, flown, state = tree.turn[i], tree.straight[i], tree.state[i]
@@ -106,7 +105,7 @@ def greedy_connect(
 
 @kernel
 def grow_straight(
-    tree: Tree, scene: Scene, i: int, steps: int, sub_goal: FloatArray, draws: FloatArray, work: Workspace
+    tree: Tree, scene: Scene, i: int, steps: int, sub_goal: Float1D, draws: Float1D, work: Workspace
 ) -> tuple[int, float]:
     """Add the steps of a greedy connection as long as the sub goal lies in the last one's domain.
 
@@ -128,7 +127,7 @@ def grow_straight(
 
 
 @kernel
-def enter_sub_task(tree: Tree, scene: Scene, sub_goal: FloatArray) -> float:
+def enter_sub_task(tree: Tree, scene: Scene, sub_goal: Float1D) -> float:
     """Note each searched node's distance to go; the least distance to ``sub_goal`` (3,) [m]."""
     nearest = math.inf
     for i in range(tree.count[0]):
@@ -140,7 +139,7 @@ def enter_sub_task(tree: Tree, scene: Scene, sub_goal: FloatArray) -> float:
 
 @kernel
 def explore(
-    tree: Tree, scene: Scene, centre: FloatArray, horizon: float, sub_goal: FloatArray, draws: FloatArray,
+    tree: Tree, scene: Scene, centre: Float1D, horizon: float, sub_goal: Float1D, draws: Float2D,
     work: Workspace,
 ) -> tuple[int, int]:  # fmt: skip
     """Grow the tree by one iteration a row of ``draws`` (M, DRAWS), until the sub goal is reached.
@@ -148,7 +147,6 @@ def explore(
     Returns ``REACHED`` and the node, else ``RUNNING`` or ``FULL`` and -1. ``centre`` (3,) of the horizon
     and ``sub_goal`` (3,) [m]; ``work.stats`` counts.
     """
-    tree, scene, work, draws = borrowed(tree), borrowed(scene), borrowed(work), borrowed(draws)
     search, guide, limits, obstacles = scene.search, scene.guide, scene.limits, scene.obstacles
     q_s, step, stats = work.sample, work.step, work.stats
     threats = threats_at(scene, work.points, work.growth.threat)

@@ -18,8 +18,9 @@ from companion.kernels.aircraft.motion import (
     straight_after,
 )
 from companion.kernels.arrays import (
-    FloatArray,
-    IntArray,
+    Float1D,
+    Float2D,
+    Int1D,
     Limits,
     Obstacles,
     Pursuers,
@@ -29,9 +30,9 @@ from companion.kernels.arrays import (
     Uncertainty,
 )
 from companion.kernels.geometry.distance_field import distance_to_go
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import clearance, segment_clear
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.search.costs import cost_distance, threats_at, threats_when
 from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.intercept import EYE_M
@@ -78,8 +79,8 @@ def child_by(tree: Tree, i: int, w: float, wp: float) -> int:
 
 @kernel
 def extend(
-    tree: Tree, i: int, q_s: FloatArray, centre: FloatArray, horizon: float, obstacles: Obstacles,
-    limits: Limits, step: Step, stats: IntArray,
+    tree: Tree, i: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
+    limits: Limits, step: Step, stats: Int1D,
 ) -> int:  # fmt: skip
     """One step from node ``i`` towards ``q_s`` (3,) [m]: ``EXTENDED``, or why not.
 
@@ -103,7 +104,7 @@ def extend(
 
 
 @kernel
-def is_edge_clear(state: FloatArray, out: FloatArray, w: float, obstacles: Obstacles, limits: Limits) -> bool:
+def is_edge_clear(state: Float1D, out: Float1D, w: float, obstacles: Obstacles, limits: Limits) -> bool:
     """Whether one step keeps the margin: its chord does, widened by the arc's sagitta.
 
     It leads from ``state`` (6,) to ``out`` (6,) at the turn rate ``w``.
@@ -116,8 +117,8 @@ def is_edge_clear(state: FloatArray, out: FloatArray, w: float, obstacles: Obsta
 
 @kernel
 def extend_or_descend(
-    tree: Tree, q_n: int, q_s: FloatArray, centre: FloatArray, horizon: float, obstacles: Obstacles,
-    limits: Limits, step: Step, stats: IntArray,
+    tree: Tree, q_n: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
+    limits: Limits, step: Step, stats: Int1D,
 ) -> tuple[int, int]:  # fmt: skip
     """:func:`extend`, following children that were made by the same control; the node and the outcome.
 
@@ -137,8 +138,8 @@ def extend_or_descend(
 
 @kernel
 def assess(
-    tree: Tree, i: int, dimension: int, search: Search, normals: FloatArray, threats: ThreatScene,
-    factor: FloatArray, levels: FloatArray,
+    tree: Tree, i: int, dimension: int, search: Search, normals: Float2D, threats: ThreatScene,
+    factor: Float2D, levels: Float1D,
 ) -> None:  # fmt: skip
     """Threat level and TUDD of a node, from its covariance and the DTs' present estimate.
 
@@ -178,7 +179,7 @@ def renew_covariance(
 
 @kernel
 def add_node(
-    tree: Tree, parent: int, state: FloatArray, control: FloatArray, dt: float, scene: Scene,
+    tree: Tree, parent: int, state: Float1D, control: Float1D, dt: float, scene: Scene,
     scratch: FilterScratch,
 ) -> int:  # fmt: skip
     """Append a node with its time, turn rule, covariance and clearance; returns its row.
@@ -211,7 +212,7 @@ def add_node(
     return int(i)
 
 
-@kernel
+@inlined
 def drop_last(tree: Tree, parent: int) -> None:
     """Take back the node added last."""
     tree.count[0] -= 1
@@ -222,7 +223,7 @@ def drop_last(tree: Tree, parent: int) -> None:
 @kernel
 def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: Obstacles) -> None:
     """A DT that could be somewhere for the parent can wait there for the child, if it sees it."""
-    state, prisms = tree.state[i], prisms_of(walls)
+    state, prisms = tree.state[i], walls
     for d in range(pursuers.model.shape[0]):
         point = tree.threat_point[parent, d]
         if (
@@ -233,7 +234,7 @@ def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: 
             tree.threat_point[i, d] = point
 
 
-@kernel
+@inlined
 def collision_cost(search: Search, clear: float) -> float:
     """What a node costs more for its p_c, ``clear``: the sum over a path is -log Q of (8), weighed."""
     if search.cost_collision == 0.0 or clear >= 1.0:
@@ -242,7 +243,7 @@ def collision_cost(search: Search, clear: float) -> float:
 
 
 @kernel
-def room_cost(scene: Scene, state: FloatArray) -> float:
+def room_cost(scene: Scene, state: Float1D) -> float:
     """What the state ``state`` (6,) costs more for the room that it lacks."""
     search = scene.search
     if search.cost_room == 0.0:
@@ -253,8 +254,8 @@ def room_cost(scene: Scene, state: FloatArray) -> float:
 
 @kernel
 def grow(
-    tree: Tree, scene: Scene, q_n: int, state: FloatArray, control: FloatArray, dt: float, draws: FloatArray,
-    scratch: GrowthScratch, stats: IntArray,
+    tree: Tree, scene: Scene, q_n: int, state: Float1D, control: Float1D, dt: float, draws: Float1D,
+    scratch: GrowthScratch, stats: Int1D,
 ) -> int:  # fmt: skip
     """Add a node below ``q_n`` and all that is known of it (Algorithm 2, lines 9 to 16).
 

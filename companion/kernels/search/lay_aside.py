@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from companion.kernels.aircraft.motion import turn_radius
-from companion.kernels.arrays import FloatArray, IntArray, Limits, Obstacles
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Obstacles
 from companion.kernels.geometry.prism_distance import clearance
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel, local_floats
+from companion.kernels.native.struct import Struct
 from companion.kernels.search.path_edit import (
     JOINED,
     is_clear,
@@ -25,7 +24,7 @@ SAME_SPEED_M_S = 0.01  # rows may be close, and the next one as fast as the chec
 FLAT = 0.1  # a slope of the distance below which no way leads aside: over or below something
 
 
-class Aside(NamedTuple):
+class Aside(Struct):
     """How paths are laid aside.
 
     ``leads`` (L,) rows before the one that is moved, and as many after it, between which they are; ``turns``
@@ -33,15 +32,15 @@ class Aside(NamedTuple):
     of one row; ``least`` of that, over all rows, that is worth it at all [m].
     """
 
-    leads: IntArray
-    turns: FloatArray
+    leads: Int1D
+    turns: Float1D
     most: float
     worth: float
     least: float
 
 
 @kernel
-def fill_rooms(states: FloatArray, obstacles: Obstacles, most: float, rooms: FloatArray) -> None:
+def fill_rooms(states: Float2D, obstacles: Obstacles, most: float, rooms: Float2D) -> None:
     """Distance of each row of ``states`` (N, ≥ 3) [m] to the nearest prism, and where to there is more.
 
     ``rooms`` (N, 3) receives the distance, up to ``most`` [m], and the unit vector east and north away from
@@ -62,7 +61,7 @@ def fill_rooms(states: FloatArray, obstacles: Obstacles, most: float, rooms: Flo
 
 
 @kernel
-def lack_of_room(states: FloatArray, first: int, last: int, obstacles: Obstacles, most: float) -> float:
+def lack_of_room(states: Float2D, first: int, last: int, obstacles: Obstacles, most: float) -> float:
     """How much nearer than ``most`` to something rows ``first`` to ``last`` of ``states`` (N, ≥ 3) are [m].
 
     The sum over all of them.
@@ -75,7 +74,7 @@ def lack_of_room(states: FloatArray, first: int, last: int, obstacles: Obstacles
 
 @kernel
 def lay_aside(
-    rows: PathRows, k: int, aside: FloatArray, search: Aside, limits: Limits, obstacles: Obstacles,
+    rows: PathRows, k: int, aside: Float1D, search: Aside, limits: Limits, obstacles: Obstacles,
     trial: PathRows, best: PathRows,
 ) -> tuple[int, int, int, int]:  # fmt: skip
     """A path laid over row ``k`` moved by ``aside`` (2,) [m], between a row before and one after it.
@@ -85,10 +84,10 @@ def lay_aside(
     of rows, 0 where none is worth it, the row at which it leaves the old one, the one there at which it is
     back, and the one that this has become.
     """
-    rows, trial, best = borrowed(rows), borrowed(trial), borrowed(best)
-    obstacles, search, n = borrowed(obstacles), borrowed(search), len(rows.times)
+    n = len(rows.times)
     most_worth, found = 0.0, (0, 0, 0, 0)
-    via = rows.states[k].copy()
+    via = local_floats(6)
+    via[:] = rows.states[k]
     via[0], via[1] = via[0] + aside[0], via[1] + aside[1]
     for a in range(len(search.leads)):
         first = max(k - search.leads[a], 0)
@@ -133,14 +132,15 @@ def _led_back(
         return 0.0, end
     later = trial.times[end - 1] - rows.times[last]
     _copy(rows, last + 1, n, trial, end)
-    trial.times[end : end + n - 1 - last] += later
+    for k in range(end, end + n - 1 - last):
+        trial.times[k] += later
     gained = lack_of_room(rows.states, first + 1, last, obstacles, search.most)
     gained -= lack_of_room(trial.states, first + 1, end - 1, obstacles, search.most)
     return (search.worth * gained - later * limits.v_cruise if gained >= search.least else 0.0), end
 
 
 @kernel
-def _straight_in(start: FloatArray, via: FloatArray, limits: Limits) -> tuple[float, float]:
+def _straight_in(start: Float1D, via: Float1D, limits: Limits) -> tuple[float, float]:
     """Directions in which a place is come to by one turn to the left, or to the right, and straight flight.
 
     From the state ``start`` (6,) to the place of ``via`` (6,) [rad]; its own where that is inside the turn's
@@ -161,7 +161,7 @@ def _straight_in(start: FloatArray, via: FloatArray, limits: Limits) -> tuple[fl
 
 
 @kernel
-def _led_to(trial: PathRows, n: int, pose: FloatArray, target: float, limits: Limits) -> tuple[int, int]:
+def _led_to(trial: PathRows, n: int, pose: Float1D, target: float, limits: Limits) -> tuple[int, int]:
     """Append an edge to a ``pose`` (6,), on which the airspeed goes to the ``target`` [m/s]."""
     if abs(trial.states[n - 1, 5] - target) <= SAME_SPEED_M_S:
         return join(trial, n, pose, limits)

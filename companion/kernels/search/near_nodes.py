@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray, Search, Tree
+from companion.kernels.arrays import Float1D, Search, Tree
 from companion.kernels.geometry.grid_index import keep
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel
 from companion.kernels.search.costs import cost_distance, turn_cost
 from companion.kernels.workspace import MAX_K, KNearest, ThreatScene
 
@@ -21,7 +21,7 @@ NONE, OUTSIDE = -1, -2  # no node is searched; the sample is in no near node's d
 
 
 @kernel
-def near_nodes(tree: Tree, q_s: FloatArray, k: int, near: KNearest) -> int:
+def near_nodes(tree: Tree, q_s: Float1D, k: int, near: KNearest) -> int:
     """The ``k`` searched nodes nearest to ``q_s`` (≥ 3,) [m], by rising distance; how many there are."""
     state, active, squares = tree.state, tree.active, near.squares
     x, y, z = q_s[0], q_s[1], q_s[2]
@@ -43,7 +43,7 @@ def num_near(n: int, dimension: int) -> int:
 
 @kernel
 def choose_node(
-    tree: Tree, q_s: FloatArray, search: Search, dimension: int, threats: ThreatScene, nearest: KNearest
+    tree: Tree, q_s: Float1D, search: Search, dimension: int, threats: ThreatScene, nearest: KNearest
 ) -> int:
     """Of the k nearest searched nodes the one with the least cost distance to ``q_s`` (3,) [m].
 

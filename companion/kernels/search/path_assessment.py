@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
-from companion.kernels.arrays import FloatArray, Scene, Threats
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import Float1D, Float2D, Float3D, FloatArray, Scene, Threats
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.geometry.radar_shadow import is_hidden
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel
+from companion.kernels.native.struct import Struct
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import FAR
 from companion.kernels.search.path_edit import air_time
@@ -21,7 +20,7 @@ from companion.kernels.threat.reachability import dt_positions
 from companion.kernels.workspace import PathRows, Workspace
 
 
-class RowAssessment(NamedTuple):
+class RowAssessment(Struct):
     """What is known of each row of a path.
 
     ``errors``, ``estimates`` (N, 6, 6) P and Λ; ``clear``, ``levels`` (N,) p_c and TI; ``particle_levels``
@@ -29,12 +28,12 @@ class RowAssessment(NamedTuple):
     and 1 where one is known.
     """
 
-    errors: FloatArray
-    estimates: FloatArray
-    clear: FloatArray
-    levels: FloatArray
-    particle_levels: FloatArray
-    points: FloatArray
+    errors: Float3D
+    estimates: Float3D
+    clear: Float1D
+    levels: Float1D
+    particle_levels: Float2D
+    points: Float3D
 
 
 @kernel
@@ -45,7 +44,6 @@ def assess_rows(
 
     P and Λ are given up to row ``first - 1``, or at row 0 where ``first`` is 0.
     """
-    rows, scene, out, work = borrowed(rows), borrowed(scene), borrowed(out), borrowed(work)
     dimension, search, factor = scene.limits.dimension, scene.search, work.growth.factor
     states, times, rates, errors, estimates = rows.states, rows.times, rows.rates, out.errors, out.estimates
     for k in range(first, n):
@@ -87,20 +85,30 @@ def radar_membership(x: float, y: float, z: float, threats: Threats) -> float:
     return total
 
 
-@kernel
-def radar_memberships(positions: FloatArray, inner: int, threats: Threats) -> tuple[FloatArray, FloatArray]:
+def radar_memberships(positions: Float2D, inner: int, threats: Threats) -> tuple[FloatArray, FloatArray]:
     """:func:`radar_membership` at ``positions`` (N, 3) [m], and at ``inner`` points between two of them.
 
     Shapes (N,) and (N - 1, inner).
     """
-    n = positions.shape[0]
+    n = len(positions)
     rows, between = np.empty(n), np.empty((max(n - 1, 0), inner))
-    for k in range(n):
+    fill_memberships(positions, threats, rows, between)
+    return rows, between
+
+
+@kernel
+def fill_memberships(positions: Float2D, threats: Threats, rows: Float1D, between: Float2D) -> None:
+    """:func:`radar_membership` at ``positions`` (N, 3) [m] and between two of them, in place.
+
+    ``rows`` (N,) receives the one, ``between`` (N - 1, M) the other, at M even steps.
+    """
+    n, inner = between.shape[0] + 1, between.shape[1]
+    for k in range(positions.shape[0]):
         p = positions[k]
         rows[k] = radar_membership(p[0], p[1], p[2], threats)
         if k < n - 1:
-            d = positions[k + 1] - p
+            q = positions[k + 1]
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
             for j in range(inner):
                 t = (j + 1.0) / (inner + 1.0)
-                between[k, j] = radar_membership(p[0] + t * d[0], p[1] + t * d[1], p[2] + t * d[2], threats)
-    return rows, between
+                between[k, j] = radar_membership(p[0] + t * dx, p[1] + t * dy, p[2] + t * dz, threats)

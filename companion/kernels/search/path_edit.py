@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from companion.kernels.aircraft import dubins
 from companion.kernels.aircraft.motion import (
     OK,
@@ -18,14 +16,13 @@ from companion.kernels.aircraft.motion import (
     turn_radius,
     wrapped,
 )
-from companion.kernels.arrays import FloatArray, Limits, Obstacles, Scene
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import Float1D, Limits, Obstacles, Scene
 from companion.kernels.geometry.prism_distance import segment_clear
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel, local_floats
 from companion.kernels.search.costs import threats_at, turn_cost
 from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.threat.reachability import dt_positions
-from companion.kernels.workspace import PathRows, Workspace
+from companion.kernels.workspace import MAX_PATH, PathRows, Workspace
 
 JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
 ONE_TURN_M = 0.1  # of straight flight between two like turns is none
@@ -37,7 +34,7 @@ TURN_TOLERANCE = 1e-3  # of the turn rate limit, for edges sampled across the en
 
 
 @kernel
-def keeps_turns_apart(kind: int, segments: FloatArray, limits: Limits) -> bool:
+def keeps_turns_apart(kind: int, segments: Float1D, limits: Limits) -> bool:
     """Whether two turns of a Dubins word have ``straight_min`` between them, or are one turn.
 
     ``segments`` (3,) t, p, q of the word in radii.
@@ -53,9 +50,7 @@ def keeps_turns_apart(kind: int, segments: FloatArray, limits: Limits) -> bool:
 
 
 @kernel
-def ramp(
-    top: float, start: float, end: float, most: float, steps: int, angles: FloatArray, ds: float
-) -> float:
+def ramp(top: float, start: float, end: float, most: float, steps: int, angles: Float1D, ds: float) -> float:
     """Climb angles from ``start`` over ``top`` to ``end``, each at most ``most`` from the next [rad].
 
     They go to ``angles`` (steps + 1,). Returns the height they gain over steps of ``ds`` on the ground [m]:
@@ -72,7 +67,7 @@ def ramp(
 
 @kernel
 def climb_profile(
-    rise: float, start: float, end: float, ds: float, steps: int, v: float, limits: Limits, angles: FloatArray
+    rise: float, start: float, end: float, ds: float, steps: int, v: float, limits: Limits, angles: Float1D
 ) -> bool:
     """Climb angles that gain ``rise`` metres within climb angle and pitch rate; False if none do.
 
@@ -105,7 +100,7 @@ def air_time(rows: PathRows, k: int, limits: Limits) -> float:
 
 
 @kernel
-def retime(rows: PathRows, steps: FloatArray, limits: Limits) -> None:
+def retime(rows: PathRows, steps: Float1D, limits: Limits) -> None:
     """Time stamps from the first row's on, of edges that take ``steps`` (N,) in still air [s], in place."""
     for k in range(1, len(steps)):
         taken = steps[k] * slowness(rows.states[k - 1], rows.states[k], limits)
@@ -113,7 +108,7 @@ def retime(rows: PathRows, steps: FloatArray, limits: Limits) -> None:
 
 
 @kernel
-def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int, int]:
+def join(rows: PathRows, n: int, goal: Float1D, limits: Limits) -> tuple[int, int]:
     """Append a Dubins edge from row ``n - 1`` to the pose ``goal`` (6,), sampled about every le.
 
     The climb angle goes from the start's to the goal's over whatever :func:`climb_profile` finds for
@@ -121,7 +116,7 @@ def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int,
     """
     states, times, rates = rows.states, rows.times, rows.rates
     start = states[n - 1]
-    segments, pose = np.empty(3), np.empty(3)
+    segments, pose = local_floats(3), local_floats(3)
     slow, fast = min(start[5], goal[5]), max(start[5], goal[5])
     rho = turn_radius(fast, limits) * (0.5 * (slow + fast) / slow)  # a turn rate is held to the slower end
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
@@ -137,9 +132,10 @@ def join(rows: PathRows, n: int, goal: FloatArray, limits: Limits) -> tuple[int,
     is_level = goal[2] == start[2] and goal[4] == 0.0 and start[4] == 0.0
     le = slow * limits.tau * (1.0 if is_level else math.cos(steepest))
     steps = max(1, int(math.ceil(length / le - 1e-6)))
-    if n + steps > states.shape[0]:
+    if steps >= min(states.shape[0] - n + 1, MAX_PATH):
         return TOO_LONG, n
-    ds, z, angles = length / steps, start[2], np.zeros(steps + 1)
+    ds, z, angles = length / steps, start[2], local_floats(MAX_PATH)
+    angles[: steps + 1] = 0.0
     if limits.dimension == 3 and not climb_profile(
         goal[2] - start[2], start[4], goal[4], ds, steps, fast, limits, angles
     ):
@@ -170,9 +166,7 @@ def radius_between(v: float, target: float, limits: Limits) -> float:
 
 
 @kernel
-def join_accelerated(
-    rows: PathRows, n: int, goal: FloatArray, target: float, limits: Limits
-) -> tuple[int, int]:
+def join_accelerated(rows: PathRows, n: int, goal: Float1D, target: float, limits: Limits) -> tuple[int, int]:
     """:func:`join` to the pose ``goal`` (6,) in level flight, its airspeed going to ``target`` at once [m/s].
 
     The pose's own airspeed is not asked for: it is passed at what is reached by then. Turns are as wide as
@@ -182,7 +176,7 @@ def join_accelerated(
     start = states[n - 1]
     if goal[2] != start[2] or goal[4] != 0.0 or start[4] != 0.0:
         return NOT_FLYABLE, n
-    slow, a, segments, pose = start[5], limits.a_max, np.empty(3), np.empty(3)
+    slow, a, segments, pose = start[5], limits.a_max, local_floats(3), local_floats(3)
     rho = radius_between(slow, target, limits)
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
     length = rho * (segments[0] + segments[1] + segments[2])
@@ -275,7 +269,6 @@ def is_clear(rows: PathRows, first: int, n: int, obstacles: Obstacles, limits: L
 @kernel
 def path_cost(rows: PathRows, first: int, n: int, delta: float, scene: Scene, work: Workspace) -> float:
     """Sum of (9) over the edges that end in rows ``first`` to ``n - 1``; infinite above the level limit."""
-    rows, scene, work = borrowed(rows), borrowed(scene), borrowed(work)
     search, points = scene.search, work.points
     points[:] = 0.0
     threats = threats_at(scene, points, work.edge.threat)
@@ -307,7 +300,7 @@ def path_cost(rows: PathRows, first: int, n: int, delta: float, scene: Scene, wo
 
 @kernel
 def splice(
-    rows: PathRows, n: int, i: int, via: FloatArray, use_via: bool, j: int, limits: Limits, out: PathRows
+    rows: PathRows, n: int, i: int, via: Float1D, use_via: bool, j: int, limits: Limits, out: PathRows
 ) -> tuple[int, int, int]:
     """Copy a path with rows ``i`` to ``j`` replaced by Dubins edges, over the pose ``via`` (6,) if asked.
 

@@ -14,9 +14,8 @@ import math
 
 from companion.kernels.aircraft import dubins
 from companion.kernels.aircraft.motion import distance_to, straight_after
-from companion.kernels.arrays import Branches, FloatArray, IntArray, Limits, Scene, Search, Tree
-from companion.kernels.borrowed import borrowed
-from companion.kernels.jit import kernel
+from companion.kernels.arrays import Branches, Float1D, Float2D, Int1D, Limits, Scene, Search, Tree
+from companion.kernels.native.kernel import kernel
 from companion.kernels.search.branches import (
     attach_child,
     change_of_delta,
@@ -47,7 +46,7 @@ GAIN = 1e-6  # of cost, below which an edge is no better
 
 
 @kernel
-def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: IntArray) -> int:
+def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: Int1D) -> int:
     """A Dubins edge from node ``a`` to the pose of node ``b``: its rows, ``a`` first; 0 if there is none.
 
     ``stats`` (4,): the first counts collision checks.
@@ -66,7 +65,7 @@ def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: In
 
 
 @kernel
-def lower_bound(a: FloatArray, b: FloatArray, scene: Scene, segments: FloatArray) -> float:
+def lower_bound(a: Float1D, b: Float1D, scene: Scene, segments: Float1D) -> float:
     """What a Dubins edge from state ``a`` (6,) to ``b`` (6,) costs at least by (9): its length.
 
     ``segments`` (3,) is used up.
@@ -98,7 +97,7 @@ def may_gain(tree: Tree, a: int, b: int, below: float, goal: int, search: Search
 
 
 @kernel
-def caught_cost(scene: Scene, q: FloatArray, begin: float, end: float) -> float:
+def caught_cost(scene: Scene, q: Float1D, begin: float, end: float) -> float:
     """What an edge to the state ``q`` (6,) costs more if a DT could threaten its end [s]."""
     if scene.search.pursuit == 0 or not is_caught(scene.game, q[0], q[1], q[2], end):
         return 0.0
@@ -108,7 +107,7 @@ def caught_cost(scene: Scene, q: FloatArray, begin: float, end: float) -> float:
 @kernel
 def weigh_edge(
     tree: Tree, branches: Branches, scene: Scene, a: int, b: int, below: float, goal: int,
-    edge: EdgeScratch, stats: IntArray,
+    edge: EdgeScratch, stats: Int1D,
 ) -> tuple[int, float]:  # fmt: skip
     """Rows of a Dubins edge from ``a`` to ``b`` and the cost of ``b`` over it; 0 rows if not worth while.
 
@@ -148,7 +147,7 @@ def turn_at_end(tree: Tree, a: int, n: int, rows: PathRows, limits: Limits) -> t
 
 @kernel
 def grow_edge(
-    tree: Tree, branches: Branches, scene: Scene, a: int, n: int, draws: FloatArray, work: Workspace
+    tree: Tree, branches: Branches, scene: Scene, a: int, n: int, draws: Float1D, work: Workspace
 ) -> int:
     """Add the inner rows of ``work.edge`` below ``a``; the last one's node, or -1 where one is too risky.
 
@@ -169,7 +168,7 @@ def grow_edge(
 
 @kernel
 def try_edge(
-    tree: Tree, branches: Branches, scene: Scene, a: int, b: int, goal: int, draws: FloatArray,
+    tree: Tree, branches: Branches, scene: Scene, a: int, b: int, goal: int, draws: Float1D,
     work: Workspace,
 ) -> bool:  # fmt: skip
     """Give ``b`` the parent ``a`` over a Dubins edge if that is cheaper, flyable and clear.
@@ -210,7 +209,7 @@ def try_edge(
 
 @kernel
 def prune_by_bounds(
-    tree: Tree, branches: Branches, scene: Scene, path: IntArray, n: int, work: Workspace
+    tree: Tree, branches: Branches, scene: Scene, path: Int1D, n: int, work: Workspace
 ) -> int:
     """Bounds and pruning after a cheaper path was found, as printed in paper 4.4.3; nodes removed.
 
@@ -239,9 +238,7 @@ def prune_by_bounds(
 
 
 @kernel
-def draw_remaining(
-    draws: FloatArray, tree: Tree, scene: Scene, path: IntArray, n: int, q_s: FloatArray
-) -> None:
+def draw_remaining(draws: Float1D, tree: Tree, scene: Scene, path: Int1D, n: int, q_s: Float1D) -> None:
     """A sample in DD about a waypoint of a path, or anywhere within the bounds, into ``q_s`` (3,) [m].
 
     ``draws`` (≥ 8,) uniform numbers; ``path`` (≥ n,) nodes from the goal back.
@@ -261,7 +258,7 @@ def draw_remaining(
 
 
 @kernel
-def can_improve(q_s: FloatArray, start: FloatArray, goal: FloatArray, cost: float, scene: Scene) -> bool:
+def can_improve(q_s: Float1D, start: Float1D, goal: Float1D, cost: float, scene: Scene) -> bool:
     """Whether a path over a sample can cost less than ``cost``: its length alone must.
 
     ``q_s`` (3,) the sample, ``start`` (≥ 3,) and ``goal`` (≥ 3,) the path's ends [m].
@@ -271,7 +268,7 @@ def can_improve(q_s: FloatArray, start: FloatArray, goal: FloatArray, cost: floa
 
 
 @kernel
-def grow_towards(tree: Tree, scene: Scene, q_s: FloatArray, draws: FloatArray, work: Workspace) -> int:
+def grow_towards(tree: Tree, scene: Scene, q_s: Float1D, draws: Float1D, work: Workspace) -> int:
     """The dynamic-domain step towards ``q_s`` (3,) [m], anywhere within the bounds; the new node or -1.
 
     ``draws`` (≥ 7,) uniform numbers.
@@ -297,7 +294,7 @@ def grow_towards(tree: Tree, scene: Scene, q_s: FloatArray, draws: FloatArray, w
 
 @kernel
 def rewire_about(
-    tree: Tree, branches: Branches, scene: Scene, new: int, k: int, root: int, goal: int, draws: FloatArray,
+    tree: Tree, branches: Branches, scene: Scene, new: int, k: int, root: int, goal: int, draws: Float1D,
     work: Workspace,
 ) -> int:  # fmt: skip
     """RRT*'s two steps about a new node: the best parent of the ``k`` near ones for it, then it as theirs.
@@ -324,7 +321,7 @@ def rewire_about(
 
 @kernel
 def short_cut(
-    tree: Tree, branches: Branches, scene: Scene, n: int, goal: int, draws: FloatArray, work: Workspace
+    tree: Tree, branches: Branches, scene: Scene, n: int, goal: int, draws: Float1D, work: Workspace
 ) -> int:
     """Try to join two of the ``n`` waypoints of ``work.path``; edges rewired. ``draws`` (STAR_DRAWS,)."""
     p, q = work.path[int(draws[8] * n)], work.path[int(draws[9] * n)]
@@ -335,7 +332,7 @@ def short_cut(
 
 @kernel
 def grow_and_rewire(
-    tree: Tree, branches: Branches, scene: Scene, n: int, root: int, goal: int, draws: FloatArray,
+    tree: Tree, branches: Branches, scene: Scene, n: int, root: int, goal: int, draws: Float1D,
     work: Workspace,
 ) -> int:  # fmt: skip
     """One new node, if any, and the edges rewired about it.
@@ -360,7 +357,7 @@ def grow_and_rewire(
 
 @kernel
 def rrt_star(
-    tree: Tree, branches: Branches, scene: Scene, root: int, goal: int, draws: FloatArray, work: Workspace
+    tree: Tree, branches: Branches, scene: Scene, root: int, goal: int, draws: Float2D, work: Workspace
 ) -> tuple[int, int]:
     """RRT* iterations, one a row of ``draws`` (M, STAR_DRAWS), on the tree below ``root``.
 
@@ -368,8 +365,6 @@ def rrt_star(
     nearest and some waypoints, and offers itself to them as one; two waypoints are tried for a short
     cut. Goals of ``branches`` are still to be passed on the way. Returns edges rewired and nodes pruned.
     """
-    tree, branches, scene = borrowed(tree), borrowed(branches), borrowed(scene)
-    work, draws = borrowed(work), borrowed(draws)
     path, capacity = work.path, tree.parent.shape[0]
     n = path_to(tree, root, goal, path)
     rewired, pruned = 0, prune_by_bounds(tree, branches, scene, path, n, work)

@@ -14,21 +14,20 @@ environments", IJRR 29(5), 2010 (hybrid A*).
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from companion.kernels.aircraft.motion import OK, advance, slowness, state_status, straight_after, turn_radius
-from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Scene, Tree
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import Float1D, Float2D, Guide, Int1D, Limits, Scene, Tree
 from companion.kernels.geometry.distance_field import distance_to_go
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.native.struct import Struct
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import AVOID, is_edge_clear, room_cost
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.threat.pursuit_game import is_caught, pop_least, push
 from companion.kernels.threat.reachability import passes_by
-from companion.kernels.threat.threat_tree import FLIES_ON, threat_trees_of
+from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import PathRows, Workspace
 
 CELLS = 300  # along the longer side of the bounds, of at least a step each
@@ -38,7 +37,7 @@ CAPACITY = 200_000  # poses looked at
 UNFINISHED = -1
 
 
-class Poses(NamedTuple):
+class Poses(Struct):
     """What the search has come to, a row each.
 
     ``state`` (P, 6); ``parent`` (P,); ``time`` (P,) [s]; ``due`` (P,) by how much later a way as dear by (9)
@@ -47,17 +46,17 @@ class Poses(NamedTuple):
     aircraft begins in.
     """
 
-    state: FloatArray
-    parent: IntArray
-    time: FloatArray
-    due: FloatArray
-    turn: IntArray
-    straight: FloatArray
-    rate: FloatArray
-    caught: IntArray
+    state: Float2D
+    parent: Int1D
+    time: Float1D
+    due: Float1D
+    turn: Int1D
+    straight: Float1D
+    rate: Float1D
+    caught: Int1D
 
 
-class Race(NamedTuple):
+class Race(Struct):
     """A race as far as it has come.
 
     ``poses`` looked at; ``keys`` and ``waiting`` (P,) the heap of those that may be gone on from; ``best``
@@ -66,10 +65,10 @@ class Race(NamedTuple):
     """
 
     poses: Poses
-    keys: FloatArray
-    waiting: IntArray
-    best: FloatArray
-    sizes: IntArray
+    keys: Float1D
+    waiting: Int1D
+    best: Float1D
+    sizes: Int1D
 
 
 @kernel
@@ -79,8 +78,7 @@ def num_cells(limits: Limits) -> int:
     return (int((b[1] - b[0]) / cell) + 1) * across * DIRECTIONS * TURN_STATES
 
 
-@kernel
-def race_from(tree: Tree, i: int, best: FloatArray) -> Race:
+def race_from(tree: Tree, i: int, best: Float1D) -> Race:
     """A race that begins at node ``i``; ``best`` (C,) zeros, one of each of :func:`num_cells`.
 
     NumPy's zeros cost nothing where they are not looked at: a race that is soon won looks at few of millions.
@@ -99,13 +97,14 @@ def race_from(tree: Tree, i: int, best: FloatArray) -> Race:
     poses.turn[0], poses.straight[0] = tree.turn[i], tree.straight[i]
     poses.parent[0], poses.due[0], poses.rate[0] = -1, 0.0, 0.0
     keys, waiting = np.empty(CAPACITY + 1), np.empty(CAPACITY + 1, dtype=np.int64)
-    sizes = np.array([1, push(keys, waiting, 0, poses.time[0], 0)])
+    keys[0], waiting[0] = poses.time[0], 0
+    sizes = np.ones(2, dtype=np.int64)
     return Race(poses, keys, waiting, best, sizes)
 
 
 @kernel
 def race(
-    field: Race, goal: FloatArray, radius: float, home: Guide, scene: Scene, rows: PathRows, most: int,
+    field: Race, goal: Float1D, radius: float, home: Guide, scene: Scene, rows: PathRows, most: int,
     work: Workspace,
 ) -> int:  # fmt: skip
     """Steps to within ``radius`` of a goal, none of which a DT could threaten by then.
@@ -114,7 +113,6 @@ def race(
     receives the steps, where the race begins first, and it returns how many there are, 0 where no way was
     found.
     """
-    field, scene, work, home = borrowed(field), borrowed(scene), borrowed(work), borrowed(home)
     limits, poses, best, sizes = scene.limits, field.poses, field.best, field.sizes
     work.points[:] = 0.0
     cell, across = _grid(limits)
@@ -152,10 +150,10 @@ def race(
     return UNFINISHED
 
 
-@kernel
-def _earliest(best: FloatArray, place: int) -> float:
+@inlined
+def _earliest(best: Float1D, place: int) -> float:
     """When cell ``place`` was come to at the earliest; infinite where it was not. ``best`` (C,) [s]."""
-    return np.inf if best[place] == 0.0 else best[place]
+    return math.inf if best[place] == 0.0 else best[place]
 
 
 @kernel
@@ -168,7 +166,7 @@ def _grid(limits: Limits) -> tuple[float, int]:
 
 @kernel
 def _fly_on(
-    poses: Poses, first: int, at: int, way: int, goal: FloatArray, radius: float, home: Guide, limits: Limits
+    poses: Poses, first: int, at: int, way: int, goal: Float1D, radius: float, home: Guide, limits: Limits
 ) -> int:
     """Steps from pose ``at``: a turn's to the left (1) or right (-1), or as many straight ones as have to be.
 
@@ -227,12 +225,12 @@ def _is_judged_fit(poses: Poses, first: int, last: int, scene: Scene, work: Work
 
 
 @kernel
-def _level(out: FloatArray, time: float, scene: Scene, work: Workspace) -> float:
+def _level(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
     """Threat level of radars, and of aircraft that fly on, to the state ``out`` (6,).
 
     Those that hunt are kept away from anyhow.
     """
-    trees = threat_trees_of(scene.pursuers)
+    trees = scene.pursuers
     for d in range(scene.pursuers.count.shape[0]):
         if scene.pursuers.model[d, 3] == FLIES_ON:
             passes_by(trees, d, out[0], out[1], out[2], time, work.points)
@@ -252,7 +250,7 @@ def _steps(poses: Poses, at: int, way: int, limits: Limits) -> int:
 
 
 @kernel
-def _cell_of(state: FloatArray, turn: int, b: FloatArray, cell: float, across: int) -> int:
+def _cell_of(state: Float1D, turn: int, b: Float1D, cell: float, across: int) -> int:
     """Number of the cell of place, direction and turn in which ``state`` (6,) lies; ``b`` (6,) bounds [m]."""
     i, j = int((state[0] - b[0]) / cell), int((state[1] - b[2]) / cell)
     k = int(math.floor((state[3] / (2.0 * math.pi) + 1.0) * DIRECTIONS)) % DIRECTIONS

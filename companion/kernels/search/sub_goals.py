@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, Guide, IntArray, Limits, Obstacles, Pursuers, Scene, Threats
+from companion.kernels.arrays import (
+    Float1D,
+    Float2D,
+    Guide,
+    Int1D,
+    Limits,
+    Obstacles,
+    Pursuers,
+    Scene,
+    Threats,
+)
 from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import boxes_on_segment, clearance, distance_to_edge_squared
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import kernel
+from companion.kernels.native.struct import Struct
 from companion.kernels.threat.fuzzy_threat import point_threat
-from companion.kernels.workspace import MAX_THREATS, ThreatScene, ThreatScratch
+from companion.kernels.workspace import ThreatScene, threat_scene
 
 FREE, OCCUPIED, CONSTRAINED, HIGH_RISK = 0, 1, 2, 3
 FIELD_CELLS = 49  # of the distance field's square grid, each way
@@ -20,27 +30,38 @@ DETOUR_MAX = 1.25  # distance round obstacles, in horizons, beyond which a candi
 CLIMB_SHARE = 0.8  # of the climb angle, kept for the rest from a sub goal to the goal
 
 
-class Candidates(NamedTuple):
+class Candidates(Struct):
     """Points of the horizon: ``points`` (S, 3) [m], what each costs, ``costs`` (S,), and why it is removed,
     ``reasons`` (S,).
     """  # noqa: D205
 
-    points: FloatArray
-    costs: FloatArray
-    reasons: IntArray
+    points: Float2D
+    costs: Float1D
+    reasons: Int1D
 
 
-class SubGoalWeights(NamedTuple):
+class SubGoalWeights(Struct):
     """``gamma`` (4,) C_γ of (5); ``lengths`` (3,) L_γ of (6); ``level_max`` of a sub goal's threat."""
 
-    gamma: FloatArray
-    lengths: FloatArray
+    gamma: Float1D
+    lengths: Float1D
     level_max: float
+
+
+class SubGoalScratch(Struct):
+    """What scores are made with: ``guide`` round obstacles from where the horizon's centre is, ``threats`` there,
+    ``radius`` of the horizon [m]; ``boxes`` (O + 1, 2) is used up.
+    """  # noqa: D205
+
+    guide: Guide
+    threats: ThreatScene
+    radius: float
+    boxes: Float2D
 
 
 @kernel
 def obstructed_length(
-    p: FloatArray, q: FloatArray, obstacles: Obstacles, weights: FloatArray, unit: float, scratch: FloatArray
+    p: Float1D, q: Float1D, obstacles: Obstacles, weights: Float1D, unit: float, scratch: Float2D
 ) -> float:
     """L of (6) from ``p`` (≥ 3,) to ``q`` (≥ 3,) [m], in planning units.
 
@@ -65,7 +86,7 @@ def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
 
 
 @kernel
-def radii_crossed(end: FloatArray, x: float, y: float, threats: Threats, unit: float) -> tuple[float, int]:
+def radii_crossed(end: Float1D, x: float, y: float, threats: Threats, unit: float) -> tuple[float, int]:
     """Sum of the radii of the known radars on the line from ``end`` (≥ 2,) [m] to a place; how many.
 
     In planning units.
@@ -81,9 +102,7 @@ def radii_crossed(end: FloatArray, x: float, y: float, threats: Threats, unit: f
 
 
 @kernel
-def dynamic_radius(
-    end: FloatArray, x: float, y: float, later: float, pursuers: Pursuers, unit: float
-) -> float:
+def dynamic_radius(end: Float1D, x: float, y: float, later: float, pursuers: Pursuers, unit: float) -> float:
     """R_D of (5): how far the worst DT whose area the line from ``end`` (≥ 2,) [m] crosses comes by then.
 
     ``later`` seconds after the plan begins.
@@ -100,7 +119,7 @@ def dynamic_radius(
 
 @kernel
 def why_removed(
-    p: FloatArray, end: FloatArray, goal: FloatArray, radius: float, level: float, level_max: float,
+    p: Float1D, end: Float1D, goal: Float1D, radius: float, level: float, level_max: float,
     guide: Guide, scene: Scene,
 ) -> int:  # fmt: skip
     """``FREE``, or the first reason to remove the point ``p`` (3,) [m].
@@ -130,9 +149,8 @@ def why_removed(
     return HIGH_RISK if level > level_max else FREE
 
 
-@kernel
 def score(
-    candidates: Candidates, end: FloatArray, goal: FloatArray, elapsed: float, weights: SubGoalWeights,
+    candidates: Candidates, end: Float1D, goal: Float1D, elapsed: float, weights: SubGoalWeights,
     scene: Scene,
 ) -> None:  # fmt: skip
     """Cost (5) of every candidate and why it is removed, if it is; a removed one keeps its cost.
@@ -140,24 +158,27 @@ def score(
     ``end`` (6,) state at the end of the last local path, reached after ``elapsed`` seconds; ``goal`` (3,)
     [m]. The DTs are taken to be where their trees begin.
     """
-    points, gamma, pursuers = candidates.points, weights.gamma, scene.pursuers
-    obstacles, model, limits = scene.obstacles, scene.model, scene.limits
-    radius = math.sqrt(
-        (points[0, 0] - end[0]) ** 2 + (points[0, 1] - end[1]) ** 2 + (points[0, 2] - end[2]) ** 2
-    )
-    cell, origin = 2.0 * radius / (FIELD_CELLS - 1), end[:2] - radius
-    guide = Guide(np.empty((FIELD_CELLS, FIELD_CELLS)), origin, cell, 0.0, 0.0)
-    fill_distance_field(end, radius, limits.margin, limits.bounds, obstacles, guide)
-    scratch = np.empty((obstacles.heights.shape[0] + 1, 2))
-    positions = np.ones((pursuers.count.shape[0], 4))
+    radius, pursuers = float(np.linalg.norm(candidates.points[0] - end[:3])), scene.pursuers
+    field, cell = np.empty((FIELD_CELLS, FIELD_CELLS)), 2.0 * radius / (FIELD_CELLS - 1)
+    guide = Guide(field, end[:2] - radius, cell, 0.0, 0.0)
+    fill_distance_field(end, radius, scene.limits.margin, scene.limits.bounds, scene.obstacles, guide)
+    positions = np.ones((len(pursuers.count), 4))
     positions[:, :3] = pursuers.position[:, 0]
-    threats = ThreatScene(
-        scene.threats,
-        positions,
-        pursuers.reach,
-        model,
-        ThreatScratch(np.empty((MAX_THREATS, 2)), np.empty(3)),
+    threats = threat_scene(scene.threats, positions, pursuers.reach, scene.model)
+    scratch = np.empty((len(scene.obstacles.heights) + 1, 2))
+    fill_scores(
+        candidates, end, goal, elapsed, weights, scene, SubGoalScratch(guide, threats, radius, scratch)
     )
+
+
+@kernel
+def fill_scores(
+    candidates: Candidates, end: Float1D, goal: Float1D, elapsed: float, weights: SubGoalWeights,
+    scene: Scene, work: SubGoalScratch,
+) -> None:  # fmt: skip
+    """:func:`score` with what it needs: ``end`` (6,) and ``goal`` (3,) as there."""
+    points, gamma, pursuers, guide = candidates.points, weights.gamma, scene.pursuers, work.guide
+    obstacles, model, limits, scratch = scene.obstacles, scene.model, scene.limits, work.boxes
     for s in range(points.shape[0]):
         p = points[s]
         x, y, z = p[0], p[1], p[2]
@@ -172,6 +193,8 @@ def score(
         later = elapsed + length / max(end[5], 1.0)
         candidates.costs[s] = cost + gamma[3] * dynamic_radius(end, x, y, later, pursuers, model.unit)
         mu, nu = point_threat(
-            x, y, z, math.atan2(dy, dx), math.atan2(dz, flat), limits.v_cruise, 0.0, threats
+            x, y, z, math.atan2(dy, dx), math.atan2(dz, flat), limits.v_cruise, 0.0, work.threats
         )
-        candidates.reasons[s] = why_removed(p, end, goal, radius, mu - nu, weights.level_max, guide, scene)
+        level = mu - nu
+        reason = why_removed(p, end, goal, work.radius, level, weights.level_max, guide, scene)
+        candidates.reasons[s] = reason

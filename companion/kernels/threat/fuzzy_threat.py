@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import FloatArray, ThreatModel
+from companion.kernels.arrays import Float1D, Float2D, ThreatModel
 from companion.kernels.geometry.radar_shadow import is_hidden
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.workspace import MAX_THREATS, ThreatScene
 
 PASSES = 2.0  # of a point: an aircraft that is kept clear of whichever way one flies
@@ -31,7 +31,7 @@ def membership(r: float, height: float, l: float, r_max: float, k_r: float) -> f
     return math.exp(-q * q)
 
 
-@kernel
+@inlined
 def speed_share(v: float, model: ThreatModel) -> float:
     """The speed's part of ν: 0 below the penetration speed, then sin(π(v − v_min)/(2(v_max − v_min))).
 
@@ -43,7 +43,7 @@ def speed_share(v: float, model: ThreatModel) -> float:
     return math.sin(0.5 * math.pi * share)
 
 
-@kernel
+@inlined
 def certainty(n_e: float, delta: float, model: ThreatModel) -> float:
     """CF of (2).
 
@@ -61,7 +61,7 @@ def certainty(n_e: float, delta: float, model: ThreatModel) -> float:
     return min(1.0, max(0.0, 1.0 - (1.0 / base) ** model.exponent))
 
 
-@kernel
+@inlined
 def weighted_pair(mu: float, nu: float, cf: float) -> tuple[float, float]:
     """[μ', ν'] = CF·[μ, ν], with ν' = 0 where μ' is 0 or 1, scaled down to a sum of at most 1."""
     mu, nu = cf * mu, cf * nu
@@ -73,8 +73,8 @@ def weighted_pair(mu: float, nu: float, cf: float) -> tuple[float, float]:
     return mu, nu
 
 
-@kernel
-def turned_away(dx: float, dy: float, dz: float, r: float, course: FloatArray) -> float:
+@inlined
+def turned_away(dx: float, dy: float, dz: float, r: float, course: Float1D) -> float:
     """The direction's part of ν, sin²(α/2), for a threat at (dx, dy, dz), ``r`` away.
 
     ``course`` (3,) is the velocity's unit vector, α its angle with the line to the threat.
@@ -85,8 +85,8 @@ def turned_away(dx: float, dy: float, dz: float, r: float, course: FloatArray) -
     return 0.5 * (1.0 - (dx * course[0] + dy * course[1] + dz * course[2]) / r)
 
 
-@kernel
-def set_course(theta: float, phi: float, course: FloatArray) -> None:
+@inlined
+def set_course(theta: float, phi: float, course: Float1D) -> None:
     """Unit vector of a direction and a climb angle, into ``course`` (3,)."""
     course[0] = math.cos(phi) * math.cos(theta)
     course[1] = math.cos(phi) * math.sin(theta)
@@ -131,7 +131,7 @@ def gather(x: float, y: float, z: float, share: float, scene: ThreatScene) -> in
 
 
 @kernel
-def aggregate_overlap(n: int, delta: float, model: ThreatModel, pairs: FloatArray) -> tuple[float, float]:
+def aggregate_overlap(n: int, delta: float, model: ThreatModel, pairs: Float2D) -> tuple[float, float]:
     """(μ, ν) of ``n`` threats at one point by IFWA with weights 1/n (paper 3.3).
 
     ``pairs`` (≥ n, 2) holds their (μ, ν) and is used up. Exposures are ordered by falling μ and each is
@@ -171,7 +171,7 @@ def point_threat(
 
 @kernel
 def node_threat(
-    state: FloatArray, factor: FloatArray, delta: float, normals: FloatArray, levels: FloatArray,
+    state: Float1D, factor: Float2D, delta: float, normals: Float2D, levels: Float1D,
     scene: ThreatScene,
 ) -> float:  # fmt: skip
     """TI of a node: mean level over particles N(position, Σ) (paper 3.3.1).
@@ -196,7 +196,7 @@ def node_threat(
 
 @kernel
 def line_threat(
-    p: FloatArray, x: float, y: float, z: float, v: float, delta: float, n_q: int, scene: ThreatScene
+    p: Float1D, x: float, y: float, z: float, v: float, delta: float, n_q: int, scene: ThreatScene
 ) -> float:
     """TI along a line: IFWA over ``n_q`` secondary nodes and the end node (paper 3.3.1).
 
@@ -222,7 +222,7 @@ def line_threat(
 
 
 @kernel
-def success_over_exposures(damage: FloatArray) -> float:
+def success_over_exposures(damage: Float1D) -> float:
     """Success after all exposures, Π(1 − P_j) over ``damage`` (N,), the complement of (3)."""
     product = 1.0
     for j in range(damage.shape[0]):

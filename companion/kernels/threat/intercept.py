@@ -15,9 +15,9 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.dubins import distance_to_point
-from companion.kernels.arrays import FloatArray
-from companion.kernels.geometry.line_of_sight import Prisms, line_blocked
-from companion.kernels.jit import kernel_numpy_errors
+from companion.kernels.arrays import Float1D, Obstacles
+from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.native.kernel import kernel_numpy_errors
 
 NUM_BEARINGS = 16  # at which q_B is looked for, those nearest to the TTree node first
 EYE_M = 2.0  # sight lines start this far above the ground
@@ -39,7 +39,7 @@ def way_length(
 
 @kernel_numpy_errors
 def go_on(
-    x: float, y: float, z: float, spare: float, airborne: bool, prisms: Prisms, out: FloatArray
+    x: float, y: float, z: float, spare: float, airborne: bool, prisms: Obstacles, out: Float1D
 ) -> None:
     """From q_B on towards the node, as far as the DT comes.
 
@@ -72,7 +72,7 @@ def go_on(
 
 
 @kernel_numpy_errors
-def circle_within_reach(pz: float, z: float, model: FloatArray, slack: float) -> tuple[float, float]:
+def circle_within_reach(pz: float, z: float, model: Float1D, slack: float) -> tuple[float, float]:
     """Height of the circle on which q_B lies, and its radius [m]; ``model`` (5,) a DT's."""
     if model[3] == 0.0:
         return pz, model[1]
@@ -83,8 +83,8 @@ def circle_within_reach(pz: float, z: float, model: FloatArray, slack: float) ->
 
 @kernel_numpy_errors
 def gets_near(
-    p: FloatArray, heading: float, model: FloatArray, slack: float, x: float, y: float, z: float,
-    prisms: Prisms, out: FloatArray,
+    p: Float1D, heading: float, model: Float1D, slack: float, x: float, y: float, z: float,
+    prisms: Obstacles, out: Float1D,
 ) -> bool:  # fmt: skip
     """Whether a DT reaches a node through a TTree node within ``slack`` (paper Fig. 2).
 
@@ -114,8 +114,8 @@ def gets_near(
 
 @kernel_numpy_errors
 def gets_to_a_bearing(
-    p: FloatArray, heading: float, model: FloatArray, slack: float, x: float, y: float, z: float,
-    prisms: Prisms, out: FloatArray,
+    p: Float1D, heading: float, model: Float1D, slack: float, x: float, y: float, z: float,
+    prisms: Obstacles, out: Float1D,
 ) -> bool:  # fmt: skip
     """:func:`gets_near` over the bearings of the circle, those nearest to the TTree node first.
 

@@ -18,13 +18,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.kernels.arrays import FloatArray, Game, IntArray, Obstacles
+from companion.kernels.arrays import Bool2D, Float1D, Float2D, Game, Int1D, Obstacles
 from companion.kernels.geometry.prism_distance import point_in_polygon
-from companion.kernels.jit import kernel
+from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.native.struct import Struct
 
-BoolArray = NDArray[np.bool_]
 DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
 SHORTENED = 0.98  # sweeping finds ways too long, by less than this
 PACE = 0.94  # eight directions lengthen ways by up to 8 %; most of it is taken off
@@ -34,8 +33,22 @@ BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
 BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line of sight need lead
 
 
+class Frontier(Struct):
+    """What a search over the cells of a grid has come to.
+
+    ``time`` (N, M) the earliest arrival [s], infinite at first; ``is_in`` (N, M) where a DT could threaten it by
+    then; ``is_done`` (N, M) what was gone on from; ``keys`` and ``cells`` (H,) a heap of what may be.
+    """
+
+    time: Float2D
+    is_in: Bool2D
+    is_done: Bool2D
+    keys: Float1D
+    cells: Int1D
+
+
 @kernel
-def fill_tops(obstacles: Obstacles, plane_up: float, grid: FloatArray, tops: FloatArray) -> None:
+def fill_tops(obstacles: Obstacles, plane_up: float, grid: Float1D, tops: Float2D) -> None:
     """Height of the wall over every cell's centre, in place.
 
     ``grid`` (3,) x0 y0 and the spacing [m]; ``tops`` (NX, NY) receives heights [m], minus infinity where no
@@ -60,7 +73,7 @@ def fill_tops(obstacles: Obstacles, plane_up: float, grid: FloatArray, tops: Flo
                     tops[i, j] = math.inf if is_plane else max(tops[i, j], top)
 
 
-@kernel
+@inlined
 def _cell(x: float, origin: float, spacing: float, n: int) -> int:
     """The cell whose centre is nearest to ``x``, within 0 to ``n - 1``."""
     return min(n - 1, max(0, int(math.floor((x - origin) / spacing + 0.5))))
@@ -94,7 +107,7 @@ def fill_arrivals(x: float, y: float, game: Game, d: int) -> None:
 
 
 @kernel
-def _is_free(ax: float, ay: float, bx: float, by: float, grid: FloatArray, tops: FloatArray) -> bool:
+def _is_free(ax: float, ay: float, bx: float, by: float, grid: Float1D, tops: Float2D) -> bool:
     """Whether no cell between two places holds a wall; ``grid`` (3,) and ``tops`` (NX, NY) as in Game."""
     steps = int(2.0 * math.hypot(bx - ax, by - ay) / grid[2])
     for k in range(1, steps + 1):
@@ -107,7 +120,7 @@ def _is_free(ax: float, ay: float, bx: float, by: float, grid: FloatArray, tops:
 
 
 @kernel
-def _sweep(way: FloatArray, tops: FloatArray, cell: float, right: int, up: int) -> bool:
+def _sweep(way: Float2D, tops: Float2D, cell: float, right: int, up: int) -> bool:
     """One Gauss-Seidel sweep of Godunov's scheme over ``way`` (NX, NY) [m]; whether anything changed.
 
     ``tops`` (NX, NY) as in Game.
@@ -261,9 +274,8 @@ def is_caught(game: Game, x: float, y: float, z: float, time: float) -> bool:
     return caught_from(game, x, y, z, until, until) <= until
 
 
-@kernel
 def fill_ways_free(
-    free: FloatArray, origin: FloatArray, cell: float, game: Game, start: tuple[float, float, float, float],
+    free: Float2D, origin: Float1D, cell: float, game: Game, start: tuple[float, float, float, float],
     speed: float, dear: float,
 ) -> None:  # fmt: skip
     """Which cells of a grid can be come to before a DT could threaten them, in place.
@@ -273,12 +285,27 @@ def fill_ways_free(
     can come to safely; ``origin`` (2,) the first cell's centre and ``cell`` the spacing [m]. Out of a threat
     that it starts in, every way is as good. Other cells become 0, or ``dear`` where that is more.
     """
+    heap = 8 * free.size + 1
+    frontier = Frontier(
+        time=np.full(free.shape, math.inf),
+        is_in=np.zeros(free.shape, dtype=np.bool_),
+        is_done=np.zeros(free.shape, dtype=np.bool_),
+        keys=np.empty(heap),
+        cells=np.empty(heap, dtype=np.int64),
+    )
+    spread_in_time(free, origin, cell, game, start, speed, dear, frontier)
+
+
+@kernel
+def spread_in_time(
+    free: Float2D, origin: Float1D, cell: float, game: Game, start: tuple[float, float, float, float],
+    speed: float, dear: float, frontier: Frontier,
+) -> None:  # fmt: skip
+    """:func:`fill_ways_free` from a ``frontier`` that nothing was come to; ``free`` (N, M), ``origin`` (2,)."""
     n, m = free.shape
     a, b = _cell(start[0], origin[0], cell, n), _cell(start[1], origin[1], cell, m)
-    time = np.full((n, m), math.inf)
-    is_in = np.zeros((n, m), dtype=np.bool_)
-    is_done = np.zeros((n, m), dtype=np.bool_)
-    heap_key, heap_cell = np.empty(8 * n * m + 1), np.empty(8 * n * m + 1, dtype=np.int64)
+    time, is_in, is_done = frontier.time, frontier.is_in, frontier.is_done
+    heap_key, heap_cell = frontier.keys, frontier.cells
     time[a, b], is_in[a, b], free[a, b] = (
         start[3],
         is_caught(game, start[0], start[1], start[2], start[3]),
@@ -309,7 +336,7 @@ def fill_ways_free(
 
 
 @kernel
-def _rate(free: FloatArray, is_done: BoolArray, is_in: BoolArray, dear: float) -> None:
+def _rate(free: Float2D, is_done: Bool2D, is_in: Bool2D, dear: float) -> None:
     """``free`` (N, M) becomes 0 where ``is_done`` (N, M) is not, ``dear`` where ``is_in`` (N, M)."""
     for i in range(free.shape[0]):
         for j in range(free.shape[1]):
@@ -320,7 +347,7 @@ def _rate(free: FloatArray, is_done: BoolArray, is_in: BoolArray, dear: float) -
 
 
 @kernel
-def push(keys: FloatArray, values: IntArray, size: int, key: float, value: int) -> int:
+def push(keys: Float1D, values: Int1D, size: int, key: float, value: int) -> int:
     """Put an entry into a binary heap of ``keys`` and ``values`` (S,); its new size."""
     at = size
     while at > 0 and keys[(at - 1) // 2] > key:
@@ -331,7 +358,7 @@ def push(keys: FloatArray, values: IntArray, size: int, key: float, value: int) 
 
 
 @kernel
-def pop_least(keys: FloatArray, values: IntArray, size: int) -> int:
+def pop_least(keys: Float1D, values: Int1D, size: int) -> int:
     """Take the least entry out of a binary heap of ``keys`` and ``values`` (S,); its new size."""
     size -= 1
     key, value, at = keys[size], values[size], 0
@@ -348,7 +375,7 @@ def pop_least(keys: FloatArray, values: IntArray, size: int) -> int:
 
 
 @kernel
-def caught_rows(states: FloatArray, times: FloatArray, first: int, n: int, game: Game) -> tuple[float, float]:
+def caught_rows(states: Float2D, times: Float1D, first: int, n: int, game: Game) -> tuple[float, float]:
     """When a path first comes under threat, and for how long in all [s].
 
     Of rows ``first`` to ``n - 1`` of ``states`` (N, 6) at ``times`` (N,) [s]; infinite and 0 where it never

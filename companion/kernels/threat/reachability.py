@@ -11,19 +11,25 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from companion.kernels.arrays import NUM_CELLS, FloatArray, GridIndex, IntArray, Obstacles, Pursuers, Tree
-from companion.kernels.borrowed import borrowed
+from companion.kernels.arrays import (
+    NUM_CELLS,
+    Float1D,
+    Float2D,
+    GridIndex,
+    Int1D,
+    Obstacles,
+    Pursuers,
+    Tree,
+)
 from companion.kernels.geometry.grid_index import cell_along, cell_size, nearest
-from companion.kernels.geometry.line_of_sight import Prisms, line_blocked, prisms_of
-from companion.kernels.jit import kernel, kernel_numpy_errors
+from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.native.kernel import kernel, kernel_numpy_errors
 from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.threat.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
 from companion.kernels.threat.threat_tree import (
     FLIES_ON,
     LEAST_STEP_M,
-    ThreatTrees,
     corner_towards,
-    threat_trees_of,
 )
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
@@ -41,38 +47,24 @@ class Estimator(NamedTuple):
     k: int
 
 
-class Nodes(NamedTuple):
-    """The part of the PathTree that the estimator reads, and ``points``, which it writes.
-
-    ``state`` (N, 6), ``parent``, ``time``, ``active`` (N,) and ``points`` (N, D, 4) as in
-    :class:`~companion.kernels.arrays.Tree`.
-    """
-
-    state: FloatArray
-    parent: IntArray
-    time: FloatArray
-    active: IntArray
-    points: FloatArray
-
-
 class Probe(NamedTuple):
     """What a test of one node needs.
 
-    ``nodes`` of the PathTree, ``trees`` of the DTs, ``prisms`` that stop and hide them; ``spot`` (6,)
+    ``nodes`` is the PathTree, ``trees`` those of the DTs, ``prisms`` what stops and hides them; ``spot`` (6,)
     receives q_B and the DT's nearest position [m], ``changed`` (C,) the nodes whose DT position is news.
     """
 
-    nodes: Nodes
-    trees: ThreatTrees
-    prisms: Prisms
-    spot: FloatArray
-    changed: IntArray
+    nodes: Tree
+    trees: Pursuers
+    prisms: Obstacles
+    spot: Float1D
+    changed: Int1D
 
 
 @kernel_numpy_errors
 def gets_to(
-    trees: ThreatTrees, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Prisms,
-    out: FloatArray,
+    trees: Pursuers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Obstacles,
+    out: Float1D,
 ) -> bool:  # fmt: skip
     """Whether a DT gets a place into its reach through TTree node ``j`` before ``time``.
 
@@ -85,7 +77,7 @@ def gets_to(
 
 @kernel_numpy_errors
 def connect(
-    trees: ThreatTrees, d: int, j: int, x: float, y: float, z: float, greedy: bool, prisms: Prisms
+    trees: Pursuers, d: int, j: int, x: float, y: float, z: float, greedy: bool, prisms: Obstacles
 ) -> int:
     """``Connect`` one step, or ``Greedy-Connect`` steps until the point or an obstacle.
 
@@ -125,7 +117,7 @@ def connect(
 
 @kernel
 def near_pursuer_nodes(
-    pursuers: Pursuers, d: int, x: float, y: float, k: int, everything: IntArray, near: KNearest
+    pursuers: Pursuers, d: int, x: float, y: float, k: int, everything: Int1D, near: KNearest
 ) -> int:
     """The ``k`` TTree nodes nearest to a point, by rising time stamp; ``everything`` (0,) is empty."""
     index = pursuers.index
@@ -139,8 +131,8 @@ def near_pursuer_nodes(
 
 @kernel_numpy_errors
 def promising_corners(
-    trees: ThreatTrees, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Prisms,
-    out: IntArray,
+    trees: Pursuers, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Obstacles,
+    out: Int1D,
 ) -> int:  # fmt: skip
     """The corners by which a DT comes earliest to places about (x, y), in time; how many.
 
@@ -178,7 +170,7 @@ def promising_corners(
 
 @kernel
 def near_path_nodes(
-    nodes: Nodes, n: int, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest
+    nodes: Tree, n: int, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest
 ) -> int:
     """The ``k`` nearest to a ground point of ``n`` PathTree nodes that are searched, by rising time stamp."""
     found = nearest(pursuers.path_index, nodes.state, n, pursuers.bounds, nodes.active, x, y, k, near)
@@ -187,7 +179,7 @@ def near_path_nodes(
 
 
 @kernel
-def _sort_by(keys: FloatArray, out: IntArray, n: int) -> None:
+def _sort_by(keys: Float1D, out: Int1D, n: int) -> None:
     """Sort the first ``n`` indices of ``out`` (≥ n,) by their ``keys`` (N,)."""
     for i in range(1, n):
         index = out[i]
@@ -200,8 +192,8 @@ def _sort_by(keys: FloatArray, out: IntArray, n: int) -> None:
 
 @kernel_numpy_errors
 def come_nearer(
-    trees: ThreatTrees, d: int, j: int, place: tuple[float, float, float, float], prisms: Prisms,
-    spot: FloatArray, out: FloatArray,
+    trees: Pursuers, d: int, j: int, place: tuple[float, float, float, float], prisms: Obstacles,
+    spot: Float1D, out: Float2D,
 ) -> None:  # fmt: skip
     """Keep the DT's nearest position through TTree node ``j`` where it is nearer than the one before.
 
@@ -217,7 +209,7 @@ def come_nearer(
 
 
 @kernel_numpy_errors
-def passes_by(trees: ThreatTrees, d: int, x: float, y: float, z: float, time: float, out: FloatArray) -> None:
+def passes_by(trees: Pursuers, d: int, x: float, y: float, z: float, time: float, out: Float2D) -> None:
     """Where an aircraft that flies on will be to a place at a time, by twice its deviation nearer.
 
     ``out`` (D, 4) receives the position at the place's own height [m], and :data:`PASSES` where that is
@@ -237,7 +229,7 @@ def passes_by(trees: ThreatTrees, d: int, x: float, y: float, z: float, time: fl
 
 @kernel
 def dt_positions(
-    pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, walls: Obstacles, out: FloatArray,
+    pursuers: Pursuers, x: float, y: float, z: float, time: float, k: int, walls: Obstacles, out: Float2D,
     scratch: ReachScratch,
 ) -> None:  # fmt: skip
     """Nearest estimated position of every DT to a place at a time, from the TTrees as they are.
@@ -247,8 +239,7 @@ def dt_positions(
     """
     if pursuers.count.shape[0] == 0:
         return
-    pursuers, walls, scratch, out = borrowed(pursuers), borrowed(walls), borrowed(scratch), borrowed(out)
-    trees, prisms = threat_trees_of(pursuers), prisms_of(walls)
+    trees, prisms = pursuers, walls
     near, spot, place = scratch.near, scratch.spot, (x, y, z, time)
     position, model, stamps = trees.position, trees.model, trees.time
     for d in range(trees.count.shape[0]):
@@ -269,7 +260,7 @@ def dt_positions(
 @kernel_numpy_errors
 def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
     """Keep the DT's nearest position of ``probe.spot`` for a node; list the node where that is news."""
-    points, state, out = probe.nodes.points, probe.nodes.state, probe.spot
+    points, state, out = probe.nodes.threat_point, probe.nodes.state, probe.spot
     if points[i, d, 3] > 0.0:
         was = now = 0.0
         for a in range(3):
@@ -402,7 +393,7 @@ def explore_plainly(
 
 @kernel
 def estimate_reachability(
-    tree: Tree, pursuers: Pursuers, i: int, estimator: Estimator, bounds: FloatArray, draws: FloatArray,
+    tree: Tree, pursuers: Pursuers, i: int, estimator: Estimator, bounds: Float1D, draws: Float1D,
     walls: Obstacles, scratch: ReachScratch,
 ) -> int:  # fmt: skip
     """Algorithm 1 for the new PathTree node ``i`` and every DT.
@@ -413,9 +404,7 @@ def estimate_reachability(
     num = 0
     if pursuers.count.shape[0] == 0:
         return num
-    tree, pursuers, walls, scratch = borrowed(tree), borrowed(pursuers), borrowed(walls), borrowed(scratch)
-    nodes = Nodes(tree.state, tree.parent, tree.time, tree.active, tree.threat_point)
-    probe = Probe(nodes, threat_trees_of(pursuers), prisms_of(walls), scratch.spot, scratch.changed)
+    probe = Probe(tree, pursuers, walls, scratch.spot, scratch.changed)
     n, p_tid, sample = tree.count[0], estimator.p_tid, scratch.sample
     pursue = draws[0] <= p_tid
     sample[0] = bounds[0] + draws[1] * (bounds[1] - bounds[0])

@@ -6,56 +6,31 @@ Symbols: ``d`` the DT, ``j`` a TTree node, ``v`` the DT's speed.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.kernels.arrays import FloatArray, IntArray, Obstacles, Pursuers
-from companion.kernels.geometry.line_of_sight import Prisms, line_blocked, prisms_of
+from companion.kernels.arrays import (
+    Float1D,
+    Float2D,
+    Int1D,
+    Int2D,
+    Obstacles,
+    Pursuers,
+)
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import point_in_polygon
-from companion.kernels.jit import kernel, kernel_numpy_errors
+from companion.kernels.native.kernel import kernel, kernel_numpy_errors, local_floats, local_ints, local_table
+from companion.kernels.native.struct import Struct
 from companion.kernels.threat.intercept import way_length
 
-BoolArray = NDArray[np.bool_]
 FLIES_ON = 2.0  # in place of the airborne flag: it hunts nobody
 LEAST_STEP_M = 1.0  # of an edge
 CORNER_GAP_M = 3.0  # from an obstacle's corner to the node beside it
 MAX_CORNERS = 400
 
 
-class ThreatTrees(NamedTuple):
-    """The part of :class:`~companion.kernels.arrays.Pursuers` that grows: the TTrees without their indices.
-
-    ``position`` (D, N, 3), ``heading``, ``parent``, ``time`` (D, N), ``count`` (D,), ``model`` (D, 5) and
-    ``bounds`` (4,) as there.
-    """
-
-    position: FloatArray
-    heading: FloatArray
-    parent: IntArray
-    time: FloatArray
-    count: IntArray  # type: ignore[assignment]  # hides tuple.count, which nobody calls
-    model: FloatArray
-    bounds: FloatArray
-
-
-@kernel
-def threat_trees_of(pursuers: Pursuers) -> ThreatTrees:
-    """The trees alone, without their indices."""
-    return ThreatTrees(
-        pursuers.position,
-        pursuers.heading,
-        pursuers.parent,
-        pursuers.time,
-        pursuers.count,
-        pursuers.model,
-        pursuers.bounds,
-    )
-
-
 @kernel_numpy_errors
-def corners_of(z: float, prisms: Prisms, bounds: FloatArray, out: FloatArray) -> int:
+def corners_of(z: float, prisms: Obstacles, bounds: Float1D, out: Float2D) -> int:
     """Places just outside the corners of the obstacles that stand at height ``z``; returns how many.
 
     A shortest way round obstacles turns nowhere else. ``bounds`` (≥ 4,) x_min x_max y_min y_max that they
@@ -88,7 +63,7 @@ def corners_of(z: float, prisms: Prisms, bounds: FloatArray, out: FloatArray) ->
 
 
 @kernel_numpy_errors
-def is_inside(x: float, y: float, z: float, prisms: Prisms) -> bool:
+def is_inside(x: float, y: float, z: float, prisms: Obstacles) -> bool:
     """Whether a place lies in a prism."""
     edges, offsets, heights = prisms.edges, prisms.offsets, prisms.heights
     for p in range(heights.shape[0]):
@@ -98,27 +73,31 @@ def is_inside(x: float, y: float, z: float, prisms: Prisms) -> bool:
 
 
 @kernel_numpy_errors
-def add_corners(trees: ThreatTrees, d: int, prisms: Prisms) -> int:
+def add_corners(trees: Pursuers, d: int, prisms: Obstacles) -> int:
     """Add the corners that a ground vehicle can drive to from its root, each by its shortest way.
 
     Dijkstra's algorithm over the lines of free ground between corners; nodes come by rising time stamp.
     Returns how many there are.
     """
     position, time, heading = trees.position, trees.time, trees.heading
-    places = np.empty((MAX_CORNERS, 2))
+    places = local_table(MAX_CORNERS, 2)
     num = corners_of(position[d, 0, 2], prisms, trees.bounds, places)
-    arrival, parent = np.full(num, np.inf), np.zeros(num, dtype=np.int64)
-    is_done = np.zeros(num, dtype=np.bool_)
+    arrival, parent, is_done = (
+        local_floats(MAX_CORNERS)[:num],
+        local_ints(MAX_CORNERS),
+        local_ints(MAX_CORNERS),
+    )
+    arrival[:], is_done[:] = math.inf, 0
     first, row = trees.count[d], 0
     while trees.count[d] < position.shape[1]:
         _go_on_to_corners(trees, d, row, prisms, places, arrival, parent, is_done)
         best = -1
         for c in range(num):
-            if not is_done[c] and arrival[c] < math.inf and (best < 0 or arrival[c] < arrival[best]):
+            if is_done[c] == 0 and arrival[c] < math.inf and (best < 0 or arrival[c] < arrival[best]):
                 best = c
         if best < 0:
             break
-        is_done[best] = True
+        is_done[best] = 1
         row = trees.count[d]
         x, y = places[best, 0], places[best, 1]
         position[d, row, 0], position[d, row, 1], position[d, row, 2] = x, y, position[d, 0, 2]
@@ -131,8 +110,8 @@ def add_corners(trees: ThreatTrees, d: int, prisms: Prisms) -> int:
 
 @kernel_numpy_errors
 def _go_on_to_corners(
-    trees: ThreatTrees, d: int, row: int, prisms: Prisms, places: FloatArray, arrival: FloatArray,
-    parent: IntArray, is_done: BoolArray,
+    trees: Pursuers, d: int, row: int, prisms: Obstacles, places: Float2D, arrival: Float1D,
+    parent: Int1D, is_done: Int1D,
 ) -> None:  # fmt: skip
     """From node ``row`` on to each corner that is reached sooner through it.
 
@@ -144,7 +123,7 @@ def _go_on_to_corners(
     heading, rho = trees.heading[d, row], trees.model[d, 2]
     for c in range(arrival.shape[0]):
         x, y = places[c, 0], places[c, 1]
-        if is_done[c] or time[d, row] + math.sqrt((x - px) ** 2 + (y - py) ** 2) / v >= arrival[c]:
+        if is_done[c] == 1 or time[d, row] + math.sqrt((x - px) ** 2 + (y - py) ** 2) / v >= arrival[c]:
             continue
         at = time[d, row] + way_length(px, py, z, heading, rho, False, x, y, z) / v
         if at < arrival[c] and not line_blocked(px, py, z, x, y, z, prisms):
@@ -152,7 +131,7 @@ def _go_on_to_corners(
 
 
 @kernel_numpy_errors
-def corner_towards(trees: ThreatTrees, corners: IntArray, d: int, x: float, y: float, prisms: Prisms) -> int:
+def corner_towards(trees: Pursuers, corners: Int2D, d: int, x: float, y: float, prisms: Obstacles) -> int:
     """The corner through which a place is reached earliest on a free line; -1 where there is none.
 
     ``corners`` (D, 2) first row and number of them in each tree.
@@ -169,7 +148,19 @@ def corner_towards(trees: ThreatTrees, corners: IntArray, d: int, x: float, y: f
     return best
 
 
-@kernel
+class KeptNodes(Struct):
+    """Nodes that stay in a tree of N while the others fall away.
+
+    ``poses`` (N, 4) x y z heading [m, rad] and ``parents`` (N,), their rows in the new tree. ``rows`` (N,) and
+    ``where`` (N + 2,) are used up.
+    """
+
+    poses: Float2D
+    parents: Int1D
+    rows: Int1D
+    where: Int1D
+
+
 def re_root(
     pursuers: Pursuers, d: int, root: tuple[float, float, float], heading: float, time: float, ahead: float,
     with_corners: bool, walls: Obstacles,
@@ -183,14 +174,27 @@ def re_root(
     Beyond the paper, and for ground vehicles only: ``with_corners`` puts the corners of obstacles next
     to it, each reached by its shortest way (:func:`add_corners`).
     """
-    v, prisms, trees = pursuers.model[d, 0], prisms_of(walls), threat_trees_of(pursuers)
+    n = int(pursuers.count[d])
+    rows = [np.empty(n + more, dtype=np.int64) for more in (0, 0, 2)]
+    change_root(
+        pursuers, d, root, heading, time, ahead, with_corners, walls, KeptNodes(np.empty((n, 4)), *rows)
+    )
+
+
+@kernel
+def change_root(
+    pursuers: Pursuers, d: int, root: tuple[float, float, float], heading: float, time: float, ahead: float,
+    with_corners: bool, walls: Obstacles, kept: KeptNodes,
+) -> None:  # fmt: skip
+    """:func:`re_root` with room for what stays: as many as the tree has nodes."""
+    v, prisms, trees = pursuers.model[d, 0], walls, pursuers
     ahead = free_way_ahead(root, heading, ahead, prisms)
     has_child = v > 0.0 and ahead >= LEAST_STEP_M
     first_time = time + ahead / v if has_child else time
     base = 2 if has_child else 1
     if v == 0.0:  # it drove when these were grown, and stands now
         trees.count[d] = 0
-    kept, parents = _later_nodes(trees, d, first_time, base)
+    num_kept = _keep_later(trees, d, first_time, base, kept)
     x, y, z = root
     pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z
     pursuers.heading[d, 0], pursuers.parent[d, 0], pursuers.time[d, 0] = heading, -1, time
@@ -205,11 +209,13 @@ def re_root(
     pursuers.by_corner[d] = -2
     if with_corners and v > 0.0 and pursuers.model[d, 3] == 0.0:
         pursuers.corners[d, 1] = add_corners(trees, d, prisms)
-    _attach_again(trees, d, base, pursuers.corners[d, 1], kept, parents, prisms)
+    _attach_again(trees, d, base, pursuers.corners[d, 1], num_kept, kept, prisms)
 
 
 @kernel
-def free_way_ahead(root: tuple[float, float, float], heading: float, ahead: float, prisms: Prisms) -> float:
+def free_way_ahead(
+    root: tuple[float, float, float], heading: float, ahead: float, prisms: Obstacles
+) -> float:
     """How much of ``ahead`` metres is free, halved until it is; 0 where a twentieth is not [m]."""
     x, y, z = root
     share = 1.0
@@ -221,47 +227,43 @@ def free_way_ahead(root: tuple[float, float, float], heading: float, ahead: floa
 
 
 @kernel
-def _later_nodes(trees: ThreatTrees, d: int, stamp: float, base: int) -> tuple[FloatArray, IntArray]:
-    """Nodes later than ``stamp`` and their parents in a tree that begins with ``base`` others.
+def _keep_later(trees: Pursuers, d: int, stamp: float, base: int, kept: KeptNodes) -> int:
+    """Keep nodes later than ``stamp`` and their parents in a tree that begins with ``base`` others; how many.
 
-    Returns x y z heading (K, 4) [m, rad], and rows (K,) of the new tree: that of a dropped parent is the
-    last of the ``base``.
+    A dropped parent's row is the last of the ``base``.
     """
-    n_old, n = trees.count[d], base
-    new_index = np.full(n_old, -1, dtype=np.int64)
+    n_old, n, new_index = trees.count[d], base, kept.rows
+    new_index[:] = -1
     for j in range(n_old):  # parents come before children, so one pass renumbers
         if j > 0 and trees.time[d, j] > stamp and n < trees.position.shape[1]:
             new_index[j] = n
             n += 1
-    kept = np.empty((n - base, 4))
-    parents = np.empty(n - base, dtype=np.int64)
     for j in range(n_old):
         if new_index[j] >= 0:
             row = new_index[j] - base
-            kept[row, :3] = trees.position[d, j]
-            kept[row, 3] = trees.heading[d, j]
+            kept.poses[row, :3] = trees.position[d, j]
+            kept.poses[row, 3] = trees.heading[d, j]
             up = trees.parent[d, j]
-            parents[row] = new_index[up] if up >= 0 and new_index[up] >= 0 else base - 1
-    return kept, parents
+            kept.parents[row] = new_index[up] if up >= 0 and new_index[up] >= 0 else base - 1
+    return int(n - base)
 
 
 @kernel
 def _attach_again(
-    trees: ThreatTrees, d: int, base: int, num_corners: int, kept: FloatArray, parents: IntArray,
-    prisms: Prisms,
-) -> None:  # fmt: skip
-    """Append kept nodes whose line to their parent is free; the others fall away with their branches.
+    trees: Pursuers, d: int, base: int, num_corners: int, num_kept: int, kept: KeptNodes, prisms: Obstacles
+) -> None:
+    """Append ``num_kept`` nodes whose line to their parent is free; the others fall away with their branches.
 
-    A kept node at a corner that is there already gives its branches to that. ``kept`` (K, 4) x y z heading
-    [m, rad] and ``parents`` (K,) as :func:`_later_nodes` returns them.
+    A kept node at a corner that is there already gives its branches to that.
     """
     position, heading, time = trees.position, trees.heading, trees.time
     airborne = trees.model[d, 3] > 0.0
-    where = np.full(base + kept.shape[0], -1, dtype=np.int64)
+    poses, parents, where = kept.poses, kept.parents, kept.where
+    where[:] = -1
     for b in range(base):
         where[b] = b
-    for row in range(kept.shape[0]):
-        x, y, z = kept[row, 0], kept[row, 1], kept[row, 2]
+    for row in range(num_kept):
+        x, y, z = poses[row, 0], poses[row, 1], poses[row, 2]
         for c in range(base, base + num_corners):
             if position[d, c, 0] == x and position[d, c, 1] == y:
                 where[base + row] = c

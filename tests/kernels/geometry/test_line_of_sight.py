@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.geometry.line_of_sight import is_rectangle, line_blocked, prisms_of
+from companion.kernels.geometry.line_of_sight import is_rectangle, line_blocked
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
 from companion.types.threat import Obstacle
 from tests.support.paths import box
@@ -32,7 +32,7 @@ SHAPES = (
     ),
 )
 PACKED = packed(SHAPES, BOUNDS)
-PRISMS = prisms_of(PACKED)
+PRISMS = PACKED
 # To a nanometre: nearer to a wall the two tests' rounding errors differ.
 POINT = st.tuples(
     *(st.floats(*ends).map(lambda x: round(x, 9)) for ends in ((-500.0, 500.0),) * 2 + ((0.0, 150.0),))

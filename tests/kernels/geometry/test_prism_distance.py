@@ -9,7 +9,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.geometry import prism_distance as g
-from companion.kernels.geometry.line_of_sight import line_blocked, prisms_of
+from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.types.threat import Obstacle
 from tests.support.paths import box, prism_distance
 from tests.support.worlds import is_blocked, packed
@@ -24,7 +24,7 @@ HOOK = Obstacle(
 WEDGE = Obstacle("wedge", np.array([[-150.0, -100.0], [-50.0, 20.0], [-150.0, 120.0]]), 0.0, 120.0)
 WORLD = (HOOK, WEDGE, box("slab", -200.0, -220.0, 220.0, -200.0, 0.0, 60.0))
 PACKED = packed(WORLD)
-PRISMS = prisms_of(PACKED)
+PRISMS = PACKED
 COORDINATE = st.floats(-300.0, 300.0)
 HEIGHT = st.floats(0.0, 160.0)
 POINT = st.tuples(COORDINATE, COORDINATE, HEIGHT)

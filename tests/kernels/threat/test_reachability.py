@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_pursuers, empty_tree
-from companion.kernels.geometry.line_of_sight import prisms_of
 from companion.kernels.threat import reachability as r
 from companion.kernels.threat.intercept import AIR_CLIMB
-from companion.kernels.threat.threat_tree import re_root, threat_trees_of
+from companion.kernels.threat.threat_tree import re_root
 from companion.kernels.workspace import reach_scratch
 from companion.world.pursuer_trees import STEP_S, observe, threat_trees
 from tests.support.paths import box
@@ -25,7 +24,7 @@ WORLD = (
     box("tower", 200.0, 250.0, 250.0, 300.0, 0.0, 200.0),
 )
 PACKED = packed(WORLD, BOUNDS)
-PRISMS = prisms_of(PACKED)
+PRISMS = PACKED
 SPEED, RADIUS, TURN = 20.0, 150.0, 15.0
 BESIDE = st.integers(-500, 500).map(lambda n: n + 0.37)  # never on a wall's face
 
@@ -41,7 +40,7 @@ def pursuers_at(x, y, heading, *, time=0.0, airborne=0.0, speed=SPEED, up=0.0, c
 def ask(trees, x, y, z, time, j=0, d=0):
     """Whether the place is reachable; q_B, and the DT's nearest position."""
     out = np.zeros(6)
-    answer = r.gets_to(threat_trees_of(trees), d, j, x, y, z, time, PRISMS, out)
+    answer = r.gets_to(trees, d, j, x, y, z, time, PRISMS, out)
     return answer, out[:2], out[3:]
 
 
@@ -134,7 +133,7 @@ def grown(seed, n=60):
     trees = pursuers_at(-250.0, -250.0, 0.3, capacity=400)
     for x, y in rng.uniform(-580.0, 580.0, (n, 2)):
         near = nearest(trees, x, y, 1)
-        r.connect(threat_trees_of(trees), 0, near[0], x, y, 0.0, bool(rng.random() < 0.3), PRISMS)
+        r.connect(trees, 0, near[0], x, y, 0.0, bool(rng.random() < 0.3), PRISMS)
     return trees
 
 
@@ -303,9 +302,9 @@ def test_the_estimate_is_the_nearest_place_on_the_way_but_for_the_last_halving(x
 
 def test_airborne_threats_fly_over_what_stops_ground_vehicles():
     ground, air = pursuers_at(-200.0, 0.0, 0.0), pursuers_at(-200.0, 0.0, 0.0, airborne=1.0, up=100.0)
-    assert r.connect(threat_trees_of(ground), 0, 0, 300.0, 0.0, 100.0, True, PRISMS) > 0
+    assert r.connect(ground, 0, 0, 300.0, 0.0, 100.0, True, PRISMS) > 0
     assert ground.position[0, : ground.count[0], 0].max() <= 0.0
-    r.connect(threat_trees_of(air), 0, 0, 300.0, 0.0, 100.0, True, PRISMS)
+    r.connect(air, 0, 0, 300.0, 0.0, 100.0, True, PRISMS)
     assert air.position[0, : air.count[0], 0].max() == pytest.approx(300.0)
 
 

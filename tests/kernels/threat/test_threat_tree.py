@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
 from companion.kernels.arrays import empty_pursuers
-from companion.kernels.geometry.line_of_sight import prisms_of
 from companion.kernels.threat import threat_tree as d
 from companion.types.threat import Obstacle
 from tests.support.paths import box
@@ -30,7 +29,7 @@ def pursuers_at(x, y, heading=0.0, *, turn=1e-6, up=0.0, airborne=0.0):
 def test_corners_of_a_box_by_hand():
     # Out along the diagonal by 3 m: 2.12 m each way.
     out = np.empty((d.MAX_CORNERS, 2))
-    prisms = prisms_of(packed((box("b", 0.0, 0.0, 100.0, 50.0, 10.0, 60.0),), BOUNDS))
+    prisms = packed((box("b", 0.0, 0.0, 100.0, 50.0, 10.0, 60.0),), BOUNDS)
     bounds = np.array(BOUNDS[:4])
     assert d.corners_of(30.0, prisms, bounds, out) == 4
     a = 3.0 / math.sqrt(2.0)
@@ -45,7 +44,7 @@ def test_corners_of_a_box_by_hand():
 def test_corners_lie_outside_whichever_way_the_polygon_runs(turned):
     shape = ((0.0, 0.0), (200.0, 0.0), (200.0, 60.0), (60.0, 60.0), (60.0, 200.0), (0.0, 200.0))
     polygon = np.array(shape[::-1] if turned else shape)
-    prisms = prisms_of(packed((Obstacle("l", polygon, 0.0, 50.0),), BOUNDS))
+    prisms = packed((Obstacle("l", polygon, 0.0, 50.0),), BOUNDS)
     out = np.empty((d.MAX_CORNERS, 2))
     n = d.corners_of(0.0, prisms, np.array(BOUNDS[:4]), out)
     assert n == 5  # the inner corner's bisector points into the wall
@@ -67,7 +66,7 @@ def test_the_way_round_a_wall_by_hand():
     )
     assert (np.diff(trees.time[0, 1:5]) >= 0.0).all()
     # The place (60, 90) is hidden from the corner before the wall by its end, not from the one behind it.
-    row = d.corner_towards(d.threat_trees_of(trees), trees.corners, 0, 60.0, 90.0, prisms_of(world))
+    row = d.corner_towards(trees, trees.corners, 0, 60.0, 90.0, world)
     assert trees.position[0, row, :2] == pytest.approx([30.0 + a, 100.0 + a])
     # Airborne threats fly over; for them there are no corners, nor without being asked for.
     air = pursuers_at(-30.0, 0.0, airborne=1.0, up=50.0)
@@ -96,7 +95,7 @@ def test_corners_are_reached_by_shortest_ways(seed):
     first, num = trees.corners[0]
     found = trees.position[0, first : first + num, :2]
     places = np.empty((d.MAX_CORNERS, 2))
-    everything = places[: d.corners_of(0.0, prisms_of(world), np.array(BOUNDS[:4]), places)]
+    everything = places[: d.corners_of(0.0, world, np.array(BOUNDS[:4]), places)]
     # An oracle that shares nothing: lines by shapely, ways by SciPy.
     points = np.vstack([start, everything])
     walls = shapely.union_all([shapely.Polygon(o.polygon_enu_m) for o in boxes])
@@ -119,7 +118,7 @@ def test_corners_are_reached_by_shortest_ways(seed):
             for j in range(first, first + num)
             if not is_blocked(trees.position[0, j], (x, y, 0.0), boxes)
         ]
-        row = d.corner_towards(d.threat_trees_of(trees), trees.corners, 0, x, y, prisms_of(world))
+        row = d.corner_towards(trees, trees.corners, 0, x, y, world)
         assert (row >= 0) == bool(through)
         if through:
             at = trees.time[0, row] + math.dist(trees.position[0, row, :2], (x, y)) / SPEED

@@ -1,0 +1,66 @@
+"""Where object code runs: LLVM's own linker and loader in this process, without numba."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterable
+from functools import cache
+from importlib.metadata import version
+from threading import RLock
+from typing import Any
+
+import llvmlite.binding as llvm
+
+__all__ = ["about_machine", "door_of", "load"]
+
+DOOR = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)  # lets go of the interpreter's lock meanwhile
+LOCK = RLock()
+
+
+@cache
+def about_machine() -> str:
+    """What object code depends on but for its source: processor, compiler, interpreter."""
+    _initialize()
+    name = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        features = llvm.get_host_cpu_features().flatten()
+    libraries = [f"{name} {version(name)}" for name in ("numba", "llvmlite")]
+    settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key.startswith("NUMBA_OPT")]
+    return "\n".join([
+        platform.machine(), sys.platform, f"{sys.version_info[:2]}", name, features, *libraries, *settings
+    ])  # fmt: skip
+
+
+def load(objects: Iterable[bytes]) -> None:
+    """Add object code to this process, all that it calls with it or before it."""
+    with LOCK:
+        engine = _engine()
+        for code in objects:
+            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+
+
+def door_of(symbol: str) -> Callable[[Any], int]:
+    """The function of that name, which takes the address of its words and returns 0 for success."""
+    with LOCK:
+        address = _engine().get_function_address(symbol)
+    if not address:
+        raise LookupError(symbol)
+    return DOOR(address)
+
+
+@cache
+def _initialize() -> None:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+@cache
+def _engine() -> llvm.ExecutionEngine:
+    _initialize()
+    machine = llvm.Target.from_default_triple().create_target_machine(opt=3, jit=True)
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)

@@ -1,0 +1,120 @@
+"""All kernels of the program: which there are, who calls them, and that Python calls none that is only copied."""
+
+import ast
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from companion.kernels.native import build, kernel, kinds, ready
+from companion.kernels.native.kernel import Kernel
+from companion.kernels.native.store import Store
+
+SOURCES = [
+    path for root in ("companion", "sim") for path in sorted(Path(root).rglob("*.py"))
+    if not path.is_relative_to("companion/kernels")
+]  # fmt: skip
+
+
+def called_from(path):
+    """Kernels that a module imports."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("companion.kernels."):
+            for alias in node.names:
+                value = getattr(importlib.import_module(node.module), alias.name, None)
+                if isinstance(value, Kernel):
+                    yield value
+
+
+CALLED = {one.symbol: one for path in SOURCES for one in called_from(path)}
+
+
+def test_python_calls_kernels_that_are_compiled_beforehand_only():
+    assert len(CALLED) > 30
+    assert {symbol for symbol, one in CALLED.items() if one.is_inlined} == set()
+    assert set(CALLED) <= {one.symbol for one in ready.kernels()}
+
+
+def test_every_kernel_is_there_for_another_or_for_python():
+    """What only tests call would be compiled on every computer for nothing."""
+    used = set(CALLED)
+    for module in sorted({one.py_func.__module__ for one in ready.kernels()}):
+        values = vars(importlib.import_module(module)).values()
+        used |= {callee.symbol for one in values if isinstance(one, Kernel) for callee in one.callees}
+        source = ast.parse(Path(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
+        plain = [
+            node for node in source.body if isinstance(node, ast.FunctionDef) and not node.decorator_list
+        ]
+        names = {name.id for node in plain for name in ast.walk(node) if isinstance(name, ast.Name)}
+        used |= {f"{module}.{name}" for name in names}
+    assert [one.symbol for one in ready.kernels() if one.symbol not in used] == []
+
+
+def test_every_kernel_has_a_signature_and_a_key_of_its_own():
+    keys = {one.key for one in ready.kernels()}
+    assert len(keys) == len(ready.kernels()) > 150
+
+
+def test_ready_ones_are_loaded_with_all_they_call():
+    ready.make_ready()
+    kernel.load(ready.kernels(), lambda done, total: pytest.fail("one was missing"))
+    assert all(callee in kernel._loaded for one in ready.kernels() for callee in one.linked)
+
+
+PLAIN = """
+import numpy as np
+from companion.kernels.aircraft.motion import advance
+from companion.kernels.native.ready import kernels, make_ready
+assert kernels() == []
+make_ready()
+out = np.empty(6)
+advance(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), 0.0, 0.0, 0.0, 1.0, out)
+assert out[0] == 25.0
+assert type(advance).__name__ == "function"
+"""
+
+
+def test_without_the_compiler_kernels_are_plain_functions(monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    subprocess.run([sys.executable, "-c", PLAIN], check=True, timeout=120)
+
+
+NAMES = ("membership", "set_course", "point_threat", "node_threat", "line_threat", "gather", "speed_share")
+
+
+def of_threats():
+    module = importlib.import_module("companion.kernels.threat.fuzzy_threat")
+    return [getattr(module, name) for name in (*NAMES, "success_over_exposures", "turned_away")]
+
+
+def test_many_are_compiled_by_other_processes_and_each_is_told(monkeypatch, tmp_path):
+    monkeypatch.setattr(build, "kernel_store", lambda: Store(tmp_path / "kernels"))
+    (tmp_path / "kernels").mkdir()
+    monkeypatch.setattr(build.os, "sched_getaffinity", lambda process: {0, 1})
+    told = []
+    made = build.built(of_threats(), lambda done, total: told.append((done, total)))
+    assert sorted(told) == [(done, 9) for done in range(1, 10)]
+    assert {one: code[:4] for one, code in made.items()} == dict.fromkeys(of_threats(), b"\x7fELF")
+    assert {path.name for path in (tmp_path / "kernels").glob("*.o")} == {one.file("o") for one in made}
+
+
+def test_what_another_process_cannot_compile_is_told_by_name(monkeypatch, tmp_path):
+    monkeypatch.setattr(build, "kernel_store", lambda: Store(tmp_path / "kernels"))
+    (tmp_path / "kernels").mkdir()
+    monkeypatch.setattr(build.os, "sched_getaffinity", lambda process: {0})
+    question = b"companion.kernels.threat.fuzzy_threat no_such_kernel\n"
+    command = [sys.executable, "-m", build.__name__]
+    answer = subprocess.run(command, input=question, capture_output=True, check=True, timeout=120).stdout
+    assert answer.startswith(b"AttributeError: ")
+    assert answer.endswith(b"\n")
+    assert os.listdir(tmp_path / "kernels") == []
+
+
+def test_a_signature_says_how_a_kernel_is_called():
+    signature = CALLED["companion.kernels.geometry.line_of_sight.line_blocked"].signature
+    assert signature.names[-1] == "prisms"
+    assert signature.kinds[:6] == (kinds.Scalar("f"),) * 6
+    assert signature.returns == kinds.Scalar("b")
