@@ -62,3 +62,11 @@ _.pursuit_measures, _.estimated_share, _.first_pursued_share, _.num_reachable
 # Of Enum's own protocol; and the value of a form that is neither of the two that code asks for.
 _._value_, _.FORM_LITERAL
 _.__call__  # of a Protocol
+
+# What numba calls or reads when a kernel is compiled.
+_.add_llvm_module, _._optimize_final_module, _._finalize_final_module, _._finalized, _._shared_module
+_.linkage, _.unique_id, _.lifted, _.lifted_from, _.error_model
+_.no_cfunc_wrapper, _.no_compile, _.no_cpython_wrapper, _.enable_looplift, _.enable_pyobject
+_.get_call_type, _.get_call_signatures, _.get_impl_key, _.generic_resolve
+_._StructModel, _._StructAttributes, _._type_of_kernel, _._constant_kernel, _._get_field, _._set_item
+_._type_of_floats, _._type_of_ints, _._type_of_table, _._make_floats, _._make_ints

@@ -1,6 +1,4 @@
-"""What several commands have: arguments and options, whose texts are the commands' help, and a bar that is shown
-while kernels are compiled.
-"""  # noqa: D205
+"""What several commands share: arguments and options with their help, and the bar shown while compiling."""
 
 from __future__ import annotations
 
@@ -45,21 +43,24 @@ PageGround = Annotated[
 
 
 def make_ready_with_bar(console: Console) -> None:
-    """Have all kernels ready; where some have to be compiled, a bar says how many of how many are.
+    """Load all kernels. A bar shows how many of how many are compiled, where some have to be.
 
     Raises
     ------
     RuntimeError
-        If one cannot be compiled.
+        If a kernel cannot be compiled.
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from companion.kernels.native.ready import make_ready
 
-    bar = Progress(
-        TextColumn("compiling the planner's kernels, once"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        console=console,
-    )  # fmt: skip
+    columns = (
+        TextColumn("compiling the planner, once"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    bar = Progress(*columns, console=console)
     task = bar.add_task("")
 
     def report(done: int, total: int) -> None:

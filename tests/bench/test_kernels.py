@@ -63,10 +63,10 @@ def filters(
 
 
 @kernel
-def neighbours(points: Float2D, tree: Tree, near: KNearest) -> int:
+def neighbours(points: Float2D, tree: Tree, near: KNearest, k: int) -> int:
     n = 0
-    for k in range(CALLS):
-        n += near_nodes(tree, points[k], 20, near)
+    for point in range(CALLS):
+        n += near_nodes(tree, points[point], k, near)
     return n
 
 
@@ -98,7 +98,7 @@ def test_kernels(tell):
     scene, b = search.scene(), search.limits.bounds
     points = np.random.default_rng(2).uniform(b[::2], b[1::2], (CALLS + 1, 3))
     prisms, nodes = scene.walls, search.tree.state[: int(search.tree.count[0])]
-    here = threat_scene(search.threats, np.zeros((1, 4)), np.zeros(0), search.model)
+    here = threat_scene(scene.threats, np.zeros((1, 4)), np.zeros(0), scene.model)
     p, out = problem.start.error_covariance, np.empty((2, 6, 6))
     scratch, spot = search.work.growth.lqg, np.empty(6)
     took = {
@@ -106,7 +106,7 @@ def test_kernels(tell):
         "clearance": least(clearances, points, scene.obstacles),
         "threat along a line": least(threats, points, here),
         "LQG-MP step": least(filters, nodes, search.tables, p, 0.1 * p, out[0], out[1], scratch),
-        f"20 near nodes of {len(nodes)}": least(neighbours, points, search.tree, search.work.near),
+        f"20 near nodes of {len(nodes)}": least(neighbours, points, search.tree, search.work.near, 20),
         "reach of a node": least(pursuits, points, search.pursuers, prisms, spot),
     }
     for name, nanoseconds in took.items():

@@ -70,7 +70,7 @@ def follow(index: GridIndex, filled: int, rows: Float2D, n: int, bounds: Float1D
     index.filled[0] = filled
 
 
-@kernel_numpy_errors
+@inlined_numpy_errors
 def keep(near: KNearest, found: int, k: int, square: float, row: int) -> int:
     """Keep the ``k`` smallest (square, row) of ``near``, sorted; returns how many there are."""
     squares, rows = near.squares, near.rows

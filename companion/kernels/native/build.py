@@ -1,4 +1,8 @@
-"""Compiling on all processors: ``python -m companion.kernels.native.build`` is one of the processes that do it."""
+"""Compiles kernels on all processors.
+
+``python -m companion.kernels.native.build`` is one of the processes that do it. It reads a kernel's module
+and name from each line of its input, and answers with object code.
+"""
 
 from __future__ import annotations
 
@@ -10,39 +14,39 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import BinaryIO
+from typing import IO
 
 from companion.kernels.native.kernel import Kernel, Report, kept_or_compiled
 from companion.kernels.native.store import kernel_store
 
 __all__ = ["built"]
 
-FEW = 8  # kernels that this process compiles itself: another one takes as long to start
+FEW = 8  # This process compiles so few kernels itself: another process takes as long to start.
 
 
 def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
-    """Compile kernels and keep them.
+    """Compile and store kernels.
 
     Parameters
     ----------
     kernels : list of Kernel
-        None of them is kept yet.
+        Kernels that are not in the store.
     report : callable, optional
-        Told how many of how many are done.
+        Called whenever another kernel is compiled. It receives how many are, and how many have to be.
 
     Returns
     -------
     dict
-        The object code of each.
+        The object code of each kernel.
 
     Raises
     ------
     RuntimeError
-        If one cannot be compiled.
+        If a kernel cannot be compiled.
     """
     waiting: SimpleQueue[Kernel] = SimpleQueue()
     for one in sorted(kernels, key=lambda one: -len(one.py_func.__code__.co_code)):
-        waiting.put(one)  # the longest first, so that all processes end at about the same time
+        waiting.put(one)  # Long kernels come first, so that all processes end at about the same time.
     made: dict[Kernel, bytes] = {}
 
     def take(compile_one: Callable[[Kernel], bytes]) -> None:
@@ -66,13 +70,13 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
 
 
 def _in_another_process(take: Callable[[Callable[[Kernel], bytes]], None]) -> None:
-    """Take one kernel after the other, and have another process compile it."""
+    """Take kernels one after the other, and let another process compile them."""
     environment = {
         **os.environ,
         "NUMBA_CACHE_DIR": str(kernel_store().folder.parent),
         "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
     }
-    command = [sys.executable, "-m", __name__]
+    command = [sys.executable, "-m", "companion.kernels.native.build"]
     with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
@@ -80,18 +84,18 @@ def _in_another_process(take: Callable[[Callable[[Kernel], bytes]], None]) -> No
         process.stdin.close()
 
 
-def _asked(questions: BinaryIO, answers: BinaryIO, one: Kernel) -> bytes:
-    """Object code from the other process: how many bytes it is, and then these, or a line that says why not."""
+def _asked(questions: IO[bytes], answers: IO[bytes], one: Kernel) -> bytes:
+    """Ask the other process for object code. It answers with a length and the code, or with an error."""
     questions.write(f"{one.py_func.__module__} {one.py_func.__qualname__}\n".encode())
     questions.flush()
     size = answers.readline().decode().strip()
     if not size.isdigit():
-        raise RuntimeError(f"{one.symbol} cannot be compiled: {size or 'the compiler ended'}")
+        raise RuntimeError(f"{one.symbol}: {size or 'the process that compiles it has ended'}")
     return answers.read(int(size))
 
 
-def _answer(questions: BinaryIO, answers: BinaryIO) -> None:
-    """Compile what is asked for, a line each."""
+def _answer(questions: IO[bytes], answers: IO[bytes]) -> None:
+    """Compile what each line asks for."""
     for line in questions:
         module, name = line.decode().split()
         try:

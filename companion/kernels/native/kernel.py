@@ -1,9 +1,9 @@
-"""Kernels: functions with one signature, compiled each for itself, that Python may call as well.
+"""Kernels: functions with one signature that run as machine code and can be called from Python.
 
-:func:`kernel` makes object code of its own, which others call by its symbol: a change in it compiles it alone.
-:func:`inlined` is copied into whatever calls it, and a change in it compiles these again: it is for what is
-smaller than a call. With ``NUMBA_DISABLE_JIT=1`` both leave a function as it is, so that coverage and a debugger
-see its lines.
+:func:`kernel` gives a function object code of its own. Other kernels call it by its symbol, so a change in it
+compiles it alone. :func:`inlined` copies a function into the kernels that call it, so a change in it compiles
+those. It is meant for functions that are smaller than a call. With ``NUMBA_DISABLE_JIT=1`` both return the
+function itself, so that coverage and a debugger see its lines.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
 import pickle
 import types
@@ -27,12 +28,14 @@ from companion.kernels.native import kinds, machine
 from companion.kernels.native.store import kernel_store
 
 __all__ = [
-    "IS_COMPILED",
     "Kernel",
+    "Report",
     "inlined",
     "inlined_numpy_errors",
+    "kept_or_compiled",
     "kernel",
     "kernel_numpy_errors",
+    "load",
     "local_floats",
     "local_ints",
     "local_table",
@@ -40,32 +43,41 @@ __all__ = [
 ]
 
 IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-GENERATORS = ("compiler.py", "kinds.py", "numba_types.py")  # a change in one of these is one in every kernel
+GENERATORS = (
+    "compiler.py",
+    "kinds.py",
+    "numba_types.py",
+)  # They generate code: a change compiles everything.
 CONSTANTS = (int, float, str, bool, types.NoneType)
+LIBRARIES = ("math", "numpy")  # Their versions are in every key already.
+COMPILER, BUILD = (
+    "companion.kernels.native.compiler",
+    "companion.kernels.native.build",
+)  # They are slow to load.
 
-Report = Callable[[int, int], None]  # told how many of how many are compiled
+Report = Callable[[int, int], None]  # It receives how many kernels are compiled, and how many have to be.
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile for itself; a division by zero raises, as in Python."""
+    """Compile a function by itself. A division by zero raises, as in Python."""
     return _made(function, is_inlined=False, has_numpy_errors=False)
 
 
 def kernel_numpy_errors(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile for itself; a division by zero gives infinity: no branch at every division."""
+    """Compile a function by itself. A division by zero gives infinity, which saves a branch."""
     return _made(function, is_inlined=False, has_numpy_errors=True)
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Copy into all that call it; a division by zero raises, as in Python."""
+    """Copy a function into its callers. A division by zero raises, as in Python."""
     return _made(function, is_inlined=True, has_numpy_errors=False)
 
 
 def inlined_numpy_errors(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Copy into all that call it; a division by zero gives infinity: no branch at every division."""
+    """Copy a function into its callers. A division by zero gives infinity, which saves a branch."""
     return _made(function, is_inlined=True, has_numpy_errors=True)
 
 
@@ -78,42 +90,41 @@ def _made(function: Callable[_P, _R], *, is_inlined: bool, has_numpy_errors: boo
 
 
 def local_floats(n: int) -> NDArray[np.float64]:
-    """An array (n,) that lives until the kernel returns; in kernels ``n`` is constant. It holds nothing yet."""
+    """Return an uninitialised array (n,) that lives until the kernel returns. In a kernel, n is constant."""
     return np.empty(n)
 
 
 def local_ints(n: int) -> NDArray[np.int64]:
-    """:func:`local_floats` of integers (n,)."""
+    """Return an array (n,) of integers, else as :func:`local_floats`."""
     return np.empty(n, dtype=np.int64)
 
 
 def local_table(rows: int, columns: int) -> NDArray[np.float64]:
-    """:func:`local_floats` with two axes, (rows, columns)."""
+    """Return an array (rows, columns), else as :func:`local_floats`."""
     return np.empty((rows, columns))
 
 
-INTRINSICS = (local_floats, local_ints, local_table)  # what the compiler knows by itself
-
-_may_compile = True
-
-
-def refuse_compiling() -> None:
-    """Raise from now on where something would have to be compiled."""
-    global _may_compile
-    _may_compile = False
+INTRINSICS = (local_floats, local_ints, local_table)  # The compiler has code of its own for these.
 
 
 class Kernel:
-    """A function with one signature that runs as machine code.
+    """A function that runs as machine code.
 
     Parameters
     ----------
     function : callable
-        Annotated throughout; refers to constants, kernels and :mod:`math` only.
+        It has annotations, and refers only to constants, types, kernels and the module :mod:`math`.
     is_inlined : bool
-        Copied into callers.
+        Whether its code is copied into its callers.
     has_numpy_errors : bool
-        A division by zero does not raise.
+        Whether a division by zero gives infinity instead of raising.
+
+    Attributes
+    ----------
+    py_func : callable
+        The function as Python.
+    symbol : str
+        Its module and name.
     """
 
     def __init__(self, function: Callable[..., Any], *, is_inlined: bool, has_numpy_errors: bool) -> None:
@@ -124,30 +135,30 @@ class Kernel:
         self.symbol = f"{function.__module__}.{function.__qualname__}"
         self._call: Callable[..., Any] | None = None
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Run it; its machine code is read, or made, the first time."""
-        return (self._call or self.open())(*arguments)
+    def __call__(self, *arguments: object) -> Any:
+        """Run the machine code. The first call loads or compiles it."""
+        return (self._call or self._open())(*arguments)
 
     def __repr__(self) -> str:
         return f"<kernel {self.symbol}>"
 
     def __reduce__(self) -> str:
-        """By its name, as functions are."""
+        """Pickle the name, as functions do."""
         return self.py_func.__qualname__
 
     @functools.cached_property
     def signature(self) -> kinds.Signature:
-        """Its signature."""
+        """The signature that the annotations give."""
         return kinds.signature_of(self.py_func)
 
     @functools.cached_property
     def callees(self) -> tuple[Kernel, ...]:
-        """Kernels that it calls itself."""
+        """The kernels that the function calls."""
         return tuple(value for _, value in self._globals() if isinstance(value, Kernel))
 
     @functools.cached_property
     def linked(self) -> tuple[Kernel, ...]:
-        """Kernels whose symbols its object code calls: its callees, and those of what is copied into it."""
+        """The kernels whose symbols the object code calls: its callees, and those of inlined callees."""
         found: dict[Kernel, None] = {}
         for callee in self.callees:
             found |= dict.fromkeys(callee.linked) if callee.is_inlined else {callee: None}
@@ -155,14 +166,20 @@ class Kernel:
 
     @functools.cached_property
     def interface(self) -> str:
-        """What its callers depend on unless it is copied into them."""
+        """Everything that the code of a caller depends on, unless the kernel is inlined."""
         signature = self.signature
-        of = ",".join(map(kinds.fingerprint, signature.kinds))
-        return f"{self.symbol}({of})->{kinds.fingerprint(signature.returns)}"
+        parameters = ",".join(map(kinds.fingerprint, signature.kinds))
+        return f"{self.symbol}({parameters})->{kinds.fingerprint(signature.returns)}"
 
     @functools.cached_property
     def key(self) -> str:
-        """Digest of all that its machine code depends on."""
+        """The digest of everything that the machine code depends on.
+
+        Raises
+        ------
+        TypeError
+            If the function refers to something whose changes the digest could not show.
+        """
         parts = [_generator(), self.interface, str(self.is_inlined), str(self.has_numpy_errors)]
         parts += _code_parts(self.py_func.__code__, self.py_func.__doc__)
         for name, value in self._globals():
@@ -174,24 +191,18 @@ class Kernel:
                 parts.append(f"{name}={value.__name__ if callable(value) else repr(value)}")
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
 
-    def file(self, kind: str) -> str:
-        """Name of the file that keeps it: ``o`` of object code, ``bc`` of what is copied into callers."""
-        return f"{self.py_func.__name__}-{self.key}.{kind}"
+    def file(self, suffix: str) -> str:
+        """Return a file name in the store: ``o`` for object code, ``bc`` for code that callers copy."""
+        return f"{self.py_func.__name__}-{self.key}.{suffix}"
 
     def _globals(self) -> Iterator[tuple[str, Any]]:
-        """What the code refers to outside itself, by name.
-
-        Raises
-        ------
-        TypeError
-            If it is of a kind whose changes could not be told.
-        """
+        """Go through what the code refers to outside the function, by name."""
         if self.py_func.__closure__:
-            raise TypeError(f"{self.symbol}: a kernel has no variables of a function round it")
+            raise TypeError(f"{self.symbol}: a kernel has no variables of an enclosing function")
         yield from _referred(self.py_func.__code__.co_names, self.py_func.__globals__, self.symbol)
 
-    def open(self) -> Callable[..., Any]:
-        """Read its machine code and that of all it calls, or compile it; how Python calls it."""
+    def _open(self) -> Callable[..., Any]:
+        """Load or compile the machine code, and return the function that calls it."""
         with machine.LOCK:
             if self._call is None:
                 load([self])
@@ -199,95 +210,115 @@ class Kernel:
         return self._call
 
 
-_loaded: set[Kernel] = set()
+class _Process:
+    """What this process has loaded, and whether it may compile."""
+
+    loaded: set[Kernel]
+    may_compile = True
+
+    def __init__(self) -> None:
+        self.loaded = set()
+
+    def refuse(self) -> None:
+        self.may_compile = False
+
+
+_process = _Process()
+
+
+def refuse_compiling() -> None:
+    """Make this process raise from now on wherever it would compile."""
+    _process.refuse()
 
 
 def load(kernels: Iterable[Kernel], report: Report | None = None) -> None:
-    """Have the machine code of some kernels, and of all they call, in this process.
+    """Load the machine code of kernels and of everything that they call.
 
-    What is not kept is compiled, on all processors where it is much; ``report`` is told how many of how many are.
+    Code that is not in the store is compiled: a lot of it on all processors.
+
+    Parameters
+    ----------
+    kernels : iterable of Kernel
+        The kernels.
+    report : callable, optional
+        Called whenever another kernel is compiled.
 
     Raises
     ------
     RuntimeError
-        If something has to be compiled after :func:`refuse_compiling`, or cannot be.
+        If a kernel cannot be compiled, or would have to be after :func:`refuse_compiling`.
     """
     with machine.LOCK:
         wanted: dict[Kernel, None] = {}
         waiting = list(kernels)
         while waiting:
             one = waiting.pop()
-            if one not in wanted and one not in _loaded:
+            if one not in wanted and one not in _process.loaded:
                 wanted[one] = None
                 waiting += one.linked
         found = {one: kernel_store().read(one.file("o")) for one in wanted}
         missing = [one for one, code in found.items() if code is None]
         if missing:
-            if not _may_compile:
+            if not _process.may_compile:
                 raise RuntimeError(f"{missing[0].symbol} would have to be compiled now")
-            from companion.kernels.native import build
-
-            found |= build.built(missing, report)
+            found |= importlib.import_module(BUILD).built(missing, report)
         machine.load(code for code in found.values() if code is not None)
-        _loaded.update(wanted)
+        _process.loaded.update(wanted)
 
 
 def kept_or_compiled(one: Kernel) -> bytes:
-    """The object code of one kernel, read or compiled and kept."""
+    """Return a kernel's object code from the store, or compile and store it.
+
+    Raises
+    ------
+    RuntimeError
+        If the kernel cannot be compiled.
+    """
     found = kernel_store().read(one.file("o"))
     if found is None:
-        from companion.kernels.native import compiler
-
-        found = compiler.compiled(one)
+        found = cast("bytes", importlib.import_module(COMPILER).compiled(one))
         kernel_store().write(one.file("o"), found)
     return found
 
 
 def _caller(one: Kernel, door: Callable[[Any], int]) -> Callable[..., Any]:
-    """A function that lays the arguments out in words, goes through the door and reads the result."""
-    signature = one.signature
+    """Return a function that writes the arguments as words, calls the door, and reads the result."""
+    name, signature = one.py_func.__name__, one.signature
     entry = "".join(map(kinds.word_format, signature.kinds))
     result = kinds.word_format(signature.returns)
-    frame_of = ctypes.c_int64 * max(2, len(entry) + len(result))
-    parameters = [
-        (kind, f"{one.__name__}: {name}") for name, kind in zip(signature.names, signature.kinds, strict=True)
-    ]
+    frame_type = ctypes.c_int64 * max(2, len(entry) + len(result))
+    parameters = [(kind, f"{name}: {of}") for of, kind in zip(signature.names, signature.kinds, strict=True)]
     returns, at, num = signature.returns, 8 * len(entry), len(parameters)
-    is_one, is_flag = isinstance(returns, kinds.Scalar), returns == kinds.Scalar("b")
+    is_number = isinstance(returns, kinds.Scalar) and returns.code != "b"
 
-    def call(*arguments: Any) -> Any:
+    def call(*arguments: object) -> Any:
         if len(arguments) != num:
-            raise TypeError(f"{one.__name__}: {len(arguments)} arguments: expected {num}, {signature.names}")
+            raise TypeError(f"{name}: {len(arguments)} arguments: expected {num}, {signature.names}")
         words: list[Any] = []
         for value, (kind, where) in zip(arguments, parameters, strict=True):
             kinds.add_words(words, kind, value, where)
-        frame = frame_of()
+        frame = frame_type()
         try:
             pack_into(entry, frame, 0, *words)
         except StructError as error:
-            raise TypeError(f"{one.__name__}{signature.names}: {arguments}: {error}") from None
+            raise TypeError(f"{name}{signature.names}: {arguments}: {error}") from None
         if door(frame):
             raise _error_in(frame)
-        if not result:
-            return None
         found = unpack_from(result, frame, at)
-        if is_one:
-            return bool(found[0]) if is_flag else found[0]
-        return kinds.values_from(returns, iter(found))
+        return found[0] if is_number else kinds.value_of(returns, iter(found))
 
     return call
 
 
-def _error_in(frame: Any) -> BaseException:
-    """The exception that a kernel ended with: the first words of its frame say where it is described."""
-    about, size = frame[0], frame[1]
-    error, arguments, _ = pickle.loads(ctypes.string_at(about, size))
+def _error_in(frame: ctypes.Array[ctypes.c_int64]) -> BaseException:
+    """Return the exception that a kernel ended with. The first two words say where numba describes it."""
+    error, arguments, _ = pickle.loads(ctypes.string_at(frame[0], frame[1]))
     return cast("BaseException", error(*(arguments or ())))
 
 
 @functools.cache
 def _generator() -> str:
-    """What machine code depends on but for the kernels: the machine, and the code here that generates it."""
+    """Return a digest of the machine and of the modules here that generate code."""
     digest = hashlib.sha256(machine.about_machine().encode())
     for name in GENERATORS:
         digest.update(Path(__file__).with_name(name).read_bytes())
@@ -295,7 +326,7 @@ def _generator() -> str:
 
 
 def _code_parts(code: types.CodeType, docstring: str | None) -> Iterator[str]:
-    """What a function's code does, whatever lines it stands in and whatever is said of it."""
+    """Describe what code does, without its line numbers and its docstring."""
     yield code.co_code.hex()
     yield repr((code.co_names, code.co_varnames, code.co_argcount))
     for constant in code.co_consts:
@@ -306,32 +337,28 @@ def _code_parts(code: types.CodeType, docstring: str | None) -> Iterator[str]:
 
 
 def _referred(names: tuple[str, ...], within: dict[str, Any], where: str) -> Iterator[tuple[str, Any]]:
-    """What stands behind ``names`` in a module, and behind them in modules of ours that it names.
+    """Go through the values that names have in a module, and in modules of the program that it names.
 
-    A name that the module lacks is a built-in one, or that of an attribute.
+    A name that the module lacks is that of a built-in function or of an attribute.
     """
     for name in names:
-        if name not in within:
+        value = within.get(name)
+        if name not in within or getattr(value, "__name__", "").partition(".")[0] in LIBRARIES:
             continue
-        value = within[name]
         if isinstance(value, types.ModuleType):
-            if value.__name__.partition(".")[0] not in ("math", "numpy"):
-                yield from (
-                    (f"{name}.{inner}", found) for inner, found in _referred(names, vars(value), where)
-                )
-        elif (
-            isinstance(value, (Kernel, *CONSTANTS))
-            or any(value is one for one in INTRINSICS)
-            or _is_named_type(value)
-        ):
-            yield name, value
-        elif isinstance(value, tuple) and all(isinstance(item, CONSTANTS) for item in value):
+            yield from ((f"{name}.{inner}", found) for inner, found in _referred(names, vars(value), where))
+        elif isinstance(value, Kernel) or _is_constant(value) or _is_named_tuple(value):
             yield name, value
         else:
-            raise TypeError(
-                f"{where}: {name} is a {type(value).__name__}: a kernel refers to kernels and constants"
-            )
+            kind = type(value).__name__
+            raise TypeError(f"{where}: {name} is a {kind}: a kernel refers to kernels and constants")
 
 
-def _is_named_type(value: Any) -> bool:
+def _is_constant(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_constant, value))
+    return isinstance(value, CONSTANTS) or any(value is one for one in INTRINSICS)
+
+
+def _is_named_tuple(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, tuple)

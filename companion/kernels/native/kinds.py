@@ -1,7 +1,8 @@
-"""The types that kernels know, read from annotations, and how their values lie in memory.
+"""The types that kernels know, and how their values lie in memory.
 
-Every value is a row of 8-byte words: a number is one word, an array its address and its shape, a structure the
-address of its own words, and a tuple its items one after the other.
+A type is read from an annotation. In memory every value is a row of 8-byte words. A number is one word. An
+array is its address and its shape. A structure is the address of its own words. A tuple is its items in a
+row.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SCALARS = {float: "f", int: "i", bool: "b"}
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A number: ``code`` f is a float, i an integer, b a truth value."""
+    """A number. Its ``code`` is f for a float, i for an integer, b for a truth value."""
 
     code: str
 
@@ -33,7 +34,7 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """A C-contiguous array of ``ndim`` axes; ``code`` as in :class:`Scalar`."""
+    """A C-contiguous array of ``ndim`` axes. Its ``code`` is that of :class:`Scalar`."""
 
     code: str
     ndim: int
@@ -44,7 +45,7 @@ class Array:
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """A structure, ``cls``, that is handed over by its address."""
+    """A structure of the class ``cls``, passed by its address."""
 
     cls: type
 
@@ -54,7 +55,7 @@ class Pointer:
 
 @dataclass(frozen=True, slots=True)
 class Tuple:
-    """A tuple of such values; ``cls`` where it is a named one."""
+    """A tuple. Its ``cls`` is the class of a named tuple, else None."""
 
     items: tuple[Kind, ...]
     cls: type | None = None
@@ -65,7 +66,7 @@ class Tuple:
 
 @dataclass(frozen=True, slots=True)
 class Nothing:
-    """What a kernel returns that returns nothing."""
+    """The result of a kernel that returns nothing."""
 
     def __str__(self) -> str:
         return "None"
@@ -76,7 +77,7 @@ Kind = Scalar | Array | Pointer | Tuple | Nothing
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """``names`` of a kernel's parameters, their ``kinds``, and what it ``returns``."""
+    """The ``names`` and ``kinds`` of a kernel's parameters, and the kind that it ``returns``."""
 
     names: tuple[str, ...]
     kinds: tuple[Kind, ...]
@@ -84,49 +85,45 @@ class Signature:
 
 
 @cache
-def hints_of(owner: Any) -> dict[str, Any]:
-    """The annotations of a function or class, evaluated."""
+def hints_of(owner: Callable[..., object] | type) -> dict[str, Any]:
+    """Evaluate the annotations of a function or a class."""
     return typing.get_type_hints(owner, include_extras=True)
 
 
 @cache
 def kind_of(annotation: Any) -> Kind:
-    """The kind of value that an annotation stands for.
+    """Return the kind that an annotation stands for.
 
     Raises
     ------
     TypeError
-        If kernels know no such value.
+        If kernels do not know the type.
     """
     if annotation is None or annotation is type(None):
         return Nothing()
     if annotation in SCALARS:
         return Scalar(SCALARS[annotation])
     origin = typing.get_origin(annotation)
-    if origin is Annotated:
-        (kind,) = annotation.__metadata__
-        if isinstance(kind, Array):
-            return kind
+    if origin is Annotated and isinstance(typing.get_args(annotation)[1], Array):
+        return typing.cast("Array", typing.get_args(annotation)[1])
     if origin is tuple:
         return Tuple(tuple(kind_of(item) for item in typing.get_args(annotation)))
     if isinstance(annotation, type):
-        if hasattr(annotation, "kernel_words"):
+        if hasattr(annotation, "kernel_address"):
             return Pointer(annotation)
         if issubclass(annotation, tuple) and hasattr(annotation, "_fields"):
             return Tuple(tuple(kind_of(hint) for hint in hints_of(annotation).values()), annotation)
-    raise TypeError(
-        f"{annotation!r} is no type of a kernel: expected float, int, bool, an array with its number of axes, "
-        "a Struct, a NamedTuple or a tuple of these"
-    )
+    expected = "float, int, bool, an array with its number of axes, a Struct, a NamedTuple or a tuple"
+    raise TypeError(f"{annotation!r} is no type of a kernel: expected {expected}")
 
 
-def signature_of(function: Callable[..., Any]) -> Signature:
-    """The signature that a function's annotations give.
+def signature_of(function: Callable[..., object]) -> Signature:
+    """Return the signature that a function's annotations give.
 
     Raises
     ------
     TypeError
-        If one is missing or names a type that kernels do not know.
+        If an annotation is missing, or kernels do not know its type.
     """
     hints, code = hints_of(function), function.__code__
     names = code.co_varnames[: code.co_argcount]
@@ -136,8 +133,37 @@ def signature_of(function: Callable[..., Any]) -> Signature:
     return Signature(names, tuple(kind_of(hints[name]) for name in names), kind_of(hints["return"]))
 
 
+@cache
+def layout(cls: type) -> dict[str, Kind]:
+    """Return the kinds of a structure's fields by name, in the order of their words."""
+    hints = hints_of(cls)
+    return {field.name: kind_of(hints[field.name]) for field in dataclasses.fields(cls)}
+
+
+@cache
+def struct_format(cls: type) -> str:
+    """Return the words of a structure as a format of the standard library's :mod:`struct`."""
+    return "".join(map(word_format, layout(cls).values()))
+
+
+def offset_of(cls: type, name: str) -> int:
+    """Return the position of a field's first word.
+
+    Raises
+    ------
+    AttributeError
+        If the structure has no such field.
+    """
+    offset = 0
+    for field, kind in layout(cls).items():
+        if field == name:
+            return offset
+        offset += num_words(kind)
+    raise AttributeError(name)
+
+
 def num_words(kind: Kind) -> int:
-    """How many words a value takes."""
+    """Return how many words a value takes."""
     if isinstance(kind, Array):
         return 1 + kind.ndim
     if isinstance(kind, Tuple):
@@ -146,19 +172,19 @@ def num_words(kind: Kind) -> int:
 
 
 def word_format(kind: Kind) -> str:
-    """The value's words as the format of :mod:`struct`."""
+    """Return the words of a value as a format of the standard library's :mod:`struct`."""
     if isinstance(kind, Tuple):
         return "".join(map(word_format, kind.items))
     return "d" if kind == Scalar("f") else "q" * num_words(kind)
 
 
 def add_words(words: list[Any], kind: Kind, value: Any, where: str) -> None:
-    """Append the words of a value, numbers as they are.
+    """Append the words of a value. Numbers are appended as they are.
 
     Raises
     ------
     TypeError
-        If it is not of that kind; ``where`` names it.
+        If the value is of another kind. The message begins with ``where``.
     """
     if isinstance(kind, Scalar):
         words.append(value)
@@ -166,7 +192,7 @@ def add_words(words: list[Any], kind: Kind, value: Any, where: str) -> None:
         if (
             not isinstance(value, np.ndarray)
             or value.ndim != kind.ndim
-            or (value.dtype is not DTYPES[kind.code] and value.dtype != DTYPES[kind.code])
+            or value.dtype != DTYPES[kind.code]
             or not value.flags.c_contiguous
         ):
             raise TypeError(f"{where}: {_described(value)}: expected a {kind}")
@@ -186,18 +212,18 @@ def add_words(words: list[Any], kind: Kind, value: Any, where: str) -> None:
                 add_words(words, item, value[index], f"{where}[{index}]")
 
 
-def _described(value: Any) -> str:
-    """What was handed over, for a message."""
+def _described(value: object) -> str:
+    """Describe a wrong argument for a message."""
     if isinstance(value, np.ndarray):
         order = "" if value.flags.c_contiguous else ", not C-contiguous"
         return f"an array of {value.ndim} axes, dtype {value.dtype}{order}"
     return f"a {type(value).__name__}"
 
 
-def values_from(kind: Kind, words: Iterator[Any]) -> Any:
-    """The value of a result's words."""
+def value_of(kind: Kind, words: Iterator[Any]) -> Any:
+    """Return the value that the next words of a result stand for."""
     if isinstance(kind, Tuple):
-        items = [values_from(item, words) for item in kind.items]
+        items = [value_of(item, words) for item in kind.items]
         return kind.cls(*items) if kind.cls else tuple(items)
     if isinstance(kind, Nothing):
         return None
@@ -206,36 +232,13 @@ def values_from(kind: Kind, words: Iterator[Any]) -> Any:
 
 
 def fingerprint(kind: Kind) -> str:
-    """The kind in words that change with whatever generated code depends on, the layout of structures too."""
+    """Return a text that changes whenever generated code has to, also with the layout of a structure."""
     if isinstance(kind, Pointer):
         return _struct_fingerprint(kind.cls)
     if isinstance(kind, Tuple):
         name = kind.cls.__qualname__ if kind.cls else ""
         return f"{name}({','.join(map(fingerprint, kind.items))})"
     return repr(kind)
-
-
-@cache
-def layout(cls: type) -> dict[str, Kind]:
-    """The kinds of a structure's fields, by name, in the order of their words."""
-    hints = hints_of(cls)
-    return {field.name: kind_of(hints[field.name]) for field in dataclasses.fields(cls)}
-
-
-@cache
-def struct_format(cls: type) -> str:
-    """A structure's words as the format of :mod:`struct`."""
-    return "".join(map(word_format, layout(cls).values()))
-
-
-def offset_of(cls: type, name: str) -> int:
-    """The first word of a structure's field."""
-    offset = 0
-    for field, kind in layout(cls).items():
-        if field == name:
-            return offset
-        offset += num_words(kind)
-    raise AttributeError(name)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Where object code runs: LLVM's own linker and loader in this process, without numba."""
+"""Loads object code into this process, by LLVM's own linker and without numba."""
 
 from __future__ import annotations
 
@@ -14,29 +14,28 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-__all__ = ["about_machine", "door_of", "load"]
+__all__ = ["LOCK", "about_machine", "door_of", "load"]
 
-DOOR = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)  # lets go of the interpreter's lock meanwhile
+DOOR = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)  # ctypes releases the interpreter's lock in a call.
 LOCK = RLock()
 
 
 @cache
 def about_machine() -> str:
-    """What object code depends on but for its source: processor, compiler, interpreter."""
+    """Describe the processor, the libraries and the settings that object code depends on."""
     _initialize()
-    name = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
+    processor = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
         features = llvm.get_host_cpu_features().flatten()
     libraries = [f"{name} {version(name)}" for name in ("numba", "llvmlite")]
     settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key.startswith("NUMBA_OPT")]
-    return "\n".join([
-        platform.machine(), sys.platform, f"{sys.version_info[:2]}", name, features, *libraries, *settings
-    ])  # fmt: skip
+    python = f"Python {sys.version_info[0]}.{sys.version_info[1]}"
+    return "\n".join([platform.machine(), sys.platform, python, processor, features, *libraries, *settings])
 
 
 def load(objects: Iterable[bytes]) -> None:
-    """Add object code to this process, all that it calls with it or before it."""
+    """Add object code to this process. What it calls must come with it or be there already."""
     with LOCK:
         engine = _engine()
         for code in objects:
@@ -45,7 +44,13 @@ def load(objects: Iterable[bytes]) -> None:
 
 
 def door_of(symbol: str) -> Callable[[Any], int]:
-    """The function of that name, which takes the address of its words and returns 0 for success."""
+    """Return the function of that name. It takes the address of its words, and returns 0 for success.
+
+    Raises
+    ------
+    LookupError
+        If no object code that was loaded defines it.
+    """
     with LOCK:
         address = _engine().get_function_address(symbol)
     if not address:

@@ -1,4 +1,4 @@
-"""All kernels of the program, read or compiled before anything is planned."""
+"""Loads or compiles all kernels of the program before anything is planned."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["kernels", "make_ready"]
 
 
 def kernels() -> list[Kernel]:
-    """Every kernel of the program that has object code of its own; none where nothing is compiled."""
+    """Return every kernel of the program that has object code of its own."""
     found: dict[str, Kernel] = {}
     for module in pkgutil.walk_packages(companion.kernels.__path__, "companion.kernels."):
         if not module.name.startswith(f"{__package__}."):
@@ -23,16 +23,16 @@ def kernels() -> list[Kernel]:
 
 
 def make_ready(report: Report | None = None) -> None:
-    """Have all of them in this process, so that nothing is compiled or read while something is planned.
+    """Load all kernels, so that nothing is compiled or read while something is planned.
 
     Parameters
     ----------
     report : callable, optional
-        Told how many of how many are compiled, where some are not kept from before.
+        Called whenever another kernel is compiled. It receives how many are, and how many have to be.
 
     Raises
     ------
     RuntimeError
-        If one cannot be compiled.
+        If a kernel cannot be compiled.
     """
     load(kernels(), report)

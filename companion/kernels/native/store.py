@@ -1,8 +1,9 @@
-"""What is compiled, kept on disk under names that are made of its content's origin.
+"""Compiled code on disk.
 
-A file's name carries the digest of all that its code depends on, so that no file is ever stale and several
-checkouts, versions and processes can share one folder. Files are written whole or not at all, and begin with the
-digest of what follows: what a loss of power left behind is compiled again.
+The name of a file contains the digest of everything that its code depends on. A file is therefore never
+stale, and several checkouts, versions and processes can share the folder. Each file is written completely or
+not at all. It begins with the digest of its content, so that a damaged file is noticed and its code compiled
+again.
 """
 
 from __future__ import annotations
@@ -19,42 +20,39 @@ from pathlib import Path
 __all__ = ["Store", "kernel_store"]
 
 DAY_S = 86_400.0
-UNUSED_DAYS, TOTAL_MAX = 30.0, 200_000_000  # what was not read for so long goes, and what is more than that
-DIGEST = hashlib.sha256().digest_size
+UNUSED_DAYS_MAX = 30.0  # A file that nobody has read for longer is removed.
+TOTAL_BYTES_MAX = 200_000_000  # The least recently read files are removed until the rest is smaller.
+DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 class Store:
-    """A folder of such files.
+    """A folder of compiled code.
 
     Parameters
     ----------
     folder : Path
-        It is there and can be written to.
+        An existing folder.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def has(self, name: str) -> bool:
-        """Whether a file is there; what is in it was not looked at."""
-        return (self.folder / name).exists()
-
     def read(self, name: str) -> bytes | None:
-        """A file's content; None where it is missing or damaged."""
+        """Return the content of a file, or None if it is missing or damaged."""
         path = self.folder / name
         try:
             raw = path.read_bytes()
             if time.time() - path.stat().st_mtime > DAY_S:
-                path.touch()  # whoever prunes sees by that what is in use
+                path.touch()  # The time of the last reading decides what is removed.
         except OSError:
             return None
-        content = raw[DIGEST:]
-        return content if hashlib.sha256(content).digest() == raw[:DIGEST] else None
+        content = raw[DIGEST_SIZE:]
+        return content if hashlib.sha256(content).digest() == raw[:DIGEST_SIZE] else None
 
     def write(self, name: str, content: bytes) -> None:
-        """Keep a file; several processes may write the same one at once.
+        """Store a file. Several processes may write the same file at once.
 
-        Where the disk is full or the folder gone, nothing is kept: it is compiled again the next time.
+        A full disk or a missing folder is no error: the code is then compiled again the next time.
         """
         with contextlib.suppress(OSError):
             handle, temporary = tempfile.mkstemp(prefix=".", dir=self.folder)
@@ -66,14 +64,17 @@ class Store:
                 os.unlink(temporary)
 
     def prune(self, now_s: float) -> int:
-        """Remove what was not read for :data:`UNUSED_DAYS`, and the oldest beyond :data:`TOTAL_MAX` bytes.
+        """Remove files by :data:`UNUSED_DAYS_MAX` and :data:`TOTAL_BYTES_MAX`; return how many.
 
-        Returns how many files went. ``now_s`` as of :func:`time.time`.
+        Parameters
+        ----------
+        now_s : float
+            The time as :func:`time.time` gives it.
         """
         total = removed = 0
         for stamp, size, path in sorted(self._files(), reverse=True):
             total += size
-            if now_s - stamp > UNUSED_DAYS * DAY_S or total > TOTAL_MAX:
+            if now_s - stamp > UNUSED_DAYS_MAX * DAY_S or total > TOTAL_BYTES_MAX:
                 path.unlink(missing_ok=True)
                 removed += 1
         return removed
@@ -87,7 +88,11 @@ class Store:
 
 @cache
 def kernel_store() -> Store:
-    """Where kernels are kept: under ``NUMBA_CACHE_DIR``, else the user's cache, else a temporary folder."""
+    """Return the store of the program's kernels.
+
+    It is the folder ``kernels`` in ``NUMBA_CACHE_DIR``, else in the user's cache. Where neither can be
+    written to, it is a temporary folder of this process.
+    """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for base in (os.environ.get("NUMBA_CACHE_DIR"), os.path.join(home, "safe-rrt-companion")):
         folder = Path(base) / "kernels" if base else None
@@ -97,7 +102,7 @@ def kernel_store() -> Store:
 
 
 def _is_writable(folder: Path) -> bool:
-    """Whether the folder exists or can be made, and written to."""
+    """Tell whether the folder exists or can be made, and can be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

@@ -1,7 +1,7 @@
-"""Structures: what kernels are handed by one address, whatever is in it.
+"""Structures: groups of arrays and numbers that kernels receive as one address.
 
-A named tuple of a hundred arrays is taken apart and put together again in every kernel that passes it on, which
-takes most of the time of compiling and some of that of running. A structure is one word there.
+Numba passes a named tuple of a hundred arrays as some nine hundred numbers, and takes it apart in every
+kernel that passes it on. That took most of the time of compiling, and a part of the time of planning.
 """
 
 from __future__ import annotations
@@ -20,25 +20,30 @@ __all__ = ["Struct"]
 
 @dataclass_transform(frozen_default=True, eq_default=False)
 class Struct:
-    """Base of structures: numbers, arrays and other structures as annotated, immutable, by name.
+    """Base class of structures. Annotations name the fields, as in a frozen dataclass.
 
-    An instance keeps what it names alive, and with it the words that kernels read. What stands in an array may
-    change, the array itself may not.
+    An instance keeps the arrays alive that it names. The contents of an array may change. Which array a field
+    names may not.
+
+    Attributes
+    ----------
+    kernel_address : int
+        Where the words of the fields lie in memory.
 
     Raises
     ------
     TypeError
-        If a field has another type than its annotation.
+        If a field's value has another type than its annotation.
     """
 
-    kernel_words: ClassVar[int] = 0
+    kernel_address: ClassVar[int] = 0
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         dataclasses.dataclass(frozen=True, eq=False)(cls)
 
     def __post_init__(self) -> None:
-        cls = type(self)
+        cls: type = type(self)
         words: list[Any] = []
         for name, kind in layout(cls).items():
             add_words(words, kind, getattr(self, name), f"{cls.__name__}.{name}")
@@ -47,17 +52,17 @@ class Struct:
             pack_into(struct_format(cls), memory, 0, *words)
         except StructError as error:
             raise TypeError(f"{cls.__name__}: {words}: {error}") from None
-        object.__setattr__(self, "_memory", memory)
-        object.__setattr__(self, "kernel_address", ctypes.addressof(memory))
+        vars(self).update(kernel_memory=memory, kernel_address=ctypes.addressof(memory))
 
-    def _replace(self, **changes: Any) -> Self:
-        """A structure with other values in some fields, as of a named tuple."""
+    def _replace(self, **changes: object) -> Self:
+        """Return a copy with other values in some fields, as a named tuple does."""
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def __iter__(self) -> Iterator[Any]:
-        """The fields' values in their order, as of a named tuple."""
-        return (getattr(self, name) for name in layout(type(self)))
+        """Go through the fields' values in their order, as a named tuple does."""
+        cls: type = type(self)
+        return (getattr(self, name) for name in layout(cls))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Where it lies in memory is nobody else's business."""
+        """Copy and pickle the fields alone: a copy lies elsewhere in memory."""
         return type(self), tuple(self)

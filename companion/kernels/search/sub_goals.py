@@ -49,9 +49,11 @@ class SubGoalWeights(Struct):
 
 
 class SubGoalScratch(Struct):
-    """What scores are made with: ``guide`` round obstacles from where the horizon's centre is, ``threats`` there,
-    ``radius`` of the horizon [m]; ``boxes`` (O + 1, 2) is used up.
-    """  # noqa: D205
+    """What the scores of sub goals need besides the scene.
+
+    ``guide`` is the distance field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
+    those at the moment. ``boxes`` (O + 1, 2) is used up.
+    """
 
     guide: Guide
     threats: ThreatScene

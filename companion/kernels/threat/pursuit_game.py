@@ -34,10 +34,11 @@ BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line
 
 
 class Frontier(Struct):
-    """What a search over the cells of a grid has come to.
+    """The state of a search over the cells of a grid.
 
-    ``time`` (N, M) the earliest arrival [s], infinite at first; ``is_in`` (N, M) where a DT could threaten it by
-    then; ``is_done`` (N, M) what was gone on from; ``keys`` and ``cells`` (H,) a heap of what may be.
+    ``time`` (N, M) is the earliest arrival [s], infinite at first. ``is_in`` (N, M) marks cells that a DT
+    could threaten by then, ``is_done`` (N, M) those that are expanded. ``keys`` and ``cells`` (H,) are a heap
+    of those that are not.
     """
 
     time: Float2D
@@ -301,7 +302,7 @@ def spread_in_time(
     free: Float2D, origin: Float1D, cell: float, game: Game, start: tuple[float, float, float, float],
     speed: float, dear: float, frontier: Frontier,
 ) -> None:  # fmt: skip
-    """:func:`fill_ways_free` from a ``frontier`` that nothing was come to; ``free`` (N, M), ``origin`` (2,)."""
+    """Do :func:`fill_ways_free` with an empty ``frontier``; ``free`` (N, M) and ``origin`` (2,) as there."""
     n, m = free.shape
     a, b = _cell(start[0], origin[0], cell, n), _cell(start[1], origin[1], cell, m)
     time, is_in, is_done = frontier.time, frontier.is_in, frontier.is_done

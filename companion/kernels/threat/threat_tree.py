@@ -149,9 +149,9 @@ def corner_towards(trees: Pursuers, corners: Int2D, d: int, x: float, y: float, 
 
 
 class KeptNodes(Struct):
-    """Nodes that stay in a tree of N while the others fall away.
+    """The nodes of a tree of N that stay when its root changes.
 
-    ``poses`` (N, 4) x y z heading [m, rad] and ``parents`` (N,), their rows in the new tree. ``rows`` (N,) and
+    ``poses`` (N, 4) are x y z heading [m, rad], ``parents`` (N,) rows of the new tree. ``rows`` (N,) and
     ``where`` (N + 2,) are used up.
     """
 

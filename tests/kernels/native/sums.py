@@ -99,7 +99,7 @@ def functions_of(a: float, i: int) -> tuple[float, float, float, float, int]:
     """Functions whose code comes from the C library, and Python's own rounding and remainders."""
     smooth = math.atan2(a, 2.0) + math.erf(a) + math.log1p(abs(a)) + math.hypot(a, 1.0) + math.exp(-abs(a))
     powers = abs(a) ** 1.5 + a**2 + math.tan(0.1 * a) + math.asin(math.sin(a)) + math.acos(math.cos(a))
-    return smooth, powers, a % 3.0, float(int(round(a)) + math.floor(a) + math.ceil(a)), i % 7 + i // 7
+    return smooth, powers, a % 3.0, float(round(a) + math.floor(a) + math.ceil(a)), i % 7 + i // 7
 
 
 @kernel

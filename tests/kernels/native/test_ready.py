@@ -1,4 +1,4 @@
-"""All kernels of the program: which there are, who calls them, and that Python calls none that is only copied."""
+"""All kernels of the program: which there are, and who calls them."""
 
 import ast
 import importlib
@@ -61,7 +61,7 @@ def test_every_kernel_has_a_signature_and_a_key_of_its_own():
 def test_ready_ones_are_loaded_with_all_they_call():
     ready.make_ready()
     kernel.load(ready.kernels(), lambda done, total: pytest.fail("one was missing"))
-    assert all(callee in kernel._loaded for one in ready.kernels() for callee in one.linked)
+    assert all(callee in kernel._process.loaded for one in ready.kernels() for callee in one.linked)
 
 
 PLAIN = """

@@ -104,11 +104,11 @@ def test_arrays_of_another_type_are_refused_by_name(wrong, said):
 
 
 def test_other_wrong_fields_are_refused_by_name():
-    with pytest.raises(TypeError, match="Whole.part: a tuple: expected a Part"):
+    with pytest.raises(TypeError, match=r"Whole\.part: a tuple: expected a Part"):
         whole(part=(1, 2, 3))
     with pytest.raises(TypeError, match=r"Whole.pair\[0\]: a list"):
         whole(pair=Pair([1.0], 1.0))
-    with pytest.raises(TypeError, match="Whole.pair: a tuple: expected 2 items"):
+    with pytest.raises(TypeError, match=r"Whole\.pair: a tuple: expected 2 items"):
         whole(pair=(1.0,))
     with pytest.raises(TypeError, match="Part: "):
         part(rows=1.5)
