@@ -27,12 +27,10 @@ help: ## show this list
 
 venv: $(STAMP) ## make .venv with everything in it
 
-$(STAMP): pyproject.toml $(LOCKS)/dev.txt
+$(STAMP): pyproject.toml $(LOCKS)/dev.txt .ci/install
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python $(PIP) --require-hashes -r $(LOCKS)/dev.txt
-	@# Of what an editable installation is, setuptools need not warn.
-	PYTHONWARNINGS=ignore $(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
+	.ci/install $(PYTHON) .venv
+	$(BIN)/companion warm-up
 	touch $@
 
 COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-strip-extras --no-annotate --no-header
@@ -52,7 +50,7 @@ fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl; PA
 	$(BIN)/companion sitl $(MISSION) $(if $(PAGE),--page $(if $(filter 1,$(PAGE)),8080,$(PAGE))) $(FLAGS)
 
 warm: $(STAMP)
-	@$(BIN)/companion warm-up mission_configs/first-flight.yaml # once, not in every process of the suite
+	@$(BIN)/companion warm-up # once, not in every process of the suite
 
 test: warm ## run the test suite, in JOBS processes
 	$(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --durations=15
@@ -80,10 +78,7 @@ mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/pat
 
 # In an environment of its own: the package brings 680 MB that nothing else here needs.
 rerun-test: $(STAMP) ## test the export for rerun with the package itself, in .venv-rerun
-	test -x .venv-rerun/bin/python || $(PYTHON) -m venv .venv-rerun
-	.venv-rerun/bin/python $(PIP) --require-hashes -r $(LOCKS)/dev.txt
-	.venv-rerun/bin/python $(PIP) --require-hashes -r $(LOCKS)/rerun.txt
-	PYTHONWARNINGS=ignore .venv-rerun/bin/python $(PIP) --no-deps --no-build-isolation -e .
+	.ci/install $(PYTHON) .venv-rerun $(LOCKS)/rerun.txt
 	.venv-rerun/bin/pytest -q tests/recording/test_rerun_export.py
 
 page-vendor: ## make the page's libraries anew from packaging/page; needs node and npm

@@ -6,15 +6,11 @@ Exit codes: 0 done, 1 no safe plan or failed flight, 2 bad usage or configuratio
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import http.client
 import json
 import logging
 import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import entry_points
@@ -24,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
+from typer.models import CommandInfo
 
 from companion import __version__, plain_text, safe_files
 from companion.cli_options import (
@@ -209,6 +206,8 @@ def run(
     page_ground: PageGround = None,
 ) -> None:
     """Run the service beside an autopilot until it is stopped."""
+    import asyncio
+
     from companion.service.service import serve
 
     set_up(log)
@@ -225,6 +224,10 @@ def health(metrics: MetricsPort = None) -> None:
     """Ask a running service on this computer how it is; exit 0 only if its planning loop comes round."""
     if metrics is None:
         raise ConfigError("command line", None, "--metrics", "nothing", "the port that the service tells on")
+
+    import http.client
+    import urllib.error
+    import urllib.request
 
     def told(answer: http.client.HTTPResponse | urllib.error.HTTPError) -> str:
         return plain_text.printable(answer.read(HEALTH_MAX).decode(errors="replace").strip())
@@ -308,6 +311,8 @@ def doctor(
     json_file: JsonFile = None,
 ) -> None:
     """Look for what would keep the service from working; exit 1 for a failure, 3 without an autopilot."""
+    import asyncio
+
     from companion.doctor.doctor_command import examined, findings_table
 
     findings, code = asyncio.run(examined(mission, link, seconds, record))
@@ -428,8 +433,18 @@ def _without_simulator() -> None:
     raise _not_installed("simulator", "sitl", "sim")
 
 
-def _add_commands() -> None:
-    """Add the commands other packages contribute."""
+def _name_of(command: CommandInfo) -> str:
+    """Return the name of a command, which typer takes from the function if none is given."""
+    return command.name or str(getattr(command.callback, "__name__", ""))
+
+
+OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
+
+
+def _add_commands(called: str | None) -> None:
+    """Add the commands that other packages contribute, unless ``called`` is one of :data:`OWN_COMMANDS`."""
+    if called in OWN_COMMANDS:
+        return
     names = set()
     for entry in entry_points(group=EXTRA_COMMANDS):
         try:
@@ -462,7 +477,7 @@ def main() -> None:
     handler = RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)
     handler.setFormatter(PlainFormatter())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
-    _add_commands()
+    _add_commands(sys.argv[1] if len(sys.argv) > 1 else None)
     try:
         _called()
     except CompanionError as error:

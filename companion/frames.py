@@ -12,10 +12,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import CRS, Transformer
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 FloatArray = NDArray[np.float64]
 
@@ -41,6 +44,8 @@ class LocalFrame:
 
     @cached_property
     def _transformer(self) -> Transformer:
+        from pyproj import CRS, Transformer  # Many commands never leave the local frame.  # noqa: PLC0415
+
         local = CRS.from_proj4(
             f"+proj=aeqd +lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r} +ellps=WGS84 +units=m"
         )

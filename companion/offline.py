@@ -11,13 +11,10 @@ import tempfile
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal, cast
 
-import typer
-
-from companion.campaign.run_places import EXTRA_COMMANDS, FLIGHT, places
+from companion.campaign.run_places import FLIGHT, places
 from companion.campaign.runs import plan_runs, result_of
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
@@ -200,12 +197,6 @@ def _require_goals(mission: MissionConfig) -> None:
 
 def _simulator() -> Callable[[MissionConfig, int, str], Flown]:
     """What flies, offered by the simulator as it adds its commands."""
-    if FLIGHT not in places():
-        for entry in entry_points(group=EXTRA_COMMANDS):
-            try:
-                entry.load()(typer.Typer())
-            except ImportError:
-                continue
     try:
         place = places()[FLIGHT]
         return cast("Callable[[MissionConfig, int, str], Flown]", pkgutil.resolve_name(place))

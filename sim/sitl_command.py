@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import math
 from datetime import UTC, datetime
@@ -66,6 +65,8 @@ def sitl(
     page_ground: PageGround = None,
 ) -> None:
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
+    import asyncio
+
     from companion.config import load_mission
     from companion.config.compose import world_of
     from companion.page.live_page import page_of

@@ -55,7 +55,7 @@ def test_goals_that_only_an_autopilot_knows_are_refused():
 
 def test_without_a_simulator_nothing_flies(monkeypatch):
     monkeypatch.delitem(run_places._PLACES, run_places.FLIGHT, raising=False)
-    monkeypatch.setattr(offline, "entry_points", lambda group: ())
+    monkeypatch.setattr(run_places, "entry_points", lambda group: ())
     with pytest.raises(ConfigError, match="fly: got no simulator installed; expected pip install"):
         offline.fly(load_mission(FIRST))
 

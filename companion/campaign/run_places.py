@@ -1,6 +1,11 @@
-"""Where the code is that makes a campaign's runs, by kind; other packages offer theirs, loaded later."""
+"""Where the code is that makes a campaign's runs. Other packages offer theirs with their commands."""
 
 from __future__ import annotations
+
+import contextlib
+from importlib.metadata import entry_points
+
+import typer
 
 EXTRA_COMMANDS = "companion.commands"  # entry points of those who offer commands, and places as they do
 FLIGHT = "flight"  # who flies one flight for a Python program
@@ -14,5 +19,14 @@ def offer(kind: str, place: str) -> None:
 
 
 def places() -> dict[str, str]:
-    """Where the code is, by kind; handed to the processes that make the runs."""
+    """Return where the code is, by kind, also that of other packages."""
+    if FLIGHT not in _PLACES:
+        _ask_others()
     return dict(_PLACES)
+
+
+def _ask_others() -> None:
+    """Let other packages add their commands to nothing: they offer their places as they do."""
+    for entry in entry_points(group=EXTRA_COMMANDS):
+        with contextlib.suppress(ImportError):
+            entry.load()(typer.Typer())

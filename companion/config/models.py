@@ -2,7 +2,8 @@
 
 Attribute names are the YAML keys. Nothing is converted on the way in: a number must be written as
 a number, an unknown key is an error, and an instance never changes. What relates one key to
-another is checked in ``companion.config.checks``.
+another is checked in ``companion.config.checks``. The reference page takes the texts behind the keys from
+this file: pydantic would read them at each start.
 """
 
 from __future__ import annotations
@@ -32,9 +33,7 @@ SystemId = Annotated[int, Field(ge=1, le=255)]
 class Section(BaseModel):
     """What all sections share: strict, closed and frozen."""
 
-    model_config = ConfigDict(
-        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Origin(Section):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from companion import __version__
 from companion.config import MissionConfig, PlanningConfig
-from companion.config.reference import UNITS
+from companion.config.reference import UNITS, meanings
 from companion.link.messages.file_server import file_checksum
 
 GENERAL, PARAMETERS = "/general.json", "/parameters.json"
@@ -93,7 +93,7 @@ def _switch(entry: Parameter) -> dict[str, object]:
 
 def _number(entry: Parameter, mission: MissionConfig) -> dict[str, object]:
     field = PlanningConfig.model_fields[entry.key]
-    told = _entry(entry, " ".join((field.description or "").split()).replace("`", ""))
+    told = _entry(entry, meanings(PlanningConfig)[entry.key].replace("`", ""))
     told["units"] = next((unit for suffix, unit in UNITS.items() if entry.key.endswith(suffix)), "")
     step = 10.0**-entry.decimals
     for bound in field.metadata:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import functools
+import inspect
+import itertools
 import sys
+import textwrap
 import types
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -29,6 +34,19 @@ This page is made from the code that validates the file (`make docs`).
 """
 
 
+@functools.cache
+def meanings(model: type[Section]) -> dict[str, str]:
+    """Return the text that stands behind each key of a section, on one line."""
+    (section,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
+    assert isinstance(section, ast.ClassDef)
+    return {
+        key.target.id: " ".join(str(text.value.value).split())
+        for key, text in itertools.pairwise(section.body)
+        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    }
+
+
 def reference() -> str:
     """The page, in Markdown."""
     parts = [INTRODUCTION, *_section("", MissionConfig)]
@@ -46,7 +64,7 @@ def _section(path: str, model: type[Section]) -> list[str]:
         where = f"{path}.{name}" if path else name
         if found is not None:
             inner.append((where, found[0]))
-        meaning = " ".join((field.description or "").split())
+        meaning = meanings(model)[name]
         cells = (f"`{name}`", _unit(name), _allowed(field, found, where), _default(field), meaning)
         lines.append("| " + " | ".join(cells) + " |")
     lines.append("")

@@ -10,7 +10,7 @@ from companion.recording.recorder import About, Recorder
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.record import PlanRecord, SwapRecord
-from companion.vehicle.lqg import regulator_gain
+from companion.vehicle.lqg import regulator_gains
 from tests.link.pymavlink_frames import heartbeat, packed
 
 H = np.eye(5, 6)
@@ -44,7 +44,7 @@ def closed_loop(mission, seconds, rng):
     b = np.zeros((6, 3))
     b[0, 0], b[1, 1], b[2, 2] = 0.5 * tau**2, 0.5 * tau**2 * cruise, 0.5 * tau**2 * cruise
     b[5, 0] = b[3, 1] = b[4, 2] = tau
-    gain = regulator_gain(cruise, 0.0, 0.0, vehicle, tau)
+    gain = regulator_gains(np.array([[cruise, 0.0, 0.0]]), vehicle, tau)[0]
     process = np.array(
         [vehicle.acceleration_std_m_s2, vehicle.course_rate_std_rad_s, vehicle.climb_rate_std_rad_s]
     )

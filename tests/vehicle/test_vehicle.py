@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.vehicle.lqg import NUM_PARTICLES, regulator_gain, uncertainty_tables, with_gusts
+from companion.vehicle.lqg import NUM_PARTICLES, regulator_gains, uncertainty_tables, with_gusts
 from tests.support.worlds import VEHICLE, tables
 
 
@@ -23,7 +23,9 @@ def test_tables_hold_the_gain_of_each_entry():
     assert speeds == pytest.approx([12.5, 25.0, 37.5])
     assert rates == pytest.approx([-0.3, 0.0, 0.3])
     assert climbs == pytest.approx(np.radians([-10.0, 0.0, 10.0]))
-    assert tables.gains[2, 0, 1] == pytest.approx(regulator_gain(37.5, -0.3, 0.0, VEHICLE, 1.0), abs=1e-9)
+    assert tables.gains[2, 0, 1] == pytest.approx(
+        regulator_gains(np.array([[37.5, -0.3, 0.0]]), VEHICLE, 1.0)[0], abs=1e-9
+    )
     assert tables.gains.flags.c_contiguous
 
 

@@ -124,7 +124,7 @@ class Kernel:
     py_func : callable
         The function as Python.
     symbol : str
-        Its module and name.
+        The module and the name of the function.
     """
 
     def __init__(self, function: Callable[..., Any], *, is_inlined: bool, has_numpy_errors: bool) -> None:

@@ -7,7 +7,6 @@ row.
 
 from __future__ import annotations
 
-import dataclasses
 import typing
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -137,7 +136,7 @@ def signature_of(function: Callable[..., object]) -> Signature:
 def layout(cls: type) -> dict[str, Kind]:
     """Return the kinds of a structure's fields by name, in the order of their words."""
     hints = hints_of(cls)
-    return {field.name: kind_of(hints[field.name]) for field in dataclasses.fields(cls)}
+    return {name: kind_of(hints[name]) for name in cls.__annotations__}
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import platform
 import sys
@@ -11,8 +12,6 @@ from functools import cache
 from importlib.metadata import version
 from threading import RLock
 from typing import Any
-
-import llvmlite.binding as llvm
 
 __all__ = ["LOCK", "about_machine", "door_of", "load"]
 
@@ -23,7 +22,7 @@ LOCK = RLock()
 @cache
 def about_machine() -> str:
     """Describe the processor, the libraries and the settings that object code depends on."""
-    _initialize()
+    llvm = _llvm()
     processor = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
@@ -39,7 +38,7 @@ def load(objects: Iterable[bytes]) -> None:
     with LOCK:
         engine = _engine()
         for code in objects:
-            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+            engine.add_object_file(_llvm().ObjectFileRef.from_data(code))
         engine.finalize_object()
 
 
@@ -59,13 +58,16 @@ def door_of(symbol: str) -> Callable[[Any], int]:
 
 
 @cache
-def _initialize() -> None:
+def _llvm() -> Any:
+    """Import llvmlite when it is first needed: many commands never run a kernel."""
+    llvm = importlib.import_module("llvmlite.binding")
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    return llvm
 
 
 @cache
-def _engine() -> llvm.ExecutionEngine:
-    _initialize()
+def _engine() -> Any:
+    llvm = _llvm()
     machine = llvm.Target.from_default_triple().create_target_machine(opt=3, jit=True)
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)

@@ -7,11 +7,10 @@ kernel that passes it on. That took most of the time of compiling, and a part of
 from __future__ import annotations
 
 import ctypes
-import dataclasses
 from collections.abc import Iterator
 from struct import error as StructError
 from struct import pack_into
-from typing import Any, ClassVar, Self, dataclass_transform
+from typing import Any, ClassVar, Self, cast, dataclass_transform
 
 from companion.kernels.native.kinds import add_words, layout, struct_format
 
@@ -20,7 +19,7 @@ __all__ = ["Struct"]
 
 @dataclass_transform(frozen_default=True, eq_default=False)
 class Struct:
-    """Base class of structures. Annotations name the fields, as in a frozen dataclass.
+    """Base class of structures. Annotations name the fields, as in a frozen dataclass without defaults.
 
     An instance keeps the arrays alive that it names. The contents of an array may change. Which array a field
     names may not.
@@ -33,30 +32,42 @@ class Struct:
     Raises
     ------
     TypeError
-        If a field's value has another type than its annotation.
+        If a field is missing or unknown, or its value has another type than its annotation.
     """
 
     kernel_address: ClassVar[int] = 0
 
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        dataclasses.dataclass(frozen=True, eq=False)(cls)
-
-    def __post_init__(self) -> None:
+    def __init__(self, *values: Any, **named: Any) -> None:
         cls: type = type(self)
+        kinds = layout(cls)
+        fields = dict(zip(kinds, values, strict=False)) | named
+        if len(fields) != len(values) + len(named) or fields.keys() != kinds.keys():
+            raise TypeError(
+                f"{cls.__name__}: got {', '.join(fields)}: expected {', '.join(kinds)}, each once"
+            )
         words: list[Any] = []
-        for name, kind in layout(cls).items():
-            add_words(words, kind, getattr(self, name), f"{cls.__name__}.{name}")
+        for name, kind in kinds.items():
+            add_words(words, kind, fields[name], f"{cls.__name__}.{name}")
         memory = (ctypes.c_int64 * max(1, len(words)))()
         try:
             pack_into(struct_format(cls), memory, 0, *words)
         except StructError as error:
             raise TypeError(f"{cls.__name__}: {words}: {error}") from None
-        vars(self).update(kernel_memory=memory, kernel_address=ctypes.addressof(memory))
+        vars(self).update(fields, kernel_memory=memory, kernel_address=ctypes.addressof(memory))
 
-    def _replace(self, **changes: object) -> Self:
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__}.{name} cannot be assigned: a structure does not change")
+
+    def __repr__(self) -> str:
+        cls: type = type(self)
+        fields = (f"{name}={getattr(self, name)!r}" for name in layout(cls))
+        return f"{type(self).__name__}({', '.join(fields)})"
+
+    def _replace(self, **changes: Any) -> Self:
         """Return a copy with other values in some fields, as a named tuple does."""
-        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+        cls: type = type(self)
+        kept = {name: getattr(self, name) for name in layout(cls)}
+        return cast("Self", cls(**kept | changes))
 
     def __iter__(self) -> Iterator[Any]:
         """Go through the fields' values in their order, as a named tuple does."""
@@ -65,4 +76,5 @@ class Struct:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle the fields alone: a copy lies elsewhere in memory."""
-        return type(self), tuple(self)
+        cls: type = type(self)
+        return cls, tuple(self)

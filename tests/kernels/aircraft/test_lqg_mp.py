@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import solve_discrete_are
 from scipy.special import gammainc
 
 from companion.kernels.aircraft import lqg_mp as u
 from companion.kernels.aircraft.motion import advance
 from companion.kernels.workspace import filter_scratch
-from companion.vehicle.lqg import regulator_gain
+from companion.vehicle.lqg import regulator_gains, riccati_solutions
 from tests.support.worlds import VEHICLE, tables
 
 TABLES, SCRATCH = tables(3), filter_scratch()
@@ -134,9 +135,27 @@ def test_the_regulator_is_the_limit_of_the_riccati_recursion_and_stable(speed, r
     for _ in range(3000):
         gain = -np.linalg.solve(control_cost + b.T @ value @ b, b.T @ value @ a)
         value = cost + a.T @ value @ (a + b @ gain)
-    answer = regulator_gain(speed, rate, 0.03, VEHICLE, 1.0)
+    answer = regulator_gains(np.array([[speed, rate, 0.03]]), VEHICLE, 1.0)[0]
     assert answer == pytest.approx(gain, abs=1e-7)
     assert np.abs(np.linalg.eigvals(a + b @ answer)).max() < 1.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.5, 1.5))
+def test_solutions_of_the_riccati_equation_agree_with_scipys(seed, size):
+    """Random regulators, also of unstable motion."""
+    rng = np.random.default_rng(seed)
+    motions, controls = size * rng.standard_normal((5, 6, 6)), rng.standard_normal((5, 6, 3))
+    cost, control_cost = random_covariance(rng, np.ones(6)) + np.eye(6), np.diag(rng.uniform(0.5, 2.0, 3))
+    found = riccati_solutions(motions, controls, cost, control_cost)
+    for motion, control, solution in zip(motions, controls, found, strict=True):
+        expected = solve_discrete_are(motion, control, cost, control_cost)
+        assert solution == pytest.approx(expected, rel=1e-6, abs=1e-7 * np.abs(expected).max())
+
+
+def test_what_no_control_holds_is_an_error():
+    with pytest.raises(ArithmeticError, match="does not settle"):
+        riccati_solutions(np.array([2.0 * np.eye(6)]), np.zeros((1, 6, 3)), np.eye(6), np.eye(3))
 
 
 @settings(max_examples=50, deadline=None)

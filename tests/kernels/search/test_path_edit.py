@@ -196,13 +196,13 @@ def test_a_splice_keeps_what_comes_before_and_after():
     status, m, at = s.splice(straight, 41, 5, via, True, 35, LIMITS, out)
     assert status == s.JOINED
     assert np.array_equal(out.states[:6], states[:6])
-    assert np.array_equal(out[1][:6], times[:6])
-    assert np.array_equal(out[0][at + 1 : m], states[36:41])
-    assert np.diff(out[1][at:m]) == pytest.approx(np.diff(times[35:41]))
-    assert out[0][at] == pytest.approx(states[35], abs=1e-4)
-    assert np.min(np.linalg.norm(out[0][:m, :2] - via[:2], axis=1)) < 1e-3
+    assert np.array_equal(out.times[:6], times[:6])
+    assert np.array_equal(out.states[at + 1 : m], states[36:41])
+    assert np.diff(out.times[at:m]) == pytest.approx(np.diff(times[35:41]))
+    assert out.states[at] == pytest.approx(states[35], abs=1e-4)
+    assert np.min(np.linalg.norm(out.states[:m, :2] - via[:2], axis=1)) < 1e-3
     assert np.isfinite(out.states[:m]).all()
-    assert out[1][m - 1] > times[40]  # the way round is longer
+    assert out.times[m - 1] > times[40]  # the way round is longer
 
 
 def test_a_splice_without_a_via_is_the_straight_line_again():
@@ -211,7 +211,7 @@ def test_a_splice_without_a_via_is_the_straight_line_again():
     status, m, at = s.splice(straight, 41, 5, np.zeros(6), False, 35, LIMITS, out)
     assert (status, m, at) == (s.JOINED, 41, 35)
     assert out.states[:m] == pytest.approx(states, abs=1e-6)
-    assert out[1][:m] == pytest.approx(times, abs=1e-6)
+    assert out.times[:m] == pytest.approx(times, abs=1e-6)
 
 
 def test_splices_that_fail_say_so():
