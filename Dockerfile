@@ -52,7 +52,7 @@ ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU
 # imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
 RUN python -c 'import companion.campaign.runs, companion.doctor.doctor_command' \
     && python -c 'import companion.replay.replay_command, companion.service.service' \
-    && companion warm-up --lean /usr/share/companion/mission_configs/first-flight.yaml \
+    && companion warm-up \
     && chown -R companion:companion /var/cache/companion
 USER companion
 WORKDIR /var/lib/companion

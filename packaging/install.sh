@@ -116,10 +116,10 @@ install_program() {
 
 # Kernels are compiled by the service's user, into the service's cache; else its first start does it.
 warm_up() {
-    say "The planner's kernels are compiled; a small computer takes ten minutes."
+    say "The planner's kernels are compiled; a small computer takes a minute or two."
     run install -d -o companion -g companion -m 0750 /var/cache/companion
     run runuser -u companion -- env NUMBA_CACHE_DIR=/var/cache/companion \
-        /opt/companion/bin/companion warm-up /etc/companion/mission.yaml ||
+        /opt/companion/bin/companion warm-up ||
         say "kernels are not compiled yet: the service's first start will take longer"
 }
 

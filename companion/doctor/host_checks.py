@@ -64,7 +64,7 @@ def kernel_cache(folder: Path) -> Finding:
     if not os.access(folder, os.W_OK):
         return fail(check, f"{folder} cannot be written", "set NUMBA_CACHE_DIR to a folder of the service's")
     if folder.name.startswith("safe-rrt-companion-"):  # the last resort of kernel_store
-        return warn(check, f"{folder} is temporary", "set NUMBA_CACHE_DIR: each start compiles for a minute")
+        return warn(check, f"{folder} is temporary", "set NUMBA_CACHE_DIR: each start compiles again")
     number = sum(1 for _ in folder.glob("*.o"))
     if number == 0:
         return warn(check, f"{folder} is empty", "let the service start once on the ground: it compiles")

@@ -12,6 +12,7 @@ import ctypes
 import functools
 import hashlib
 import importlib
+import opcode
 import os
 import pickle
 import types
@@ -48,6 +49,7 @@ GENERATORS = (
     "kinds.py",
     "numba_types.py",
 )  # They generate code: a change compiles everything.
+LOAD_GLOBAL, EXTENDED_ARG = opcode.opmap["LOAD_GLOBAL"], opcode.opmap["EXTENDED_ARG"]
 CONSTANTS = (int, float, str, bool, types.NoneType)
 LIBRARIES = ("math", "numpy")  # Their versions are in every key already.
 COMPILER, BUILD = (
@@ -199,7 +201,15 @@ class Kernel:
         """Go through what the code refers to outside the function, by name."""
         if self.py_func.__closure__:
             raise TypeError(f"{self.symbol}: a kernel has no variables of an enclosing function")
-        yield from _referred(self.py_func.__code__.co_names, self.py_func.__globals__, self.symbol)
+        within, names = self.py_func.__globals__, set(self.py_func.__code__.co_names)
+        for name in sorted(_global_names(self.py_func.__code__) & within.keys()):
+            value = within[name]
+            if not isinstance(value, types.ModuleType):
+                yield name, _known(value, f"{self.symbol}: {name}")
+            elif value.__name__.partition(".")[0] not in LIBRARIES:
+                for inner in sorted(names & vars(value).keys()):
+                    if not isinstance(vars(value)[inner], types.ModuleType):
+                        yield f"{name}.{inner}", _known(vars(value)[inner], f"{self.symbol}: {name}.{inner}")
 
     def _open(self) -> Callable[..., Any]:
         """Load or compile the machine code, and return the function that calls it."""
@@ -336,29 +346,37 @@ def _code_parts(code: types.CodeType, docstring: str | None) -> Iterator[str]:
             yield repr(constant)
 
 
-def _referred(names: tuple[str, ...], within: dict[str, Any], where: str) -> Iterator[tuple[str, Any]]:
-    """Go through the values that names have in a module, and in modules of the program that it names.
+def _global_names(code: types.CodeType) -> set[str]:
+    """Return the names of the globals that code loads, built-in functions included."""
+    raw, found = code.co_code, set()
+    at = raw.find(LOAD_GLOBAL)
+    while at >= 0:
+        if at % 2 == 0:  # Each instruction is two bytes, its code and its argument.
+            argument = raw[at + 1] | (raw[at - 1] << 8 if at and raw[at - 2] == EXTENDED_ARG else 0)
+            found.add(code.co_names[argument >> 1])
+        at = raw.find(LOAD_GLOBAL, at + 1)
+    return found
 
-    A name that the module lacks is that of a built-in function or of an attribute.
+
+def _known(value: Any, where: str) -> Any:
+    """Return a value that the key of a kernel can describe.
+
+    Raises
+    ------
+    TypeError
+        If it is of another kind. The message begins with ``where``.
     """
-    for name in names:
-        value = within.get(name)
-        if name not in within or getattr(value, "__name__", "").partition(".")[0] in LIBRARIES:
-            continue
-        if isinstance(value, types.ModuleType):
-            yield from ((f"{name}.{inner}", found) for inner, found in _referred(names, vars(value), where))
-        elif isinstance(value, Kernel) or _is_constant(value) or _is_named_tuple(value):
-            yield name, value
-        else:
-            kind = type(value).__name__
-            raise TypeError(f"{where}: {name} is a {kind}: a kernel refers to kernels and constants")
+    if (
+        isinstance(value, Kernel)
+        or _is_constant(value)
+        or (isinstance(value, type) and issubclass(value, tuple))
+    ):
+        return value
+    kind = type(value).__name__
+    raise TypeError(f"{where} is a {kind}: a kernel refers to kernels and constants")
 
 
 def _is_constant(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(_is_constant, value))
     return isinstance(value, CONSTANTS) or any(value is one for one in INTRINSICS)
-
-
-def _is_named_tuple(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, tuple)

@@ -26,7 +26,8 @@ def about_machine() -> str:
     processor = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
-        features = llvm.get_host_cpu_features().flatten()
+        is_generic = processor.lower() == "generic"  # numba then uses what every processor has
+        features = "" if is_generic else llvm.get_host_cpu_features().flatten()
     libraries = [f"{name} {version(name)}" for name in ("numba", "llvmlite")]
     settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key.startswith("NUMBA_OPT")]
     python = f"Python {sys.version_info[0]}.{sys.version_info[1]}"

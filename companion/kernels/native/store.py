@@ -41,11 +41,12 @@ class Store:
         """Return the content of a file, or None if it is missing or damaged."""
         path = self.folder / name
         try:
-            raw = path.read_bytes()
-            if time.time() - path.stat().st_mtime > DAY_S:
-                path.touch()  # The time of the last reading decides what is removed.
+            raw, stamp = path.read_bytes(), path.stat().st_mtime
         except OSError:
             return None
+        if time.time() - stamp > DAY_S:
+            with contextlib.suppress(OSError):
+                path.touch()  # The time of the last reading decides what is removed.
         content = raw[DIGEST_SIZE:]
         return content if hashlib.sha256(content).digest() == raw[:DIGEST_SIZE] else None
 
@@ -90,14 +91,16 @@ class Store:
 def kernel_store() -> Store:
     """Return the store of the program's kernels.
 
-    It is the folder ``kernels`` in ``NUMBA_CACHE_DIR``, else in the user's cache. Where neither can be
-    written to, it is a temporary folder of this process.
+    It is the folder ``kernels`` in ``NUMBA_CACHE_DIR`` or in the user's cache: the first that can be written
+    to, else the first that exists, else a temporary folder of this process.
     """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for base in (os.environ.get("NUMBA_CACHE_DIR"), os.path.join(home, "safe-rrt-companion")):
-        folder = Path(base) / "kernels" if base else None
-        if folder is not None and _is_writable(folder):
-            return Store(folder)
+    bases = filter(None, [os.environ.get("NUMBA_CACHE_DIR"), os.path.join(home, "safe-rrt-companion")])
+    folders = [Path(base) / "kernels" for base in bases]
+    for is_fit in (_is_writable, Path.is_dir):
+        for folder in folders:
+            if is_fit(folder):
+                return Store(folder)
     return Store(Path(tempfile.mkdtemp(prefix="safe-rrt-companion-")))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from companion.kernels.native import compiler
-from companion.kernels.native.store import DAY_S, TOTAL_BYTES_MAX, UNUSED_DAYS_MAX, Store
+from companion.kernels.native.store import DAY_S, TOTAL_BYTES_MAX, UNUSED_DAYS_MAX, Store, kernel_store
 
 ROOT = Path(__file__).parents[3]
 KERNELS = '''
@@ -214,6 +214,31 @@ def test_what_nobody_reads_goes_and_the_oldest_beyond_what_it_may_take(tmp_path)
         os.utime(tmp_path / name, (now_s - days * DAY_S,) * 2)
     assert store.prune(now_s) == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["large", "new"]
+
+
+def test_what_cannot_be_touched_is_read_all_the_same(tmp_path, monkeypatch):
+    """A folder of an image may be read-only."""
+    store = Store(tmp_path)
+    store.write("code", b"code")
+    os.utime(tmp_path / "code", (1e9, 1e9))
+    monkeypatch.setattr(Path, "touch", lambda path: (_ for _ in ()).throw(PermissionError(path)))
+    assert store.read("code") == b"code"
+
+
+def test_the_first_folder_that_can_be_written_to_is_taken_then_one_that_exists(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "set"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    of = kernel_store.__wrapped__
+    users = tmp_path / "home" / "safe-rrt-companion" / "kernels"
+    assert of().folder == tmp_path / "set" / "kernels"
+    monkeypatch.setattr(os, "access", lambda folder, _: folder == users)
+    assert of().folder == users
+    monkeypatch.setattr(os, "access", lambda folder, _: False)
+    assert of().folder == tmp_path / "set" / "kernels"
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert of().folder.name.startswith("safe-rrt-companion-")
 
 
 def test_what_is_read_is_in_use(tmp_path):
