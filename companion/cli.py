@@ -155,10 +155,9 @@ def plan(
 
     config = load_mission(mission)
     require_goals(config, mission)
-    make_ready_with_bar(Console(stderr=True))
     snapshot, plans = plan_runs(
         config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
-        time_limit_s=time_limit,
+        time_limit_s=time_limit, get_ready=lambda: make_ready_with_bar(Console(stderr=True)),
     )  # fmt: skip
     if json_file is not None:
         write_json(json_file, [result_of(entry) for entry in plans])

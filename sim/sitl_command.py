@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import math
 from datetime import UTC, datetime
@@ -74,9 +75,8 @@ def sitl(
     from companion.recording.retention import folder_for
     from sim.sitl import Flight
 
-    if not headless:
-        from companion.ui.report import write_report
-        from sim.flight_record import record_of
+    if not headless and importlib.util.find_spec("matplotlib") is None:
+        raise ModuleNotFoundError(name="matplotlib")  # before the flight; it is loaded after it
 
     config = load_mission(mission)
     require_goals(config, mission)
@@ -111,6 +111,9 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
+        from companion.ui.report import write_report
+        from sim.flight_record import record_of
+
         report, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))
         console.print(f"report: {report}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
     if shown_on is not None:

@@ -73,12 +73,16 @@ def offline_world(mission: MissionConfig) -> Snapshot:
 
 
 def plan_runs(
-    mission: MissionConfig, *, method: str | None, first_seed: int, runs: int, time_limit_s: float | None
-) -> tuple[Snapshot, list[Plan]]:
-    """Plans with consecutive seeds, and the world they were made in."""
+    mission: MissionConfig, *, method: str | None, first_seed: int, runs: int, time_limit_s: float | None,
+    get_ready: Callable[[], None] = make_ready,
+) -> tuple[Snapshot, list[Plan]]:  # fmt: skip
+    """Plans with consecutive seeds, and the world they were made in.
+
+    ``get_ready`` is called when nothing is wrong with the request, before the first plan.
+    """
     snapshot = offline_world(mission)
     problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
-    make_ready()
+    get_ready()
     plans = []
     for problem in problems:
         deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s

@@ -7,6 +7,7 @@ row.
 
 from __future__ import annotations
 
+import hashlib
 import typing
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -242,5 +243,5 @@ def fingerprint(kind: Kind) -> str:
 
 @cache
 def _struct_fingerprint(cls: type) -> str:
-    fields = (f"{name}:{fingerprint(kind)}" for name, kind in layout(cls).items())
-    return f"{cls.__module__}.{cls.__qualname__}{{{','.join(fields)}}}"
+    fields = ",".join(f"{name}:{fingerprint(kind)}" for name, kind in layout(cls).items())
+    return f"{cls.__module__}.{cls.__qualname__}:{hashlib.sha256(fields.encode()).hexdigest()}"
