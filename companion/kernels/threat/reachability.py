@@ -48,17 +48,16 @@ class Estimator(NamedTuple):
 
 
 class Probe(NamedTuple):
-    """What a test of one node needs.
+    """What the estimator works on.
 
-    ``nodes`` is the PathTree, ``trees`` those of the DTs, ``prisms`` what stops and hides them; ``spot`` (6,)
-    receives q_B and the DT's nearest position [m], ``changed`` (C,) the nodes whose DT position is news.
+    ``tree`` is the PathTree, ``pursuers`` the DTs' trees, ``walls`` what stops and hides DTs. The
+    ``scratch`` is used up.
     """
 
-    nodes: Tree
-    trees: Pursuers
-    prisms: Obstacles
-    spot: Float1D
-    changed: Int1D
+    tree: Tree
+    pursuers: Pursuers
+    walls: Obstacles
+    scratch: ReachScratch
 
 
 @kernel_numpy_errors
@@ -131,16 +130,15 @@ def near_pursuer_nodes(
 
 @kernel_numpy_errors
 def promising_corners(
-    trees: Pursuers, pursuers: Pursuers, d: int, x: float, y: float, time: float, prisms: Obstacles,
-    out: Int1D,
-) -> int:  # fmt: skip
+    pursuers: Pursuers, d: int, x: float, y: float, time: float, walls: Obstacles, out: Int1D
+) -> int:
     """The corners by which a DT comes earliest to places about (x, y), in time; how many.
 
     Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first, into
     ``out`` (MAX_NEAR,).
     """
     corners, b = pursuers.corners, pursuers.bounds
-    v, rd, size = trees.model[d, 0], trees.model[d, 1], cell_size(pursuers.bounds)
+    v, rd, size = pursuers.model[d, 0], pursuers.model[d, 1], cell_size(pursuers.bounds)
     found = 0
     if corners[d, 1] == 0:
         return found
@@ -152,29 +150,31 @@ def promising_corners(
         row = pursuers.by_corner[d, i * NUM_CELLS + j]
         if row == -2:
             cx, cy = b[0] + (i + 0.5) * size, b[2] + (j + 0.5) * size
-            row = corner_towards(trees, corners, d, cx, cy, prisms)
+            row = corner_towards(pursuers, d, cx, cy, walls)
             pursuers.by_corner[d, i * NUM_CELLS + j] = row
         if row < 0 or found == MAX_NEAR:
             continue
-        left = math.sqrt((trees.position[d, row, 0] - x) ** 2 + (trees.position[d, row, 1] - y) ** 2) - rd
-        is_new = trees.time[d, row] + max(0.0, left) / v <= time
+        left = (
+            math.sqrt((pursuers.position[d, row, 0] - x) ** 2 + (pursuers.position[d, row, 1] - y) ** 2) - rd
+        )
+        is_new = pursuers.time[d, row] + max(0.0, left) / v <= time
         for m in range(found):
             if out[m] == row:
                 is_new = False
         if is_new:
             out[found] = row
             found += 1
-    _sort_by(trees.time[d], out, found)
+    _sort_by(pursuers.time[d], out, found)
     return found
 
 
 @kernel
-def near_path_nodes(
-    nodes: Tree, n: int, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest
-) -> int:
-    """The ``k`` nearest to a ground point of ``n`` PathTree nodes that are searched, by rising time stamp."""
-    found = nearest(pursuers.path_index, nodes.state, n, pursuers.bounds, nodes.active, x, y, k, near)
-    _sort_by(nodes.time, near.rows, found)
+def near_path_nodes(tree: Tree, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest) -> int:
+    """The ``k`` PathTree nodes nearest to a ground point that are searched, by rising time stamp."""
+    found = nearest(
+        pursuers.path_index, tree.state, tree.count[0], pursuers.bounds, tree.active, x, y, k, near
+    )
+    _sort_by(tree.time, near.rows, found)
     return found
 
 
@@ -239,28 +239,28 @@ def dt_positions(
     """
     if pursuers.count.shape[0] == 0:
         return
-    trees, prisms = pursuers, walls
     near, spot, place = scratch.near, scratch.spot, (x, y, z, time)
-    position, model, stamps = trees.position, trees.model, trees.time
-    for d in range(trees.count.shape[0]):
+    position, model, stamps = pursuers.position, pursuers.model, pursuers.time
+    for d in range(pursuers.count.shape[0]):
         out[d, 3] = 0.0
         if model[d, 3] == FLIES_ON:
-            passes_by(trees, d, x, y, z, time, out)
+            passes_by(pursuers, d, x, y, z, time, out)
             continue
         away = math.sqrt((position[d, 0, 0] - x) ** 2 + (position[d, 0, 1] - y) ** 2)
         if away - model[d, 1] > model[d, 0] * max(0.0, time - stamps[d, 0]):
             continue
-        come_nearer(trees, d, 0, place, prisms, spot, out)
-        for m in range(promising_corners(trees, pursuers, d, x, y, time, prisms, near.rows)):
-            come_nearer(trees, d, near.rows[m], place, prisms, spot, out)
+        come_nearer(pursuers, d, 0, place, walls, spot, out)
+        for m in range(promising_corners(pursuers, d, x, y, time, walls, near.rows)):
+            come_nearer(pursuers, d, near.rows[m], place, walls, spot, out)
         for m in range(near_pursuer_nodes(pursuers, d, x, y, k, scratch.everything, near)):
-            come_nearer(trees, d, near.rows[m], place, prisms, spot, out)
+            come_nearer(pursuers, d, near.rows[m], place, walls, spot, out)
 
 
 @kernel_numpy_errors
 def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
-    """Keep the DT's nearest position of ``probe.spot`` for a node; list the node where that is news."""
-    points, state, out = probe.nodes.threat_point, probe.nodes.state, probe.spot
+    """Keep the DT's nearest position of ``scratch.spot`` for a node; list the node where that is news."""
+    tree, out, changed = probe.tree, probe.scratch.spot, probe.scratch.changed
+    points, state = tree.threat_point, tree.state
     if points[i, d, 3] > 0.0:
         was = now = 0.0
         for a in range(3):
@@ -269,8 +269,8 @@ def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
         if now >= was - NEWS_M * NEWS_M:
             return num
     points[i, d, 0], points[i, d, 1], points[i, d, 2], points[i, d, 3] = out[3], out[4], out[5], 1.0
-    if num < probe.changed.shape[0]:
-        probe.changed[num] = i
+    if num < changed.shape[0]:
+        changed[num] = i
         num += 1
     return num
 
@@ -278,21 +278,20 @@ def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
 @kernel_numpy_errors
 def test_node(probe: Probe, d: int, i: int, j: int, num: int) -> tuple[bool, int]:
     """Whether node ``i`` is reached through TTree node ``j``, noted where it is; how many are listed."""
-    state, time = probe.nodes.state, probe.nodes.time[i]
-    if not gets_to(probe.trees, d, j, state[i, 0], state[i, 1], state[i, 2], time, probe.prisms, probe.spot):
+    x, y, z = probe.tree.state[i, 0], probe.tree.state[i, 1], probe.tree.state[i, 2]
+    time, spot = probe.tree.time[i], probe.scratch.spot
+    if not gets_to(probe.pursuers, d, j, x, y, z, time, probe.walls, spot):
         return False, num
     return True, note_reached(probe, d, i, num)
 
 
 @kernel
-def spread_to_neighbours(
-    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, j: int, near: KNearest, num: int
-) -> int:
+def spread_to_neighbours(probe: Probe, d: int, i: int, j: int, num: int) -> int:
     """``RSCal``: test the parent and the nearest nodes of a directly reachable one (indirect ones)."""
-    nodes = probe.nodes
-    found = near_path_nodes(nodes, n, pursuers, nodes.state[i, 0], nodes.state[i, 1], NUM_NEIGHBOURS, near)
-    if nodes.parent[i] >= 0:
-        near.rows[found] = nodes.parent[i]
+    tree, near = probe.tree, probe.scratch.near
+    found = near_path_nodes(tree, probe.pursuers, tree.state[i, 0], tree.state[i, 1], NUM_NEIGHBOURS, near)
+    if tree.parent[i] >= 0:
+        near.rows[found] = tree.parent[i]
         found += 1
     for m in range(found):
         if near.rows[m] != i:
@@ -308,16 +307,13 @@ def goal_bias_connect(probe: Probe, d: int, i: int, j: int, num: int) -> tuple[i
     ``changed``. Whoever calls tests the node's neighbours from there.
     """
     done, num = test_node(probe, d, i, j, num)
-    out = probe.spot
-    last = connect(probe.trees, d, j, out[0], out[1], out[2], done, probe.prisms)
+    out = probe.scratch.spot
+    last = connect(probe.pursuers, d, j, out[0], out[1], out[2], done, probe.walls)
     return (last if done else -1), num
 
 
 @kernel
-def expand(
-    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, pursue: bool, k: int, scratch: ReachScratch,
-    num: int,
-) -> int:  # fmt: skip
+def expand(probe: Probe, d: int, i: int, pursue: bool, k: int, num: int) -> int:
     """Algorithm 1 of one DT: ``reach`` node ``i``, or ``multi-connect`` towards ``scratch.sample``.
 
     ``multi-reach``: through the DT's root, through promising corners, and in pursuit through each of the
@@ -328,15 +324,14 @@ def expand(
     stand too late where the DT, driving straight or round a corner, would be early: here its root and the
     corners by which it might be there earliest are tried before.
     """
-    nodes, trees, prisms, rows = probe.nodes, probe.trees, probe.prisms, scratch.near.rows
-    x, y, z = nodes.state[i, 0], nodes.state[i, 1], nodes.state[i, 2]
-    at, target = -1, i
-    time = nodes.time[i]
-    if gets_to(trees, d, 0, x, y, z, time, prisms, probe.spot):
+    tree, pursuers, walls, scratch = probe.tree, probe.pursuers, probe.walls, probe.scratch
+    x, y, z, time = tree.state[i, 0], tree.state[i, 1], tree.state[i, 2], tree.time[i]
+    at, target, rows = -1, i, scratch.near.rows
+    if gets_to(pursuers, d, 0, x, y, z, time, walls, scratch.spot):
         at, num = goal_bias_connect(probe, d, i, 0, num)
     if at < 0:
-        for m in range(promising_corners(trees, pursuers, d, x, y, time, prisms, rows)):
-            if gets_to(trees, d, rows[m], x, y, z, time, prisms, probe.spot):
+        for m in range(promising_corners(pursuers, d, x, y, time, walls, rows)):
+            if gets_to(pursuers, d, rows[m], x, y, z, time, walls, scratch.spot):
                 at, num = goal_bias_connect(probe, d, i, rows[m], num)
                 break
     if at < 0 and pursue:
@@ -345,27 +340,25 @@ def expand(
             if at >= 0:
                 break
     elif at < 0:
-        at, target, num = multi_connect(probe, n, pursuers, d, k, scratch, num)
+        at, target, num = multi_connect(probe, d, k, num)
     if at >= 0:
-        num = spread_to_neighbours(probe, n, pursuers, d, target, at, scratch.near, num)
+        num = spread_to_neighbours(probe, d, target, at, num)
     return num
 
 
 @kernel
-def multi_connect(
-    probe: Probe, n: int, pursuers: Pursuers, d: int, k: int, scratch: ReachScratch, num: int
-) -> tuple[int, int, int]:
+def multi_connect(probe: Probe, d: int, k: int, num: int) -> tuple[int, int, int]:
     """Grow the ``k`` nearest TTree nodes towards ``scratch.sample`` until a PathTree node near by is reached.
 
     Returns the TTree node that reaches one, -1 where none does; the PathTree node tried last; and the new
     length of ``changed``.
     """
-    trees, sample, at, target = probe.trees, scratch.sample, -1, -1
-    x, y, z = sample[0], sample[1], sample[2]
+    pursuers, scratch, at, target = probe.pursuers, probe.scratch, -1, -1
+    x, y, z = scratch.sample[0], scratch.sample[1], scratch.sample[2]
     for m in range(near_pursuer_nodes(pursuers, d, x, y, k, scratch.everything, scratch.near)):
-        j = connect(trees, d, scratch.near.rows[m], x, y, z, False, probe.prisms)
-        px, py = trees.position[d, j, 0], trees.position[d, j, 1]
-        for q in range(near_path_nodes(probe.nodes, n, pursuers, px, py, k, scratch.targets)):
+        j = connect(pursuers, d, scratch.near.rows[m], x, y, z, False, probe.walls)
+        px, py = pursuers.position[d, j, 0], pursuers.position[d, j, 1]
+        for q in range(near_path_nodes(probe.tree, pursuers, px, py, k, scratch.targets)):
             target = scratch.targets.rows[q]
             at, num = goal_bias_connect(probe, d, target, j, num)
             if at >= 0:
@@ -374,17 +367,15 @@ def multi_connect(
 
 
 @kernel
-def explore_plainly(
-    probe: Probe, n: int, pursuers: Pursuers, d: int, i: int, greedy: bool, scratch: ReachScratch, num: int
-) -> int:
+def explore_plainly(probe: Probe, d: int, i: int, greedy: bool, num: int) -> int:
     """The comparators' step: grow the nearest TTree node towards the sample, then test nodes near it."""
-    trees, sample, near = probe.trees, scratch.sample, scratch.near
-    x, y, z = sample[0], sample[1], sample[2]
+    pursuers, scratch, near = probe.pursuers, probe.scratch, probe.scratch.near
+    x, y, z = scratch.sample[0], scratch.sample[1], scratch.sample[2]
     if near_pursuer_nodes(pursuers, d, x, y, 1, scratch.everything, near) == 0:
         return num
-    last = connect(trees, d, near.rows[0], x, y, z, greedy, probe.prisms)
-    px, py = trees.position[d, last, 0], trees.position[d, last, 1]
-    found = near_path_nodes(probe.nodes, n, pursuers, px, py, 3, near)
+    last = connect(pursuers, d, near.rows[0], x, y, z, greedy, probe.walls)
+    px, py = pursuers.position[d, last, 0], pursuers.position[d, last, 1]
+    found = near_path_nodes(probe.tree, pursuers, px, py, 3, near)
     near.rows[found] = i
     for m in range(found + 1):
         _, num = test_node(probe, d, near.rows[m], last, num)
@@ -404,8 +395,7 @@ def estimate_reachability(
     num = 0
     if pursuers.count.shape[0] == 0:
         return num
-    probe = Probe(tree, pursuers, walls, scratch.spot, scratch.changed)
-    n, p_tid, sample = tree.count[0], estimator.p_tid, scratch.sample
+    probe, p_tid, sample = Probe(tree, pursuers, walls, scratch), estimator.p_tid, scratch.sample
     pursue = draws[0] <= p_tid
     sample[0] = bounds[0] + draws[1] * (bounds[1] - bounds[0])
     sample[1] = bounds[2] + draws[2] * (bounds[3] - bounds[2])
@@ -417,10 +407,10 @@ def estimate_reachability(
     for d in range(pursuers.count.shape[0]):
         if pursuers.model[d, 3] == FLIES_ON:
             state = tree.state[i]
-            passes_by(probe.trees, d, state[0], state[1], state[2], tree.time[i], tree.threat_point[i])
+            passes_by(pursuers, d, state[0], state[1], state[2], tree.time[i], tree.threat_point[i])
         elif estimator.kind == EX_RRT:
-            num = expand(probe, n, pursuers, d, i, pursue, estimator.k, scratch, num)
+            num = expand(probe, d, i, pursue, estimator.k, num)
         else:
             greedy = pursue and estimator.kind == RRT_REACH
-            num = explore_plainly(probe, n, pursuers, d, i, greedy, scratch, num)
+            num = explore_plainly(probe, d, i, greedy, num)
     return num

@@ -13,7 +13,6 @@ from companion.kernels.arrays import (
     Float1D,
     Float2D,
     Int1D,
-    Int2D,
     Obstacles,
     Pursuers,
 )
@@ -131,12 +130,9 @@ def _go_on_to_corners(
 
 
 @kernel_numpy_errors
-def corner_towards(trees: Pursuers, corners: Int2D, d: int, x: float, y: float, prisms: Obstacles) -> int:
-    """The corner through which a place is reached earliest on a free line; -1 where there is none.
-
-    ``corners`` (D, 2) first row and number of them in each tree.
-    """
-    position, time, v = trees.position, trees.time, trees.model[d, 0]
+def corner_towards(trees: Pursuers, d: int, x: float, y: float, prisms: Obstacles) -> int:
+    """The corner through which a place is reached earliest on a free line; -1 where there is none."""
+    position, time, corners, v = trees.position, trees.time, trees.corners, trees.model[d, 0]
     best, arrival = -1, math.inf
     for j in range(corners[d, 0], corners[d, 0] + corners[d, 1]):
         if time[d, j] >= arrival:
@@ -187,14 +183,14 @@ def change_root(
     with_corners: bool, walls: Obstacles, kept: KeptNodes,
 ) -> None:  # fmt: skip
     """:func:`re_root` with room for what stays: as many as the tree has nodes."""
-    v, prisms, trees = pursuers.model[d, 0], walls, pursuers
-    ahead = free_way_ahead(root, heading, ahead, prisms)
+    v = pursuers.model[d, 0]
+    ahead = free_way_ahead(root, heading, ahead, walls)
     has_child = v > 0.0 and ahead >= LEAST_STEP_M
     first_time = time + ahead / v if has_child else time
     base = 2 if has_child else 1
     if v == 0.0:  # it drove when these were grown, and stands now
-        trees.count[d] = 0
-    num_kept = _keep_later(trees, d, first_time, base, kept)
+        pursuers.count[d] = 0
+    num_kept = _keep_later(pursuers, d, first_time, base, kept)
     x, y, z = root
     pursuers.position[d, 0, 0], pursuers.position[d, 0, 1], pursuers.position[d, 0, 2] = x, y, z
     pursuers.heading[d, 0], pursuers.parent[d, 0], pursuers.time[d, 0] = heading, -1, time
@@ -208,8 +204,8 @@ def change_root(
     pursuers.corners[d, 0], pursuers.corners[d, 1] = base, 0
     pursuers.by_corner[d] = -2
     if with_corners and v > 0.0 and pursuers.model[d, 3] == 0.0:
-        pursuers.corners[d, 1] = add_corners(trees, d, prisms)
-    _attach_again(trees, d, base, pursuers.corners[d, 1], num_kept, kept, prisms)
+        pursuers.corners[d, 1] = add_corners(pursuers, d, walls)
+    _attach_again(pursuers, d, base, pursuers.corners[d, 1], num_kept, kept, walls)
 
 
 @kernel

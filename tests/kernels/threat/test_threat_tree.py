@@ -66,7 +66,7 @@ def test_the_way_round_a_wall_by_hand():
     )
     assert (np.diff(trees.time[0, 1:5]) >= 0.0).all()
     # The place (60, 90) is hidden from the corner before the wall by its end, not from the one behind it.
-    row = d.corner_towards(trees, trees.corners, 0, 60.0, 90.0, world)
+    row = d.corner_towards(trees, 0, 60.0, 90.0, world)
     assert trees.position[0, row, :2] == pytest.approx([30.0 + a, 100.0 + a])
     # Airborne threats fly over; for them there are no corners, nor without being asked for.
     air = pursuers_at(-30.0, 0.0, airborne=1.0, up=50.0)
@@ -118,7 +118,7 @@ def test_corners_are_reached_by_shortest_ways(seed):
             for j in range(first, first + num)
             if not is_blocked(trees.position[0, j], (x, y, 0.0), boxes)
         ]
-        row = d.corner_towards(trees, trees.corners, 0, x, y, world)
+        row = d.corner_towards(trees, 0, x, y, world)
         assert (row >= 0) == bool(through)
         if through:
             at = trees.time[0, row] + math.dist(trees.position[0, row, :2], (x, y)) / SPEED
