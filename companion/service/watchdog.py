@@ -59,7 +59,7 @@ class Report:
 
     def __str__(self) -> str:
         if not self.is_warm:
-            return "compiling the planner's kernels"
+            return "loading or compiling the planner's kernels"
         if not self.has_heard:
             return "waiting for the first heartbeat of an autopilot"
         return f"{self.mode}; last: {self.last_decision}" if self.last_decision else self.mode
