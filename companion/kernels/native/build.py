@@ -59,7 +59,7 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
             if report is not None:
                 report(len(made), len(kernels))
 
-    processors = len(os.sched_getaffinity(0))
+    processors = num_processors()
     if len(kernels) <= FEW or processors == 1:
         take(kept_or_compiled)
         return made
@@ -67,6 +67,11 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
         for done in [threads.submit(_in_another_process, take) for _ in range(processors)]:
             done.result()
     return made
+
+
+def num_processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _in_another_process(take: Callable[[Callable[[Kernel], bytes]], None]) -> None:

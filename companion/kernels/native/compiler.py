@@ -108,7 +108,7 @@ def compiled(one: Kernel) -> bytes:
             library.add_linking_library(_copied(one))
         else:
             _add_function(one, library)
-        if _is_of_numbers(one.signature.returns):
+        if kinds.is_of_numbers(one.signature.returns):
             _add_door(one, library, door)
         library.finalize()
         called = {_descriptor(callee).mangled_name for callee in one.linked}
@@ -178,13 +178,6 @@ def _flags(one: Kernel) -> _Typed:
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
     flags.enable_pyobject = flags.enable_looplift = False
     return flags
-
-
-def _is_of_numbers(returns: kinds.Kind) -> bool:
-    """Tell whether Python can be given a result."""
-    if isinstance(returns, kinds.Tuple):
-        return all(map(_is_of_numbers, returns.items))
-    return isinstance(returns, (kinds.Scalar, kinds.Nothing))
 
 
 def _add_door(one: Kernel, library: _Library, name: str) -> None:

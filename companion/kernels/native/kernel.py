@@ -212,7 +212,17 @@ class Kernel:
                         yield f"{name}.{inner}", _known(vars(value)[inner], f"{self.symbol}: {name}.{inner}")
 
     def _open(self) -> Callable[..., Any]:
-        """Load or compile the machine code, and return the function that calls it."""
+        """Load or compile the machine code, and return the function that calls it.
+
+        Raises
+        ------
+        TypeError
+            If the kernel returns more than numbers: then only other kernels can call it.
+        """
+        if not kinds.is_of_numbers(self.signature.returns):
+            raise TypeError(
+                f"{self.symbol} returns a {self.signature.returns}: expected numbers to call it from Python"
+            )
         with machine.LOCK:
             if self._call is None:
                 load([self])

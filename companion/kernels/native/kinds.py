@@ -220,6 +220,13 @@ def _described(value: object) -> str:
     return f"a {type(value).__name__}"
 
 
+def is_of_numbers(kind: Kind) -> bool:
+    """Tell whether a result consists of numbers, so that Python can be given it."""
+    if isinstance(kind, Tuple):
+        return all(map(is_of_numbers, kind.items))
+    return isinstance(kind, Scalar | Nothing)
+
+
 def value_of(kind: Kind, words: Iterator[Any]) -> Any:
     """Return the value that the next words of a result stand for."""
     if isinstance(kind, Tuple):

@@ -46,16 +46,10 @@ def load(objects: Iterable[bytes]) -> None:
 def door_of(symbol: str) -> Callable[[Any], int]:
     """Return the function of that name. It takes the address of its words, and returns 0 for success.
 
-    Raises
-    ------
-    LookupError
-        If no object code that was loaded defines it.
+    The object code that defines it must be loaded: LLVM ends the process if it is not.
     """
     with LOCK:
-        address = _engine().get_function_address(symbol)
-    if not address:
-        raise LookupError(symbol)
-    return DOOR(address)
+        return DOOR(_engine().get_function_address(symbol))
 
 
 @cache

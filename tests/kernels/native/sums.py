@@ -89,6 +89,11 @@ def is_larger(n: int, limit: float) -> bool:
     return n > limit
 
 
+@inlined
+def pair_of(values: Float1D) -> Pair:
+    return Pair(values, 1.0)
+
+
 @kernel
 def nothing(out: Float1D) -> None:
     out[0] = 1.0

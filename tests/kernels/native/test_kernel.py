@@ -79,6 +79,13 @@ def test_compiled_wrong_arguments_are_refused_by_name(arguments, said):
         sums.everything(*arguments)
 
 
+def test_compiled_what_returns_more_than_numbers_is_for_kernels_alone():
+    with pytest.raises(
+        TypeError, match=r"sums\.pair_of returns a Pair: expected numbers to call it from Python"
+    ):
+        sums.pair_of(np.zeros(1))
+
+
 def test_compiled_wrong_numbers_are_refused_by_name():
     with pytest.raises(TypeError, match=r"quotient\('a', 'b'\): \('one', 1.0\)"):
         sums.quotient("one", 1.0)
