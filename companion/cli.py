@@ -173,11 +173,8 @@ def plan(
 @app.command("warm-up")
 def warm_up() -> None:
     """Compile the planner's kernels now, so that the service need not at its first start."""
-    from companion.kernels.native.store import kernel_store
-
     began = time.perf_counter()
     make_ready_with_bar(console)
-    kernel_store().prune(time.time())
     console.print(f"the planner's kernels are ready ({time.perf_counter() - began:.1f} s)")
 
 

@@ -10,6 +10,7 @@ import importlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -25,7 +26,7 @@ FEW = 8  # This process compiles so few kernels itself: another process takes as
 
 
 def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
-    """Compile and store kernels.
+    """Compile and store kernels, and remove from the store what nobody has read for long.
 
     Parameters
     ----------
@@ -62,10 +63,11 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
     processors = num_processors()
     if len(kernels) <= FEW or processors == 1:
         take(kept_or_compiled)
-        return made
-    with ThreadPoolExecutor(processors) as threads:
-        for done in [threads.submit(_in_another_process, take) for _ in range(processors)]:
-            done.result()
+    else:
+        with ThreadPoolExecutor(processors) as threads:
+            for done in [threads.submit(_in_another_process, take) for _ in range(processors)]:
+                done.result()
+    kernel_store().prune(time.time())
     return made
 
 

@@ -94,6 +94,8 @@ def test_many_are_compiled_by_other_processes_and_each_is_told(monkeypatch, tmp_
     monkeypatch.setattr(build, "kernel_store", lambda: Store(tmp_path / "kernels"))
     (tmp_path / "kernels").mkdir()
     monkeypatch.setattr(build, "num_processors", lambda: 2)
+    (tmp_path / "kernels" / "old.o").touch()
+    os.utime(tmp_path / "kernels" / "old.o", (1e9, 1e9))
     told = []
     made = build.built(of_threats(), lambda done, total: told.append((done, total)))
     assert sorted(told) == [(done, 9) for done in range(1, 10)]
