@@ -171,7 +171,8 @@ class Kernel:
         """Everything that the code of a caller depends on, unless the kernel is inlined."""
         signature = self.signature
         parameters = ",".join(map(kinds.fingerprint, signature.kinds))
-        return f"{self.symbol}({parameters})->{kinds.fingerprint(signature.returns)}"
+        errors = "numpy" if self.has_numpy_errors else "python"  # numba puts it into the symbol
+        return f"{self.symbol}({parameters})->{kinds.fingerprint(signature.returns)} {errors}"
 
     @functools.cached_property
     def key(self) -> str:
@@ -182,7 +183,7 @@ class Kernel:
         TypeError
             If the function refers to something whose changes the digest could not show.
         """
-        parts = [_generator(), self.interface, str(self.is_inlined), str(self.has_numpy_errors)]
+        parts = [_generator(), self.interface, str(self.is_inlined)]
         parts += _code_parts(self.py_func.__code__, self.py_func.__doc__)
         for name, value in self._globals():
             if isinstance(value, Kernel):

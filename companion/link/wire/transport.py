@@ -15,8 +15,6 @@ import socket
 from typing import Protocol
 from urllib.parse import SplitResult, urlsplit
 
-import serialx
-
 from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
 
@@ -398,6 +396,8 @@ class SerialTransport(_StreamTransport):
         self._baud_rate = baud_rate
 
     async def _connect(self, protocol: _StreamProtocol) -> asyncio.WriteTransport:
+        import serialx  # Only serial lines need it.  # noqa: PLC0415
+
         try:
             line, _ = await serialx.create_serial_connection(
                 asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,

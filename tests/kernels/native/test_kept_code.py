@@ -16,7 +16,7 @@ KERNELS = '''
 from __future__ import annotations
 
 from companion.kernels.arrays import Float1D
-from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.native.kernel import inlined, kernel, kernel_numpy_errors
 from companion.kernels.native.struct import Struct
 
 FACTOR = 2.0
@@ -81,6 +81,8 @@ def keys(folder, text):
         ("5.0 * x", "6.0 * x", "apart"),
         ("values: Float1D\n    offset: float", "offset: float\n    values: Float1D", "caller"),
         ("@kernel\ndef apart", "@inlined\ndef apart", "apart"),
+        ("@kernel\ndef called", "@inlined\ndef called", "called caller"),
+        ("@kernel\ndef called", "@kernel_numpy_errors\ndef called", "called caller"),
     ],
 )
 def test_a_change_is_one_of_that_kernel_and_of_what_it_is_copied_into(tmp_path, old, new, changed):

@@ -55,6 +55,14 @@ def test_starts_trimmed_and_stays_so_without_control(speed_m_s):
     assert abs(state.bank_rad) < 0.01
 
 
+def test_an_aircraft_that_cannot_be_trimmed_is_an_error(monkeypatch):
+    monkeypatch.setattr(
+        FlightDynamics, "_residual", lambda _, angles: np.array([1.0 + angles[0] ** 2, angles[1]])
+    )
+    with pytest.raises(RuntimeError, match="cannot trim the aircraft"):
+        FlightDynamics(FRAME, Start(0.0, 0.0, 100.0, 0.0, 25.0), Weather(), seed=1, projection=PROJECTION)
+
+
 def test_starts_on_the_course_asked_for_whatever_the_wind():
     start = Start(0.0, 0.0, 100.0, math.radians(60.0), 25.0)
     state = FlightDynamics(FRAME, start, WINDY, seed=1, projection=PROJECTION).state
