@@ -22,7 +22,8 @@ from companion.kernels.native.store import kernel_store
 
 __all__ = ["built"]
 
-FEW = 8  # This process compiles so few kernels itself: another process takes as long to start.
+FEW = 8  # Starting a process takes as long as compiling so many kernels.
+WORKER_BYTES = 250_000_000  # A process that compiles takes so much memory.
 
 
 def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
@@ -60,20 +61,22 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
             if report is not None:
                 report(len(made), len(kernels))
 
-    processors = num_processors()
-    if len(kernels) <= FEW or processors == 1:
+    workers = num_workers(len(kernels))
+    if workers <= 1:
         take(kept_or_compiled)
     else:
-        with ThreadPoolExecutor(processors) as threads:
-            for done in [threads.submit(_in_another_process, take) for _ in range(processors)]:
+        with ThreadPoolExecutor(workers) as threads:
+            for done in [threads.submit(_in_another_process, take) for _ in range(workers)]:
                 done.result()
     kernel_store().prune(time.time())
     return made
 
 
-def num_processors() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def num_workers(num_kernels: int) -> int:
+    """Return how many processes are worth starting. Together they take at most half of the memory."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return min(processors, num_kernels // FEW, memory // 2 // WORKER_BYTES)
 
 
 def _in_another_process(take: Callable[[Callable[[Kernel], bytes]], None]) -> None:

@@ -93,7 +93,7 @@ def of_threats():
 def test_many_are_compiled_by_other_processes_and_each_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(build, "kernel_store", lambda: Store(tmp_path / "kernels"))
     (tmp_path / "kernels").mkdir()
-    monkeypatch.setattr(build, "num_processors", lambda: 2)
+    monkeypatch.setattr(build, "num_workers", lambda _: 2)
     (tmp_path / "kernels" / "old.o").touch()
     os.utime(tmp_path / "kernels" / "old.o", (1e9, 1e9))
     told = []
@@ -101,6 +101,25 @@ def test_many_are_compiled_by_other_processes_and_each_is_told(monkeypatch, tmp_
     assert sorted(told) == [(done, 9) for done in range(1, 10)]
     assert {one: code[:4] for one, code in made.items()} == dict.fromkeys(of_threats(), b"\x7fELF")
     assert {path.name for path in (tmp_path / "kernels").glob("*.o")} == {one.file("o") for one in made}
+
+
+@pytest.mark.parametrize(
+    ("processors", "memory", "num_kernels", "expected"),
+    [
+        (2, 24e9, 200, 2),
+        (64, 256e9, 200, 25),
+        (4, 1.1e9, 200, 2),
+        (1, 24e9, 200, 1),
+        (4, 0.4e9, 200, 0),
+        (8, 24e9, 7, 0),
+    ],
+)
+def test_as_many_processes_as_processors_memory_and_work_are_worth(
+    monkeypatch, processors, memory, num_kernels, expected
+):
+    monkeypatch.setattr(build.os, "sched_getaffinity", lambda _: set(range(processors)))
+    monkeypatch.setattr(build.os, "sysconf", {"SC_PHYS_PAGES": int(memory) // 4096, "SC_PAGE_SIZE": 4096}.get)
+    assert build.num_workers(num_kernels) == expected
 
 
 def test_what_another_process_cannot_compile_is_told_by_name(monkeypatch, tmp_path):
