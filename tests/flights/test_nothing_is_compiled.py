@@ -9,7 +9,6 @@ import pytest
 from companion.kernels.native.ready import make_ready
 from tests.support.ready_flights import FLIGHTS
 
-
 DECIDED = {"handed back": "handback", "surprised": "emergency", "in the plane": "arrived", "PX4": "arrived"}
 
 
