@@ -7,9 +7,9 @@ import math
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
-from companion.planning.comparators import settings_for
+from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
-from companion.planning.settings import Certainty, PlannerSettings
+from companion.planning.settings import PlannerSettings, settings_for
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot, first_snapshot
 

@@ -2,73 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum, IntEnum
+from dataclasses import dataclass, replace
 
 from companion.kernels.arrays import Limits, Search, ThreatModel
+from companion.planning.comparators import METHODS, Certainty, Strategies
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.pursuit import Pursuit
 
 COST_AVOIDED = 1e3  # a second
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 
-
-class Certainty(IntEnum):
-    """Form of the certainty function (2); the numbers are the kernel's."""
-
-    SHIFTED = 0
-    LITERAL = 1
-    PROBABILISTIC = 2  # the comparator of Table 5: ν = 0, CF = 1
-
-
-class SubGoalRule(Enum):
-    """How a sub goal is chosen on the sensing horizon."""
-
-    HEURISTIC = "heuristic"  # (4)–(6)
-    EUCLIDEAN = "euclidean"  # EDBM: distances only
-
-
-class Estimator(IntEnum):
-    """Reachability-set estimator; the numbers are the kernel's."""
-
-    EX_RRT = 0
-    RRT_REACH = 1
-    RRT = 2
-
-
-class Optimiser(Enum):
-    """What improves a path once the goal is reached."""
-
-    RRT_STAR = "rrt-star"
-    NONE = "none"
-
-
-@dataclass(frozen=True, slots=True)
-class Strategies:
-    """What Safe-RRT is composed of; a comparator is another composition (paper 5)."""
-
-    use_dynamic_domain: bool = True
-    use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes
-    use_goal_zoom: bool = True
-    follow_field: bool = True  # a share of the samples follows the sub goal's distance field
-    connect_straight: bool = True  # Greedy-Connect to a sub goal that lies in a new node's domain
-    use_k_near: bool = True  # else the nearest node
-    dts_are_no_fly: bool = False
-    certainty: Certainty = Certainty.SHIFTED
-    sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
-    estimator: Estimator = Estimator.EX_RRT
-    plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
-    races: bool = True  # in the plane these are avoided by a race; else by the tree, in space, too
-    minds_dts: bool = True  # else nothing is heard of them
-    may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
-    use_safety_adjustment: bool = True
-    keeps_room: bool = True  # farther from obstacles than it has to, where that costs little (ours)
-    optimiser: Optimiser = Optimiser.RRT_STAR
-
-    @property
-    def uses_corners(self) -> bool:
-        """Whether threat trees begin with the shortest ways round the obstacles' corners (ours)."""
-        return self.estimator is Estimator.EX_RRT
+# What is no comparator's subject it shares with Safe-RRT: samples that follow the distance field, the
+# connection to the goal and restarts. Their budgets are larger: a race's collision checks are of no
+# iteration, so that Safe-RRT has some 130,000 more of these, and a tree in whose cost threats are higher
+# takes more samples. One that gives in step by step has a budget for each try.
+SUB_TASK_ITERATIONS, STALL_ITERATIONS = 3_000, 1_200
+ITERATIONS_SHARE = 4
+STAR_ITERATIONS = 800  # of RRT* where it is the whole method: its gain has levelled off by then
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +32,7 @@ class PlannerSettings:
     flown while it is being optimised (a mission swap begins where the aircraft will be by then: 0).
     """
 
-    strategies: Strategies = Strategies()
+    strategies: Strategies = METHODS["safe-rrt"]
     method: str = "safe-rrt"
     tau_s: float = 1.0
     clearance_min_m: float = 15.0
@@ -200,3 +150,53 @@ class PlannerSettings:
             room=self.room_wanted_m,
             cost_room=self.way_for_room(limits) * self.weights_cost[0] / unit_m,
         )
+
+
+def settings_for(
+    method: str,
+    *,
+    certainty: Certainty,
+    clearance_min_m: float,
+    sensing_horizon_m: float,
+    max_iterations: int,
+    threat_level_max: float = 1.0,
+    quality_min: float = 0.0,
+    cost_hurry: float = 0.2,
+    clearance_wanted_m: float = 0.0,
+) -> PlannerSettings:
+    """Settings of a method.
+
+    Raises
+    ------
+    KeyError
+        If there is no such method.
+    """
+    strategies = METHODS[method]
+    if strategies.certainty is not Certainty.PROBABILISTIC:
+        strategies = replace(strategies, certainty=certainty)
+    chosen = PlannerSettings(
+        strategies=strategies,
+        method=method,
+        clearance_min_m=clearance_min_m,
+        sensing_horizon_m=sensing_horizon_m,
+        max_iterations=max_iterations,
+        threat_level_max=threat_level_max,
+        quality_min=quality_min,
+        cost_hurry=cost_hurry,
+        clearance_wanted_m=clearance_wanted_m,
+    )
+    is_ours = strategies.plays_game and strategies.races
+    return chosen if is_ours else _as_comparator(chosen)
+
+
+def _as_comparator(chosen: PlannerSettings) -> PlannerSettings:
+    """The settings with the budgets of comparators."""
+    star = STAR_ITERATIONS if chosen.method == "rrt-star" else chosen.optimise_iterations
+    share = 1 if chosen.strategies.plays_game else ITERATIONS_SHARE
+    return replace(
+        chosen,
+        sub_task_iterations=SUB_TASK_ITERATIONS,
+        stall_iterations=STALL_ITERATIONS,
+        max_iterations=share * chosen.max_iterations,
+        optimise_iterations=star,
+    )

@@ -13,6 +13,7 @@ from companion.frames import FloatArray
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
+from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
 from companion.planning.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.problem import GoalRegion, Problem, StartState
@@ -33,7 +34,6 @@ from companion.planning.route import (
     weighed_between,
 )
 from companion.planning.safety_adjustment import adjusted_route
-from companion.planning.settings import Optimiser
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 from companion.vehicle.way_out import way_out

@@ -20,7 +20,8 @@ from companion.kernels.search.sub_goals import (
     score,
 )
 from companion.kernels.threat.pursuit_game import caught_rows
-from companion.planning.settings import PlannerSettings, SubGoalRule
+from companion.planning.comparators import SubGoalRule
+from companion.planning.settings import PlannerSettings
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the distance to go by

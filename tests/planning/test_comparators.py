@@ -7,10 +7,10 @@ import pytest
 
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
-from companion.planning.comparators import METHODS, SUB_TASK_ITERATIONS
+from companion.planning.comparators import METHODS, Optimiser, Strategies
 from companion.planning.explore import Exploration
 from companion.planning.route import pursuit_risk, route_from_path
-from companion.planning.settings import Optimiser, Strategies
+from companion.planning.settings import SUB_TASK_ITERATIONS
 from companion.planning.solver import solve
 from tests.planning.test_solver import checker_for
 from tests.sim.client import CONFIGS

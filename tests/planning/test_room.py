@@ -12,11 +12,11 @@ from companion.assurance.checker import Checker
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning import solver
-from companion.planning.comparators import METHODS, settings_for
+from companion.planning.comparators import METHODS, Certainty
 from companion.planning.explore import Exploration
 from companion.planning.room import price_of_room, widened_route
 from companion.planning.route import assess_route, cost_between, pursuit_risk, route_from_tree
-from companion.planning.settings import Certainty
+from companion.planning.settings import settings_for
 from companion.planning.solver import _found, never, solve
 from tests.support.paths import box, check_limits
 from tests.support.worlds import BOUNDS, problem, track

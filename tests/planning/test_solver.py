@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from companion.assurance.checker import Checker
+from companion.planning.comparators import Estimator, Optimiser, Strategies
 from companion.planning.problem import GoalRegion
-from companion.planning.settings import Estimator, Optimiser, Strategies
 from companion.planning.solver import exposures, solve
 from companion.types.plan import PlanStatus
 from companion.types.threat import Radar

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from companion.planning.comparators import Strategies, SubGoalRule
 from companion.planning.explore import Exploration
-from companion.planning.settings import Strategies, SubGoalRule
 from companion.planning.sub_goal import caught_on_the_rest, choose_sub_goal, horizon_points
 from companion.types.threat import Radar
 from tests.support.paths import box

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from companion.kernels.native.struct import Struct
 from companion.kernels.threat import reachability as r
 from companion.kernels.workspace import reach_scratch
+from companion.planning.comparators import Estimator, Strategies
 from companion.planning.explore import Exploration
-from companion.planning.settings import Estimator, Strategies
 from companion.planning.solver import solve
 from companion.world.pursuer_trees import CAPACITY, CARRIED_MAX, grown_trees, threat_trees
 from tests.support.paths import box
