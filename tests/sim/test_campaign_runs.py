@@ -145,6 +145,7 @@ def test_a_link_that_loses_everything_leaves_the_service_without_an_autopilot(tm
 
 def test_flights_without_a_simulator_are_refused(campaign, tmp_path, monkeypatch):
     monkeypatch.delitem(run_places._PLACES, "flights", raising=False)
+    monkeypatch.setattr(run_places, "entry_points", lambda group: ())
     with pytest.raises(ConfigError, match=r"campaign of flights: got no simulator installed; expected pip"):
         run_campaign(campaign, tmp_path / "out", jobs=1, resumes=False, console=Console(quiet=True))
     assert not (tmp_path / "out").exists()
