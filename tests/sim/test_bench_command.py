@@ -1,6 +1,7 @@
 """``companion bench``: how cases become figures, and one reaction in real time."""
 
 import json
+import logging
 import math
 
 import pytest
@@ -8,6 +9,13 @@ import pytest
 from companion.types.events import Dialect
 from sim.bench import bench_figures
 from sim.bench.reaction import CHANGES, reaction_s
+
+
+@pytest.fixture(autouse=True)
+def others_may_log():
+    """The command silences its own process for good, and here that is the tests'."""
+    yield
+    logging.disable(logging.NOTSET)
 
 
 def test_quantiles_by_hand():
