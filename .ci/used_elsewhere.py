@@ -69,4 +69,4 @@ _.linkage, _.unique_id, _.lifted, _.lifted_from, _.error_model
 _.no_cfunc_wrapper, _.no_compile, _.no_cpython_wrapper, _.enable_looplift, _.enable_pyobject
 _.get_call_type, _.get_call_signatures, _.get_impl_key, _.generic_resolve
 _._StructModel, _._StructAttributes, _._type_of_kernel, _._constant_kernel, _._get_field, _._set_item
-_._type_of_floats, _._type_of_ints, _._type_of_table, _._make_floats, _._make_ints
+_._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local

@@ -17,6 +17,7 @@ import os
 import pickle
 import types
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from struct import error as StructError
 from struct import pack_into, unpack_from
@@ -44,18 +45,11 @@ __all__ = [
 ]
 
 IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-GENERATORS = (
-    "compiler.py",
-    "kinds.py",
-    "numba_types.py",
-)  # They generate code: a change compiles everything.
+GENERATORS = "compiler.py", "kinds.py", "numba_types.py"  # They generate code: a change compiles everything.
 LOAD_GLOBAL, EXTENDED_ARG = opcode.opmap["LOAD_GLOBAL"], opcode.opmap["EXTENDED_ARG"]
 CONSTANTS = (int, float, str, bool, types.NoneType)
 LIBRARIES = ("math", "numpy")  # Their versions are in every key already.
-COMPILER, BUILD = (
-    "companion.kernels.native.compiler",
-    "companion.kernels.native.build",
-)  # They are slow to load.
+COMPILER, BUILD = "companion.kernels.native.compiler", "companion.kernels.native.build"  # They load slowly.
 
 Report = Callable[[int, int], None]  # It receives how many kernels are compiled, and how many have to be.
 
@@ -231,17 +225,12 @@ class Kernel:
         return self._call
 
 
+@dataclass
 class _Process:
     """What this process has loaded, and whether it may compile."""
 
-    loaded: set[Kernel]
-    may_compile = True
-
-    def __init__(self) -> None:
-        self.loaded = set()
-
-    def refuse(self) -> None:
-        self.may_compile = False
+    loaded: set[Kernel] = field(default_factory=set)
+    may_compile: bool = True
 
 
 _process = _Process()
@@ -249,7 +238,7 @@ _process = _Process()
 
 def refuse_compiling() -> None:
     """Make this process raise from now on wherever it would compile."""
-    _process.refuse()
+    _process.may_compile = False
 
 
 def load(kernels: Iterable[Kernel], report: Report | None = None) -> None:

@@ -117,10 +117,10 @@ def load(context: _Typed, builder: _Typed, kind: kinds.Kind, words: _Typed, offs
             offset += kinds.num_words(item)
         return context.make_tuple(builder, type_in_numba(kind), items)
     if isinstance(kind, kinds.Array):
-        element = context.get_data_type(SCALARS[kind.code])
+        array_type = type_in_numba(kind)
         shape = [_load_word(builder, words, offset + 1 + axis, WORD) for axis in range(kind.ndim)]
-        data = _load_word(builder, words, offset, element.as_pointer())
-        return _array(context, builder, kind, data, shape)
+        data = _load_word(builder, words, offset, context.get_data_type(array_type.dtype).as_pointer())
+        return _array(context, builder, array_type, data, shape)
     if isinstance(kind, kinds.Scalar) and kind.code == "f":
         return _load_word(builder, words, offset, ir.DoubleType())
     if isinstance(kind, kinds.Scalar) and kind.code == "b":
@@ -139,13 +139,13 @@ def _load_word(builder: _Typed, words: _Typed, offset: int, kind: _Typed) -> _Ty
     return found
 
 
-def _array(context: _Typed, builder: _Typed, kind: kinds.Array, data: _Typed, shape: list[_Typed]) -> _Typed:
+def _array(context: _Typed, builder: _Typed, array_type: _Typed, data: _Typed, shape: list[_Typed]) -> _Typed:
     """Generate code that makes a C-contiguous array without an owner: the caller keeps the memory alive."""
-    size = kinds.DTYPES[kind.code].itemsize
+    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
     strides = [WORD(size)]
     for length in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], length))
-    made = context.make_array(type_in_numba(kind))(context, builder)
+    made = context.make_array(array_type)(context, builder)
     arrayobj.populate_array(
         made,
         data=data,
@@ -178,22 +178,15 @@ def _type_of_table(_context: _Typed) -> _Typed:
 
 
 @lower_builtin(local_floats, types.IntegerLiteral)
-@lower_builtin(local_table, types.IntegerLiteral, types.IntegerLiteral)
-def _make_floats(context: _Typed, builder: _Typed, sig: Signature, _args: _Typed) -> _Typed:
-    return _on_stack(context, builder, "f", sig)
-
-
 @lower_builtin(local_ints, types.IntegerLiteral)
-def _make_ints(context: _Typed, builder: _Typed, sig: Signature, _args: _Typed) -> _Typed:
-    return _on_stack(context, builder, "i", sig)
-
-
-def _on_stack(context: _Typed, builder: _Typed, code: str, sig: Signature) -> _Typed:
+@lower_builtin(local_table, types.IntegerLiteral, types.IntegerLiteral)
+def _make_local(context: _Typed, builder: _Typed, sig: Signature, _args: _Typed) -> _Typed:
     """Generate code that makes an array of a constant shape on the kernel's stack."""
-    shape, element = [length.literal_value for length in sig.args], context.get_data_type(SCALARS[code])
+    array_type: _Typed = sig.return_type
+    shape, element = [length.literal_value for length in sig.args], context.get_data_type(array_type.dtype)
     place = cgutils.alloca_once(builder, ir.ArrayType(element, math.prod(shape)))
     data = builder.bitcast(place, element.as_pointer())
-    return _array(context, builder, kinds.Array(code, len(shape)), data, [WORD(n) for n in shape])
+    return _array(context, builder, array_type, data, [WORD(n) for n in shape])
 
 
 @lower_builtin(operator.setitem, types.Array, types.Any, types.Any)

@@ -9,13 +9,7 @@ import math
 
 import numpy as np
 
-from companion.kernels.arrays import (
-    Float1D,
-    Float2D,
-    Int1D,
-    Obstacles,
-    Pursuers,
-)
+from companion.kernels.arrays import Float1D, Float2D, Int1D, Obstacles, Pursuers
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import kernel, kernel_numpy_errors, local_floats, local_ints, local_table
