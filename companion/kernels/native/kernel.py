@@ -232,13 +232,17 @@ class _Process:
     loaded: set[Kernel] = field(default_factory=set)
     may_compile: bool = True
 
+    def refuse_compiling(self) -> None:
+        """Do not compile from now on."""
+        self.may_compile = False
+
 
 _process = _Process()
 
 
 def refuse_compiling() -> None:
     """Make this process raise from now on wherever it would compile."""
-    _process.may_compile = False
+    _process.refuse_compiling()
 
 
 def load(kernels: Iterable[Kernel], report: Report | None = None) -> None:
