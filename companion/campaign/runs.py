@@ -109,6 +109,9 @@ def result_of(plan: Plan) -> dict[str, object]:
         "ATP": round(m.aggregated_threat, 6),
         "NHTW": m.num_high_threat_waypoints,
         "PSR": round(m.penetration_success, 9),
+        "J": round(plan.objective_s, 6) if math.isfinite(plan.objective_s) else None,
+        "gap": None if plan.gap is None else round(plan.gap, 6),
+        "seen_s": round(plan.seen_s, 6),
         "path": [] if plan.path is None else plan.path.rows(),
     }
 

@@ -55,6 +55,9 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
         threat_level_max=float(planning.threat_level_max),
         quality_min=float(planning.quality_min),
         cost_hurry=float(planning.hurry_cost),
+        price_seen=float(planning.price_seen),
+        price_near=float(planning.price_near),
+        seen_max_s=math.inf if planning.seen_max_s is None else float(planning.seen_max_s),
     )
 
 

@@ -187,6 +187,16 @@ class PlanningConfig(Section):
     is flown as long as it is worth it; a standing vehicle and one that can be outrun are passed out of
     their reach in the plane all the same. A low limit among vehicles that could drive replaces missions
     many times."""
+    price_seen: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
+    """A second in the sight of radars counts like this many seconds of detour. At `0` radars are not avoided;
+    a path that is seen less and takes longer is flown as long as the price is worth it. A second is seen in
+    part where a radar sees it less well. It counts wherever nothing pursues the aircraft."""
+    price_near: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
+    """A second beside an obstacle counts like this many seconds of detour; a second at a distance between
+    there and `clearance_wanted_m` counts in proportion."""
+    seen_max_s: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None
+    """No path is in the sight of radars for longer than this without a break. A radar sees the aircraft where
+    its membership is at least one half. Left out, there is no limit; it counts wherever nothing pursues."""
     quality_min: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Least probability that a path touches nothing, Q of (8): with less it is refused, and no optimiser goes
     below it. Noise that is large for the gaps asks for detours anyhow; `0` refuses nothing."""

@@ -211,7 +211,7 @@ def _nothing_is_flown(case: _Case, _why: _Facts) -> _Answer:
     """Nothing to compare with."""
     if case.start.rest is not None and case.plan.flown_cost is not None:
         return None
-    return Verdict.FIRST_PLAN, f"cost {case.plan.measures.path_cost:.1f}"
+    return Verdict.FIRST_PLAN, f"cost {case.plan.cost:.1f}"
 
 
 def _flown_is_threatened(case: _Case, _why: _Facts) -> _Answer:
@@ -233,7 +233,7 @@ def _flown_is_caught(case: _Case, why: _Facts) -> _Answer:
 
 def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Cheaper by ``swap_gain``; (9) counts a path that passes the threat limit as endlessly dear."""
-    flown_cost, cost = case.plan.flown_cost or 0.0, case.plan.measures.path_cost
+    flown_cost, cost = case.plan.flown_cost or 0.0, case.plan.cost
     gain = 1.0 - cost / flown_cost if flown_cost > 0.0 and cost < math.inf else 0.0
     why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
     is_riskier = case.plan.pursuit.total_s > case.flown_risk.total_s + CAUGHT_S
@@ -249,7 +249,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
 def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
     """The mission in the autopilot ends soon, or all is well."""
     is_short = case.carried_s < carried_min_s(case.state)
-    text = f"cost {case.plan.measures.path_cost:.1f}, flown {case.plan.flown_cost:.1f}"
+    text = f"cost {case.plan.cost:.1f}, flown {case.plan.flown_cost:.1f}"
     return Verdict.EXTEND if is_short else Verdict.KEEP, text
 
 
@@ -280,7 +280,7 @@ def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
     planning = state.mission.planning
     why: _Facts = {
         "status": plan.status.value,
-        "cost": plan.measures.path_cost,
+        "cost": plan.cost,
         "flown_cost": plan.flown_cost,
         "flown_threat": plan.flown_threat,
         "swap_gain": float(planning.swap_gain),

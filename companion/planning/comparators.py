@@ -57,6 +57,7 @@ class Strategies:
     use_safety_adjustment: bool = True
     keeps_room: bool = True  # farther from obstacles than it has to, where that costs little (ours)
     optimiser: Optimiser = Optimiser.RRT_STAR
+    by_objective: bool = True  # J decides where nothing pursues, and the tree grows along V; else (9) (ours)
 
     @property
     def uses_corners(self) -> bool:
@@ -65,7 +66,7 @@ class Strategies:
 
 
 _PRINTED = Strategies(
-    plays_game=False, keeps_room=False
+    plays_game=False, keeps_room=False, by_objective=False
 )  # the paper's: DTs are kept away from by threat levels alone
 
 _TADDRRT = replace(

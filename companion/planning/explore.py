@@ -139,6 +139,11 @@ class Exploration:
         )  # fmt: skip
 
     @property
+    def goes_by_objective(self) -> bool:
+        """Whether J decides: the method goes by it, and nothing pursues the aircraft."""
+        return self.problem.settings.strategies.by_objective and not self.chase.is_hunted
+
+    @property
     def start_is_valid(self) -> bool:
         """Whether the root keeps the state constraints and stands outside obstacles."""
         state = self.tree.state[0]

@@ -166,7 +166,7 @@ def smoothed_route(
         widest = max(4, int(n * (1.0 - iteration / settings.smooth_iterations)))
         i = int(exploration.rng.integers(0, n - 3))
         j = min(n - 1, i + 3 + int(exploration.rng.integers(0, widest)))
-        cut = _short_cut(exploration, route, i, j)
+        cut = short_cut(exploration, route, i, j)
         if cut is None:
             continue
         shorter, at = cut
@@ -192,7 +192,7 @@ def smoothed_route(
     return route, known, kept
 
 
-def _short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:
+def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:
     """The route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
 
     With it the row that ``j`` has become.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from companion.kernels.arrays import Limits, Search, ThreatModel
@@ -64,6 +65,12 @@ class PlannerSettings:
     quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
     cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
     cost_caught: float = 2.0  # of a second that a DT could threaten, in (9): four seconds of straight flight
+    price_seen: float = 3.0  # of a second seen by radars, in J
+    price_pursued: float = 3.0  # of a second within a moving threat's reach
+    price_near: float = 3.0  # of a second without any clearance
+    price_energy: float = 0.35  # at twice the power of cruise; below a third fast flight is cheaper
+    price_collision: float = 20.0  # of -log p_c
+    seen_max_s: float = math.inf  # longest unbroken time in radars' sight
     cost_room: float = 2.5  # of a second a metre nearer than is wanted, in (9), in metres of way
     cost_hurry: float = 0.2  # of the energy that speed above cruise takes, in (9), as if it were way
     pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
@@ -163,6 +170,9 @@ def settings_for(
     quality_min: float = 0.0,
     cost_hurry: float = 0.2,
     clearance_wanted_m: float = 0.0,
+    price_seen: float = 3.0,
+    price_near: float = 3.0,
+    seen_max_s: float = math.inf,
 ) -> PlannerSettings:
     """Settings of a method.
 
@@ -184,6 +194,9 @@ def settings_for(
         quality_min=quality_min,
         cost_hurry=cost_hurry,
         clearance_wanted_m=clearance_wanted_m,
+        price_seen=price_seen,
+        price_near=price_near,
+        seen_max_s=seen_max_s,
     )
     is_ours = strategies.plays_game and strategies.races
     return chosen if is_ours else _as_comparator(chosen)

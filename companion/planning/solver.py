@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.frames import FloatArray
 from companion.kernels.geometry.prism_distance import clearance
-from companion.kernels.search.path_assessment import radar_memberships
-from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
+from companion.planning.least_objective.least_plan import plan_by_objective
+from companion.planning.least_objective.plan_measures import MIN_ROWS, ends_at, measures_of, shortfall
+from companion.planning.least_objective.prices import objective_between, objective_of, seconds_seen
 from companion.planning.optimise import is_no_worse, rrt_star_route, smoothed_route
-from companion.planning.problem import GoalRegion, Problem, StartState
+from companion.planning.problem import Problem, StartState
 from companion.planning.room import least_room, price_of_room, widened_route
 from companion.planning.route import (
     FLOWN_SLACK_S,
@@ -39,10 +39,7 @@ from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 from companion.vehicle.way_out import way_out
 from companion.world.pursuer_trees import grown_trees
 
-HIGH_THREAT = 0.5
-MIN_ROWS = 4
 LITTLE_ROOM = 0.75  # of what is wanted: with less another way is looked for
-NUM_SECONDARY = 10
 
 Found = tuple[bool, Route, int]  # whether all goals were passed, the route, and the node at its end
 
@@ -78,11 +75,17 @@ def solve(
         ``INVALID_START`` without one, where there is no way out either.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
-    method = problem.settings.method
-    if not exploration.start_is_clear:
-        plan = _by_way_out(exploration, should_stop, timer)
-        if plan is not None:
-            return plan
+    plan = None if exploration.start_is_clear else _by_way_out(exploration, should_stop, timer)
+    if plan is None and exploration.goes_by_objective:
+        plan = plan_by_objective(exploration, should_stop, timer, flown)
+    return _by_sub_tasks(exploration, should_stop, timer, flown) if plan is None else plan
+
+
+def _by_sub_tasks(
+    exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float], flown: Path | None
+) -> Plan:
+    """The plan that sub tasks and races come to; its costs are those of (9)."""
+    problem, method = exploration.problem, exploration.problem.settings.method
     began = timer()
     reached, route, end = _found(exploration, should_stop)
     searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
@@ -99,15 +102,16 @@ def solve(
         flown_threat = float(known.levels.max())
         flown_risk = pursuit_risk(exploration, flown_route, slack_s=FLOWN_SLACK_S)
         improved, known, kept = smoothed_route(exploration, flown_route, known, should_stop)
-        is_whole = _ends_at(improved, problem.goals[-1])
+        is_whole = ends_at(improved, problem.goals[-1])
         if is_whole and (
             assessment is None or worth(exploration, improved, known) < worth(exploration, route, assessment)
         ):
             route, reached, assessment = improved, True, known
             notes = [f"the flown path, {kept} short cuts"]
     if not reached:
-        notes.append(_shortfall(route, problem, num_nodes))
+        notes.append(shortfall(route, problem, num_nodes))
     exploration, route, assessment = _settled(exploration, route, assessment, should_stop, notes)
+    objective = objective_of(exploration)
     return Plan(
         status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
         path=path_from_route(exploration, route, assessment),
@@ -122,6 +126,8 @@ def solve(
         pursuit=pursuit_risk(exploration, route, slack_s=FLOWN_SLACK_S),
         flown_pursuit=flown_risk,
         threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
+        objective_s=objective_between(objective, route),
+        seen_s=seconds_seen(objective, route),
     )
 
 
@@ -177,12 +183,6 @@ def _finished(
     route, moved, assessment = adjusted_route(exploration, route, assessment)
     notes.append(f"{moved} waypoints adjusted")
     return route, assessment
-
-
-def _shortfall(route: Route, problem: Problem, num_nodes: int) -> str:
-    """How far the search got, for who asks why there is no path."""
-    away = float(np.linalg.norm(route.states[-1, :3] - problem.goals[-1].position_enu_m))
-    return f"ends {away:.0f} m from the last goal after {num_nodes} nodes"
 
 
 def _optimised(
@@ -340,55 +340,6 @@ def _through_goals(exploration: Exploration, should_stop: Callable[[], bool]) ->
         if not exploration.is_spent(should_stop):
             exploration.reset_tree()
     return False, best, -1
-
-
-def _ends_at(route: Route, goal: GoalRegion) -> bool:
-    """Whether a route ends in a goal region."""
-    away = np.linalg.norm(route.states[-1, :3] - goal.position_enu_m)
-    return bool(away <= goal.acceptance_radius_m)
-
-
-def measures_of(
-    exploration: Exploration, route: Route, assessment: Assessment, searched_s: float, num_nodes: int
-) -> Measures:
-    """The measures of the paper's tables (its 5.3), over the radars known to the planner."""
-    # A copy: of a route of one row a part of its columns is an array of another type, and would compile anew.
-    positions = np.ascontiguousarray(route.states[:, :3])
-    waypoint, secondary = radar_memberships(positions, NUM_SECONDARY, exploration.problem.snapshot.threats)
-    total = waypoint.sum() + secondary.sum()
-    free = np.prod((1.0 - np.minimum(waypoint, 1.0)) ** (1.0 / len(route)))
-    return Measures(
-        path_search_time_s=searched_s,
-        num_collision_checks=int(exploration.stats[0]),
-        num_tree_nodes=num_nodes,
-        path_cost=cost_between(exploration, route),
-        quality=float(np.prod(assessment.clear)),
-        total_threat_amount=float(total),
-        aggregated_threat=float(1.0 - free),
-        num_high_threat_waypoints=int((assessment.levels > HIGH_THREAT).sum()),
-        penetration_success=float(success_over_exposures(exposures(assessment.levels))),
-    )
-
-
-def exposures(levels: FloatArray) -> FloatArray:
-    """What (3) multiplies: a stretch under threat is one exposure, its highest level the damage.
-
-    The paper does not say what an exposure is; were each second one, no path would have a chance.
-
-    Parameters
-    ----------
-    levels : ndarray, shape (N,)
-        Threat level of each row.
-
-    Returns
-    -------
-    ndarray, shape (E,)
-        One element a stretch.
-    """
-    threatened = levels > 0.0
-    begins = np.flatnonzero(threatened & ~np.append(False, threatened[:-1]))
-    ends = np.flatnonzero(threatened & ~np.append(threatened[1:], False))
-    return np.array([levels[first : last + 1].max() for first, last in zip(begins, ends, strict=True)])
 
 
 def trace_of(exploration: Exploration) -> SearchTrace:

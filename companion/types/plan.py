@@ -95,8 +95,10 @@ class PursuitRisk:
 class Plan:
     """The planner's answer: a status, and a path where there is one.
 
-    ``flown_cost`` and ``flown_threat`` are the cost by (9) and the largest threat level of what is left
+    ``flown_cost`` and ``flown_threat`` are the :attr:`cost` and the largest threat level of what is left
     of the path being flown, seen in the same world as the new path, where one was given.
+    ``objective_s`` is J of the path, ``seen_s`` the integral of radars' membership over it, and ``bound_s``
+    the least J that a path could have, where the search went by J [s].
     ``pursuit`` and ``flown_pursuit`` say what moving threats could do to either.
     ``threat_trees`` are the DTs' trees as grown, for the next plan's snapshot.
     """
@@ -114,6 +116,21 @@ class Plan:
     pursuit: PursuitRisk = PursuitRisk()
     flown_pursuit: PursuitRisk | None = None
     threat_trees: tuple[ThreatTree, ...] = ()
+    objective_s: float = float("inf")
+    seen_s: float = 0.0
+    bound_s: float | None = None
+
+    @property
+    def cost(self) -> float:
+        """What the plan is compared by: J where the search went by it, else the sum of (9)."""
+        return self.measures.path_cost if self.bound_s is None else self.objective_s
+
+    @property
+    def gap(self) -> float | None:
+        """By what share of the lower bound the path costs more at most; None where no bound is known."""
+        if self.bound_s is None or not 0.0 < self.bound_s < float("inf"):
+            return None
+        return self.objective_s / self.bound_s - 1.0
 
     @property
     def reaches_goal(self) -> bool:

@@ -59,7 +59,7 @@ class Chase:
     is_by_tree: bool = False
 
     def __post_init__(self) -> None:
-        hunts = bool((self.full.hunters[:, 7] != PASSES_BY).any())
+        self.is_hunted = hunts = bool((self.full.hunters[:, 7] != PASSES_BY).any())
         can_avoid = self.full.is_plane or self.is_by_tree  # in space there is no race
         avoided = Pursuit.AVOIDED if can_avoid else Pursuit.WEIGHED
         self.pursuit = avoided if hunts else Pursuit.IGNORED

@@ -57,17 +57,18 @@ MEASURES = Measures(
 )  # fmt: skip
 
 
-def plan(status=PlanStatus.EXACT, path=None, measures=MEASURES):
-    return Plan(status, path, measures, 7, "safe-rrt", 1)
+def plan(status=PlanStatus.EXACT, path=None, measures=MEASURES, **changes):
+    return Plan(status, path, measures, 7, "safe-rrt", 1, **changes)
 
 
 def test_measures_by_their_names_in_the_paper():
-    found = result_of(plan(path=path_along((50.0, 2), course=0.5 * math.pi)))
+    made = plan(path=path_along((50.0, 2), course=0.5 * math.pi), objective_s=60.0, bound_s=50.0, seen_s=5.0)
+    found = result_of(made)
     path = found.pop("path")
     assert found == {
         "seed": 7, "method": "safe-rrt", "success": True, "status": "exact", "PST": 0.25, "NCDC": 1000,
         "NTN": 400, "ESR": 0.4, "TSI": 0.00025, "PC": 30.5, "Q": 0.75, "TTA": 1.5, "ATP": 0.25, "NHTW": 2,
-        "PSR": 0.5,
+        "PSR": 0.5, "J": 60.0, "gap": 0.2, "seen_s": 5.0,
     }  # fmt: skip
     expected = [[t, 25.0 * t, 0.0, 100.0, 0.5 * math.pi, 0.0, 25.0] for t in range(3)]
     np.testing.assert_allclose(path, expected, atol=1e-6)
@@ -76,6 +77,7 @@ def test_measures_by_their_names_in_the_paper():
 def test_no_plan_is_fit_for_json_too():
     found = result_of(plan(PlanStatus.INVALID_START, measures=Measures()))
     assert (found["success"], found["status"]) == (False, "invalid_start")
+    assert (found["J"], found["gap"], found["seen_s"]) == (None, None, 0.0)
     assert (found["PC"], found["ESR"], found["TSI"], found["path"]) == (None, 0.0, 0.0, [])
     json.dumps(found, allow_nan=False)
 

@@ -15,7 +15,7 @@ from tests.sim.client import CONFIGS
 
 PLAN_KEYS = {
     *("seed", "method", "success", "status", "PST", "NCDC", "NTN", "ESR", "TSI", "PC", "Q", "TTA"),
-    *("ATP", "NHTW", "PSR", "path"),
+    *("ATP", "NHTW", "PSR", "J", "gap", "seen_s", "path"),
 }
 SITL_KEYS = {
     *("success", "goal_reached", "collision", "min_obstacle_clearance_m", "min_dt_distance_m"),

@@ -370,7 +370,9 @@ def test_equal_flights_plan_alike_and_the_next_plan_is_another():
 
 def test_an_urgent_plan_is_not_kept_waiting_for_a_shorter_one():
     """In space, where paths are optimised for as long as that gains."""
-    text = OPEN.replace("dimension: 2", "dimension: 3")
+    text = OPEN.replace("dimension: 2", "dimension: 3").replace(
+        "planning: {", "planning: {method: safe-rrt-rs, "
+    )
     made, asked = begun(WALL, text), {}
     begin = start_after(made, state(stamp=0.0), 4.0)
     world = world_of(mission_from_text(text + WALL, "open.yaml"))

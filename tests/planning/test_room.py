@@ -12,7 +12,7 @@ from companion.assurance.checker import Checker
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning import solver
-from companion.planning.comparators import METHODS, Certainty
+from companion.planning.comparators import METHODS, Certainty, Strategies
 from companion.planning.explore import Exploration
 from companion.planning.room import price_of_room, widened_route
 from companion.planning.route import assess_route, cost_between, pursuit_risk, route_from_tree
@@ -121,7 +121,8 @@ def test_where_a_tree_is_led_too_near_another_way_is_looked_for(seed, monkeypatc
         box("left", 250.0, 600.0, 420.0, 900.0),
         box("right", 800.0, 80.0, 1000.0, 300.0),
     ]
-    asked = problem(blocks, dimension=3, seed=seed, clearance_wanted_m=60.0)
+    by_tree = Strategies(by_objective=False)
+    asked = problem(blocks, dimension=3, seed=seed, clearance_wanted_m=60.0, strategies=by_tree)
     plan = solve(asked)
     assert "another way, with more room" in plan.notes
     assert nearest(plan.path, blocks) > 55.0

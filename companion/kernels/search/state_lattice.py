@@ -213,7 +213,7 @@ def _is_judged_fit(poses: Poses, first: int, last: int, scene: Scene, work: Work
         caught = 1 if is_caught(scene.game, out[0], out[1], out[2], time) else 0
         if is_avoided and caught > poses.caught[before]:
             return False
-        level = _level(out, time, scene, work)
+        level = level_at(out, time, scene, work)
         if level > scene.search.level_max:
             return False
         dear = scene.search.cost_threat * level
@@ -225,7 +225,7 @@ def _is_judged_fit(poses: Poses, first: int, last: int, scene: Scene, work: Work
 
 
 @kernel
-def _level(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
+def level_at(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
     """Threat level of radars, and of aircraft that fly on, to the state ``out`` (6,).
 
     Those that hunt are kept away from anyhow.

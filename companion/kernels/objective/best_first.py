@@ -1,0 +1,277 @@
+"""Safe-RRT's tree, grown best first along the cost-to-go field.
+
+A node is a state with its time and the objective J so far. The node with the least ``J + weight·V`` is
+extended by a few motions: a turn either way or straight flight, in space with three climb angles, at the
+airspeed that is held or at the next one. Of nodes in the same cell of place, direction, turn and airspeed one
+that is neither cheaper nor earlier than another is dropped. V knows no limits on turns. With ``weight`` 1 the
+first node at the goal is the best of the tree but for the cells and for V's error. With more it is found
+sooner and costs at most so many times as much.
+
+Symbols: ``at`` the node that is extended, ``v`` airspeed, ``w`` turn rate, ``wp`` climb rate.
+
+References
+----------
+Dolgov, Thrun, Montemerlo, Diebel, "Path planning for autonomous vehicles in unknown semi-structured
+environments", IJRR 29(5), 2010 (search over states guided by a field without turning limits).
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.kernels.aircraft.motion import (
+    OK,
+    advance,
+    slowness,
+    state_status,
+    straight_after,
+    turn_radius,
+)
+from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Scene
+from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.native.struct import Struct
+from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go
+from companion.kernels.objective.row_costs import SEEN, Objective, exposure, row_cost
+from companion.kernels.search.growth import is_edge_clear
+from companion.kernels.search.state_lattice import level_at
+from companion.kernels.threat.pursuit_game import pop_least, push
+from companion.kernels.workspace import Workspace
+
+DIRECTIONS, TURNS, PACES = 16, 3, 4
+STRAIGHT_STEPS = 2  # A straight motion is at least so long, so that fewer nodes are looked at.
+HEIGHT_CELLS = 0.5  # of a step, the height of a cell
+SAME_SPEED_M_S = 0.05
+EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is so much earlier.
+HASH = 0x9E3779B97F4A7C1  # an odd number near 2^60 / golden ratio: Fibonacci hashing
+EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
+
+
+class Nodes(Struct):
+    """The tree, a row each.
+
+    ``state`` (N, 6) x y z theta phi v; ``parent`` (N,) -1 at the root; ``time`` (N,) [s]; ``cost`` (N,) J
+    from the root [s]; ``turn``, ``straight`` (N,) the turn flown last and the straight length since [m];
+    ``rate`` (N, 2) turn and climb rate of the edge before it [rad/s]; ``pace`` (N,) number of the airspeed
+    that is gone to; ``stage`` (N,) goals passed; ``seen`` (N,) unbroken time in radars' sight [s];
+    ``level`` (N,) TI, where that is limited.
+    """
+
+    state: Float2D
+    parent: Int1D
+    time: Float1D
+    cost: Float1D
+    turn: Int1D
+    straight: Float1D
+    rate: Float2D
+    pace: Int1D
+    stage: Int1D
+    seen: Float1D
+    level: Float1D
+
+
+class Cells(Struct):
+    """A hash table of cells: ``keys`` (H,) 0 where free; the least ``cost`` (H,) and ``time`` (H,) there.
+
+    The cost is minus infinity once a node of the cell was extended. H is a power of two.
+    """
+
+    keys: Int1D
+    cost: Float1D
+    time: Float1D
+
+
+class Rules(Struct):
+    """How the tree is grown.
+
+    ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``paces`` (S,) airspeeds
+    that may be held, cruise first [m/s]; ``weight`` times which V counts; ``seen_max`` longest unbroken time
+    in radars' sight [s].
+    """
+
+    goals: Float2D
+    paces: Float1D
+    weight: float
+    seen_max: float
+
+
+class BestFirst(Struct):
+    """A tree that is grown, and what it is grown by.
+
+    ``sizes`` (2,) counts its nodes, and those queued in ``heap``. Of ``work.stats`` the first counts
+    collision checks and the fourth nodes that were extended.
+    """
+
+    nodes: Nodes
+    cells: Cells
+    heap: Heap
+    sizes: Int1D
+    field: CostField
+    objective: Objective
+    rules: Rules
+    scene: Scene
+    work: Workspace
+
+
+@inlined
+def _cell(nodes: Nodes, i: int, limits: Limits) -> int:
+    """Number of the cell of node ``i``, from 1 on."""
+    b, state = limits.bounds, nodes.state[i]
+    side = limits.v_cruise * limits.tau
+    x, y = int((state[0] - b[0]) / side), int((state[1] - b[2]) / side)
+    z = int((state[2] - b[4]) / (HEIGHT_CELLS * side)) if limits.dimension == 3 else 0
+    theta = int(math.floor((state[3] / (2.0 * math.pi) + 1.0) * DIRECTIONS)) % DIRECTIONS
+    place = ((x * 4096 + y) * 1024 + z) * DIRECTIONS + theta
+    return ((place * TURNS + nodes.turn[i] + 1) * PACES + nodes.pace[i]) * 16 + nodes.stage[i] + 1
+
+
+@inlined
+def _slot(cells: Cells, key: int) -> int:
+    """Where a cell is, or would be, in the table."""
+    mask = cells.keys.shape[0] - 1
+    at = ((key * HASH) >> 20) & mask
+    while cells.keys[at] != 0 and cells.keys[at] != key:
+        at = (at + 1) & mask
+    return at
+
+
+@kernel
+def fly_on(
+    nodes: Nodes, first: int, at: int, way: int, phi: float, pace: int, limits: Limits, rules: Rules
+) -> int:
+    """Rows of one motion from node ``at`` from row ``first`` on; the last one, or -1 where it breaks a limit.
+
+    ``way`` turns left (1), right (-1) or flies straight (0); ``phi`` is the climb angle that is gone to
+    [rad]. A turn is one step; straight flight goes on until another turn may begin. The motion ends at the
+    goal. Only states, rates and the turn rule are filled in.
+    """
+    tau, goal = limits.tau, rules.goals[nodes.stage[at]]
+    straight = nodes.straight[at] if nodes.turn[at] == 0 else 0.0
+    if way != 0 and nodes.turn[at] != way and (nodes.turn[at] != 0 or straight < limits.straight_min - 1e-6):
+        return -1
+    steps = 1
+    if way == 0:
+        left = limits.straight_min - straight
+        steps = max(STRAIGHT_STEPS, int(math.ceil(left / (nodes.state[at, 5] * tau) - 1e-6)))
+    before = at
+    for n in range(first, first + steps):
+        here, out = nodes.state[before], nodes.state[n]
+        a = min(limits.a_max, max(-limits.a_max, (rules.paces[pace] - here[5]) / tau))
+        slow, fast = min(here[5], here[5] + a * tau), max(here[5], here[5] + a * tau)
+        w = way * slow * math.cos(here[4]) / turn_radius(fast, limits)
+        wp = 0.0
+        if limits.dimension == 3:
+            wp = min(limits.pitch_rate_max, max(-limits.pitch_rate_max, (phi - here[4]) / tau))
+        advance(here, a, w, wp, tau, out)
+        if state_status(out, limits) != OK:
+            return -1
+        nodes.parent[n], nodes.rate[n, 0], nodes.rate[n, 1] = before, w, wp
+        nodes.turn[n], nodes.straight[n] = straight_after(
+            nodes.turn[before], nodes.straight[before], w, tau * 0.5 * (out[5] + here[5])
+        )
+        nodes.pace[n], nodes.stage[n] = pace, nodes.stage[at]
+        before = n
+        if passes(out, goal):
+            break
+    return before
+
+
+@inlined
+def passes(state: Float1D, goal: Float1D) -> bool:
+    """Whether ``state`` (≥ 3,) lies in a goal's region, ``goal`` (4,) x y z and radius [m]."""
+    dx, dy, dz = state[0] - goal[0], state[1] - goal[1], state[2] - goal[2]
+    return dx * dx + dy * dy + dz * dz <= goal[3] * goal[3]
+
+
+@kernel
+def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
+    """Whether rows ``first`` to ``last`` after node ``at`` keep all limits; fills in their times and J."""
+    nodes, objective, scene, before = search.nodes, search.objective, search.scene, at
+    limits, seen_max, level_max = objective.limits, search.rules.seen_max, scene.search.level_max
+    for n in range(first, last + 1):
+        here, out = nodes.state[before], nodes.state[n]
+        search.work.stats[0] += 1
+        if not is_edge_clear(here, out, nodes.rate[n, 0], objective.obstacles, limits):
+            return False
+        dt = limits.tau * slowness(here, out, limits)
+        nodes.time[n] = nodes.time[before] + dt
+        nodes.cost[n] = nodes.cost[before] + row_cost(out, nodes.time[n], dt, objective)
+        nodes.seen[n] = 0.0
+        if seen_max < math.inf and exposure(out[0], out[1], out[2], objective.threats) >= SEEN:
+            nodes.seen[n] = nodes.seen[before] + dt
+        if nodes.seen[n] > seen_max:
+            return False
+        nodes.level[n] = level_at(out, nodes.time[n], scene, search.work) if level_max <= 1.0 else 0.0
+        if nodes.level[n] > level_max and nodes.level[n] >= nodes.level[before]:
+            return False
+        before = n
+    return True
+
+
+@kernel
+def enter(search: BestFirst, last: int) -> bool:
+    """Queue node ``last`` unless its cell has one that is as good; whether it was queued."""
+    nodes, cells, field, heap, sizes = search.nodes, search.cells, search.field, search.heap, search.sizes
+    state, stage = nodes.state[last], nodes.stage[last]
+    key = _cell(nodes, last, search.objective.limits)
+    slot = _slot(cells, key)
+    is_known = cells.keys[slot] != 0
+    is_later = is_known and nodes.time[last] > cells.time[slot] - EARLIER_S
+    if is_later and nodes.cost[last] >= cells.cost[slot]:
+        return False
+    left = cost_to_go(field, stage, state[0], state[1], state[2])
+    if left == math.inf:
+        return False
+    cells.cost[slot] = min(cells.cost[slot], nodes.cost[last]) if is_known else nodes.cost[last]
+    cells.time[slot] = min(cells.time[slot], nodes.time[last]) if is_known else nodes.time[last]
+    cells.keys[slot] = key
+    order = nodes.cost[last] + search.rules.weight * (left + field.rest[stage])
+    sizes[1] = push(heap.keys, heap.nodes, sizes[1], order, last)
+    return True
+
+
+@kernel
+def extend_by_one(search: BestFirst, at: int, way: int, pace: int) -> int:
+    """Extend node ``at`` one way at one airspeed, with each climb angle; as :func:`grow_best_first`."""
+    nodes, sizes, limits, goals = search.nodes, search.sizes, search.objective.limits, search.rules.goals
+    longest = STRAIGHT_STEPS + 2 + int(limits.straight_min / (limits.v_min * limits.tau))
+    for c in range(3 if limits.dimension == 3 else 1):
+        phi = 0.0 if c == 0 else limits.climb_max if c == 1 else -limits.descent_max
+        first = sizes[0]
+        if first + longest >= nodes.parent.shape[0] or sizes[1] >= search.heap.keys.shape[0] - 1:
+            return FULL
+        last = fly_on(nodes, first, at, way, phi, pace, limits, search.rules)
+        if last < 0 or not judge(search, first, last, at):
+            continue
+        if passes(nodes.state[last], goals[nodes.stage[last]]):
+            if nodes.stage[last] == goals.shape[0] - 1:
+                sizes[0] = last + 1
+                return last
+            nodes.stage[last] += 1
+        if enter(search, last):
+            sizes[0] = last + 1
+    return UNFINISHED
+
+
+@kernel
+def grow_best_first(search: BestFirst, most: int) -> int:
+    """Grow the tree until the last goal is reached; the node there, or why there is none.
+
+    :data:`EXHAUSTED` where no way leads there, :data:`FULL` where there is no room for more nodes,
+    :data:`UNFINISHED` after ``most`` nodes were extended: then it goes on if it is called again.
+    """
+    nodes, heap, sizes, paces = search.nodes, search.heap, search.sizes, search.rules.paces
+    for _ in range(most):
+        if sizes[1] == 0:
+            return EXHAUSTED
+        at = heap.nodes[0]
+        sizes[1] = pop_least(heap.keys, heap.nodes, sizes[1])
+        search.work.stats[3] += 1
+        slowest, fastest = nodes.pace[at], nodes.pace[at]
+        if abs(nodes.state[at, 5] - paces[slowest]) < SAME_SPEED_M_S:
+            slowest, fastest = max(0, slowest - 1), min(paces.shape[0] - 1, fastest + 1)
+        for pace in range(slowest, fastest + 1):
+            for way in range(-1, 2):
+                end = extend_by_one(search, at, way, pace)
+                if end != UNFINISHED:
+                    return end
+    return UNFINISHED

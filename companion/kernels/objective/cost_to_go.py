@@ -1,0 +1,266 @@
+"""The cost-to-go field V: the least J from a place to a goal, without limits on turns.
+
+V solves ``v·|∇V| − W·∇V + climbing = c`` on a grid, ``v`` the airspeed, ``W`` the wind and ``c`` the cost of
+a second. An aircraft that climbs at most by the angle γ gains at most ``d·tan γ`` of height on ``d`` metres
+of ground. In the norm ``max(flat distance, height / tan γ)`` a climb is free as long as there is way for it,
+and beyond that a spiral. The dual of that norm gives the scheme below. Nodes are settled in the order of V,
+each from its upwind neighbours (Sethian, "A fast marching level set method", PNAS 93, 1996). Upwind
+differences make V too large by a share of the spacing. That a climb makes the way longer is left out.
+
+Symbols: ``i, j, k`` a node east, north, up; ``a, b, d`` V of its neighbours in these directions; ``s`` what
+crossing the spacing costs [s]; ``w`` wind over airspeed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.kernels.arrays import Float1D, Float3D, Float4D, Int1D, Limits, Obstacles
+from companion.kernels.geometry.prism_distance import clearance, clearance_bound
+from companion.kernels.native.kernel import inlined, kernel, local_floats
+from companion.kernels.native.struct import Struct
+from companion.kernels.objective.row_costs import Objective, energy_excess, exposure
+from companion.kernels.threat.pursuit_game import pop_least, push
+
+SETTLED_S = 1e-6  # A smaller change of V is none.
+LEAST_PART = 1e-6  # Each node counts at least so much, so that a point on a blocked node has a value.
+GOAL_CELLS = 1.5  # V begins at the nodes so many spacings about the goal.
+
+
+class CostField(Struct):
+    """Fields over a grid.
+
+    ``grid`` (6,) is x0 y0 z0 and the spacings [m]; ``free`` (NX, NY, NZ) the clearance [m], 0 outside the
+    bounds; ``rate`` (NX, NY, NZ) what a second costs there, infinite where nothing flies; ``values``
+    (G, NX, NY, NZ) V of each goal [s], infinite where no way leads to it; ``rest`` (G,) the V of all goals
+    after it, each from the one before [s].
+    """
+
+    grid: Float1D
+    free: Float3D
+    rate: Float3D
+    values: Float4D
+    rest: Float1D
+
+
+class Heap(Struct):
+    """A heap of nodes: ``keys`` (H,) what they are ordered by, ``nodes`` (H,) their numbers."""
+
+    keys: Float1D
+    nodes: Int1D
+
+
+@kernel
+def fill_clearance(field: CostField, obstacles: Obstacles, enough: float) -> None:
+    """Clearance of every node into ``field.free``, up to ``enough`` [m]."""
+    grid, free = field.grid, field.free
+    for i in range(free.shape[0]):
+        x = grid[0] + i * grid[3]
+        for j in range(free.shape[1]):
+            y = grid[1] + j * grid[4]
+            for k in range(free.shape[2]):
+                z = grid[2] + k * grid[5]
+                bound = clearance_bound(x, y, z, obstacles)
+                free[i, j, k] = enough if bound >= enough else clearance(x, y, z, obstacles, enough)
+
+
+@kernel
+def fill_rate(field: CostField, objective: Objective) -> None:
+    """What a second costs at every node, into ``field.rate``, without pursuers and collisions."""
+    grid, free, rate = field.grid, field.free, field.rate
+    prices, margin = objective.prices, objective.limits.margin
+    flown = 1.0 + prices.energy * energy_excess(objective.limits.v_cruise, prices)
+    for i in range(free.shape[0]):
+        x = grid[0] + i * grid[3]
+        for j in range(free.shape[1]):
+            y = grid[1] + j * grid[4]
+            for k in range(free.shape[2]):
+                if free[i, j, k] < margin:
+                    rate[i, j, k] = math.inf
+                    continue
+                cost = flown
+                if prices.seen > 0.0:
+                    cost += prices.seen * exposure(x, y, grid[2] + k * grid[5], objective.threats)
+                if free[i, j, k] < prices.wanted:
+                    cost += prices.near * (prices.wanted - free[i, j, k]) / prices.wanted
+                rate[i, j, k] = cost
+
+
+@inlined
+def _upwind(value: Float3D, i: int, j: int, k: int) -> float:
+    """V of a node, infinite outside the grid."""
+    n, m, p = value.shape
+    if i < 0 or j < 0 or k < 0 or i >= n or j >= m or k >= p:
+        return math.inf
+    return float(value[i, j, k])
+
+
+@kernel
+def solved(a: float, b: float, d: float, wa: float, wb: float, climb: float, s: float) -> float:
+    """V with upwind neighbours ``a``, ``b`` and ``d``, of which any may be infinite.
+
+    It solves ``√((V−a)⁺² + (V−b)⁺²) + wa·(V−a)⁺ + wb·(V−b)⁺ + climb·(V−d)⁺ = s`` where all neighbours that
+    count lie below V. ``wa`` and ``wb`` are the wind's components towards them over the airspeed.
+    """
+    best = solved_flat(a, b, wa, wb, 0.0, 0.0, -math.inf, s)
+    if climb > 0.0 and d < best:
+        best = min(best, solved_flat(a, b, wa, wb, climb, climb * d, d, s), d + s / climb)
+    return best
+
+
+@kernel
+def solved_flat(
+    a: float, b: float, wa: float, wb: float, climb: float, from_level: float, least: float, s: float
+) -> float:
+    """:func:`solved` with ``a``, ``b`` or both counting, and ``climb·V − from_level`` of the third.
+
+    Only an answer of at least ``least`` and of all neighbours that count is one; else it is infinite.
+    """
+    best = math.inf
+    if a < math.inf and b < math.inf:
+        p, q = s + wa * a + wb * b + from_level, wa + wb + climb
+        two, one, zero = 2.0 - q * q, p * q - a - b, a * a + b * b - p * p
+        under = one * one - two * zero
+        if two > 0.0 and under >= 0.0:
+            found = (math.sqrt(under) - one) / two
+            best = found if found >= max(a, b, least) else math.inf
+    for side in range(2):
+        near, wind = (a, wa) if side == 0 else (b, wb)
+        if near < math.inf:
+            found = (s + (1.0 + wind) * near + from_level) / (1.0 + wind + climb)
+            best = min(best, found) if found >= max(near, least) else best
+    return best
+
+
+@kernel
+def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> float:
+    """V of a node from its neighbours as they are.
+
+    ``value`` (NX, NY, NZ) V so far [s]; ``s`` what crossing the spacing costs there [s]; ``pace`` (4,) the
+    wind east and north over the airspeed, and the spacings climbed and sunk on the way of one.
+    """
+    wx, wy = pace[0], pace[1]
+    west, east = _upwind(value, i - 1, j, k), _upwind(value, i + 1, j, k)
+    south, north = _upwind(value, i, j - 1, k), _upwind(value, i, j + 1, k)
+    below, above = _upwind(value, i, j, k - 1), _upwind(value, i, j, k + 1)
+    vertical, climb = (below, pace[3]) if below <= above else (above, pace[2])
+    if wx == 0.0 and wy == 0.0:
+        return solved(min(west, east), min(south, north), vertical, 0.0, 0.0, climb, s)
+    best = solved(west, south, vertical, -wx, -wy, climb, s)
+    best = min(best, solved(east, south, vertical, wx, -wy, climb, s))
+    best = min(best, solved(west, north, vertical, -wx, wy, climb, s))
+    return min(best, solved(east, north, vertical, wx, wy, climb, s))
+
+
+@kernel
+def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
+    """V of the nodes about goal ``g``, ``goal`` (≥ 3,) [m], all others infinite; the heap's size."""
+    grid, value, size = field.grid, field.values[g], 0
+    value[:] = math.inf
+    slope = math.tan(limits.climb_max)
+    for i in range(value.shape[0]):
+        for j in range(value.shape[1]):
+            flat = math.hypot(grid[0] + i * grid[3] - goal[0], grid[1] + j * grid[4] - goal[1])
+            if flat > GOAL_CELLS * grid[3]:
+                continue
+            for k in range(value.shape[2]):
+                up = abs(grid[2] + k * grid[5] - goal[2]) if value.shape[2] > 1 else 0.0
+                if up > GOAL_CELLS * grid[5] or math.isinf(field.rate[i, j, k]):
+                    continue
+                away = max(flat, up / slope) if up > 0.0 else flat
+                value[i, j, k] = field.rate[i, j, k] * away / limits.v_cruise
+                number = (i * value.shape[1] + j) * value.shape[2] + k
+                size = push(heap.keys, heap.nodes, size, value[i, j, k], number)
+    return size
+
+
+@kernel
+def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
+    """V of goal ``g`` at every node from which a way leads to it; how many nodes were settled.
+
+    ``goal`` (≥ 3,) is its centre [m].
+    """
+    value, grid, pace = field.values[g], field.grid, local_floats(4)
+    n, m, p = value.shape
+    slope, crossing = grid[3] / grid[5], grid[3] / limits.v_cruise
+    pace[0], pace[1] = limits.wind_x / limits.v_cruise, limits.wind_y / limits.v_cruise
+    pace[2], pace[3] = math.tan(limits.climb_max) * slope, math.tan(limits.descent_max) * slope
+    size, num = begin_at(field, g, goal, limits, heap), 0
+    while size > 0:
+        key, node = heap.keys[0], heap.nodes[0]
+        size = pop_least(heap.keys, heap.nodes, size)
+        row, k = node // p, node % p
+        i, j = row // m, row % m
+        if key > value[i, j, k] + SETTLED_S:
+            continue
+        num += 1
+        if i > 0:
+            size = offer(value, field.rate, node - m * p, key, crossing, pace, heap, size)
+        if i < n - 1:
+            size = offer(value, field.rate, node + m * p, key, crossing, pace, heap, size)
+        if j > 0:
+            size = offer(value, field.rate, node - p, key, crossing, pace, heap, size)
+        if j < m - 1:
+            size = offer(value, field.rate, node + p, key, crossing, pace, heap, size)
+        if k > 0:
+            size = offer(value, field.rate, node - 1, key, crossing, pace, heap, size)
+        if k < p - 1:
+            size = offer(value, field.rate, node + 1, key, crossing, pace, heap, size)
+    return num
+
+
+@kernel
+def offer(
+    value: Float3D,
+    rate: Float3D,
+    node: int,
+    key: float,
+    crossing: float,
+    pace: Float1D,
+    heap: Heap,
+    size: int,
+) -> int:
+    """Renew a node beside one that was settled at ``key`` [s]; the heap's new size.
+
+    ``value`` and ``rate`` (NX, NY, NZ) as in :class:`CostField`; ``node`` is the node's number; ``crossing``
+    is the time that crossing the spacing takes [s]; ``pace`` (4,) as in :func:`renewed`.
+    """
+    row, k = node // value.shape[2], node % value.shape[2]
+    i, j = row // value.shape[1], row % value.shape[1]
+    if value[i, j, k] <= key or rate[i, j, k] == math.inf or size >= heap.keys.shape[0] - 1:
+        return size
+    found = renewed(value, i, j, k, rate[i, j, k] * crossing, pace)
+    if found >= value[i, j, k] - SETTLED_S:
+        return size
+    value[i, j, k] = found
+    return push(heap.keys, heap.nodes, size, found, node)
+
+
+@kernel
+def cost_to_go(field: CostField, g: int, x: float, y: float, z: float) -> float:
+    """V of goal ``g`` at a point, interpolated between the nodes about it from which a way leads.
+
+    Infinite where there is none.
+    """
+    grid, value = field.grid, field.values[g]
+    n, m, p = value.shape
+    u, v, w = (x - grid[0]) / grid[3], (y - grid[1]) / grid[4], (z - grid[2]) / grid[5]
+    i, j = min(n - 2, max(0, int(u))), min(m - 2, max(0, int(v)))
+    u, v = min(1.0, max(0.0, u - i)), min(1.0, max(0.0, v - j))
+    k = 0
+    if p > 1:
+        k = min(p - 2, max(0, int(w)))
+        w = min(1.0, max(0.0, w - k))
+    total, share = 0.0, 0.0
+    for corner in range(8 if p > 1 else 4):
+        du, dv, dw = corner & 1, (corner >> 1) & 1, corner >> 2
+        at = value[i + du, j + dv, k + dw]
+        if at == math.inf:
+            continue
+        part = (u if du == 1 else 1.0 - u) * (v if dv == 1 else 1.0 - v)
+        if p > 1:
+            part *= w if dw == 1 else 1.0 - w
+        part = max(part, LEAST_PART)
+        total += part * at
+        share += part
+    return total / share if share > 0.0 else math.inf

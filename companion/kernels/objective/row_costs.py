@@ -1,0 +1,203 @@
+"""The objective J: what a flight costs, in seconds.
+
+``J = ∫ (1 + p_seen·m + p_pursued·g + p_near·n + p_energy·e) dt + p_collision·Σ −log p_c``. A price says how
+many seconds of detour a second of something is worth. The sum goes over the rows of a path.
+
+Symbols: ``m`` exposure to radars, ``g`` danger from pursuers, ``n`` lack of clearance, ``e`` power beyond
+that of cruise, ``p_c`` the probability that a row is free of a collision.
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, propagate
+from companion.kernels.arrays import Float1D, Float3D, Game, Limits, Obstacles, Pursuers, Threats, Uncertainty
+from companion.kernels.geometry.prism_distance import clearance, clearance_bound
+from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.native.struct import Struct
+from companion.kernels.threat.fuzzy_threat import membership
+from companion.kernels.threat.pursuit_game import PASSES_BY, caught_from
+from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
+from companion.kernels.workspace import FilterScratch, PathRows
+
+SEEN = 0.5  # From this m on a second counts as in sight.
+LEAST_CLEAR = 1e-12  # Smaller p_c count as this, so that the logarithm stays finite.
+DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
+
+
+class Prices(Struct):
+    """Seconds of detour that a second of something is worth.
+
+    ``seen`` by radars, ``pursued``, ``near`` an obstacle without any clearance, ``energy`` at twice the power
+    of cruise; ``collision`` seconds for each unit of −log p_c. ``wanted`` is the clearance [m] beyond which
+    nothing is near; ``cruise`` the airspeed [m/s] beyond which power is paid for.
+    """
+
+    seen: float
+    pursued: float
+    near: float
+    energy: float
+    collision: float
+    wanted: float
+    cruise: float
+
+
+class Objective(Struct):
+    """All that J reads.
+
+    ``deviations`` (K,) is the largest standard deviation of the position [m] after each step of
+    ``limits.tau`` seconds from ``start`` [s] on; the last one holds from then on.
+    """
+
+    prices: Prices
+    obstacles: Obstacles
+    threats: Threats
+    game: Game
+    pursuers: Pursuers
+    limits: Limits
+    deviations: Float1D
+    start: float
+
+
+@kernel
+def exposure(x: float, y: float, z: float, threats: Threats) -> float:
+    """M = 1 − Π(1 − μ) over the known radars, μ by (1), 0 where an obstacle hides the point."""
+    unseen = 1.0
+    for i in range(threats.radars.shape[0]):
+        if threats.known[i] == 0:
+            continue
+        dx, dy, dz = x - threats.radars[i, 0], y - threats.radars[i, 1], z - threats.radars[i, 2]
+        flat, r_max = dx * dx + dy * dy, threats.radars[i, 3]
+        if flat > r_max * r_max:
+            continue
+        mu = membership(math.sqrt(flat + dz * dz), dz, math.sqrt(flat), r_max, threats.radars[i, 4])
+        if mu > 0.0 and not is_hidden(x, y, z, threats.shadows[i], threats.grid):
+            unseen *= 1.0 - mu
+    return 1.0 - unseen
+
+
+@kernel
+def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objective) -> float:
+    """g: 1 where a pursuer could threaten the point by ``time`` [s], else how little of the slack is left.
+
+    It falls from 1 at ``time = C(q)`` to 0 at ``game.slack`` seconds before it, since an aircraft is never
+    quite on time. An aircraft that flies on counts by its membership (1).
+    """
+    game, worst = objective.game, 0.0
+    if game.hunters.shape[0] == 0:
+        return 0.0
+    late = time + game.slack
+    begins = caught_from(game, x, y, z, time, late)
+    if begins <= time:
+        return 1.0
+    if begins < late:
+        worst = (late - begins) / game.slack
+    for d in range(game.hunters.shape[0]):
+        if game.hunters[d, 7] == PASSES_BY:
+            worst = max(worst, passing_membership(objective.pursuers, d, x, y, z, time))
+    return worst
+
+
+@kernel
+def passing_membership(pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float) -> float:
+    """μ of (1) of an aircraft that flies on, at ``time`` [s], twice its standard deviation nearer."""
+    now, soon, model = pursuers.position[d, 0], pursuers.position[d, 1], pursuers.model[d]
+    ahead = time - pursuers.time[d, 0]
+    if abs(now[2] + ahead * (soon[2] - now[2]) - z) > WELL_CLEAR_UP_M:
+        return 0.0
+    dx = now[0] + ahead * (soon[0] - now[0]) - x
+    dy = now[1] + ahead * (soon[1] - now[1]) - y
+    spread = 2.0 * math.sqrt(model[2] ** 2 + (model[4] * ahead) ** 2)
+    return membership(max(0.0, math.sqrt(dx * dx + dy * dy) - spread), 0.0, 0.0, model[1], 0.0)
+
+
+@inlined
+def energy_excess(v: float, prices: Prices) -> float:
+    """e: power beyond cruise's as a share of it; drag makes power grow with the cube of the airspeed."""
+    ratio = v / prices.cruise
+    return max(0.0, ratio * ratio * ratio - 1.0)
+
+
+@inlined
+def collision_price(free: float, time: float, objective: Objective) -> float:
+    """p_collision·(−log p_c) of a row with so much clearance [m], passed at ``time`` [s]."""
+    prices, limits, known = objective.prices, objective.limits, objective.deviations
+    step = min(known.shape[0] - 1, max(0, int((time - objective.start) / limits.tau + 0.5)))
+    if prices.collision == 0.0 or free >= DEVIATIONS_FREE * known[step]:
+        return 0.0
+    return -prices.collision * math.log(max(collision_free(free, known[step], limits.dimension), LEAST_CLEAR))
+
+
+@kernel
+def clearance_up_to(x: float, y: float, z: float, objective: Objective) -> float:
+    """Clearance [m] as far as J depends on it; more counts as just enough."""
+    enough = max(objective.prices.wanted, DEVIATIONS_FREE * objective.deviations[-1])
+    if clearance_bound(x, y, z, objective.obstacles) >= enough:
+        return enough
+    return clearance(x, y, z, objective.obstacles, enough)
+
+
+@kernel
+def row_cost(state: Float1D, time: float, dt: float, objective: Objective) -> float:
+    """J of the last ``dt`` seconds before the state ``state`` (6,), which is passed at ``time`` [s]."""
+    prices, x, y, z = objective.prices, state[0], state[1], state[2]
+    free = clearance_up_to(x, y, z, objective)
+    rate = 1.0 + prices.energy * energy_excess(state[5], prices)
+    if prices.seen > 0.0:
+        rate += prices.seen * exposure(x, y, z, objective.threats)
+    if prices.pursued > 0.0:
+        rate += prices.pursued * pursuit_danger(x, y, z, time, objective)
+    if free < prices.wanted:
+        rate += prices.near * (prices.wanted - free) / prices.wanted
+    return rate * dt + collision_price(free, time, objective)
+
+
+@kernel
+def rows_cost(rows: PathRows, first: int, n: int, objective: Objective) -> float:
+    """J of the edges that end in rows ``first`` to ``n - 1``; row 0 has none."""
+    total = 0.0
+    for k in range(max(first, 1), n):
+        total += row_cost(rows.states[k], rows.times[k], rows.times[k] - rows.times[k - 1], objective)
+    return total
+
+
+@kernel
+def rows_seen(rows: PathRows, n: int, threats: Threats) -> float:
+    """The integral of m over a path of ``n`` rows [s]."""
+    total = 0.0
+    for k in range(1, n):
+        x, y, z = rows.states[k, 0], rows.states[k, 1], rows.states[k, 2]
+        total += (rows.times[k] - rows.times[k - 1]) * exposure(x, y, z, threats)
+    return total
+
+
+@kernel
+def longest_seen(rows: PathRows, n: int, threats: Threats) -> float:
+    """The longest unbroken time in sight over a path of ``n`` rows [s]."""
+    longest, run = 0.0, 0.0
+    for k in range(1, n):
+        is_seen = exposure(rows.states[k, 0], rows.states[k, 1], rows.states[k, 2], threats) >= SEEN
+        run = run + rows.times[k] - rows.times[k - 1] if is_seen else 0.0
+        longest = max(longest, run)
+    return longest
+
+
+@kernel
+def fill_deviations(
+    state: Float1D, errors: Float3D, estimates: Float3D, tables: Uncertainty, tau: float, dimension: int,
+    deviations: Float1D, scratch: FilterScratch,
+) -> None:  # fmt: skip
+    """Largest standard deviation of the position after each step of straight flight [m].
+
+    It goes into ``deviations`` (K,), the present one first. ``state`` (6,) is where the flight begins;
+    ``errors`` and ``estimates`` (2, 6, 6) hold P and Λ there in their first rows, and are used up.
+    """
+    straight = (0.0, 0.0, 0.0)
+    for step in range(deviations.shape[0]):
+        now, then = step % 2, 1 - step % 2
+        deviations[step] = position_deviation(errors[now], estimates[now], dimension)
+        propagate(
+            state, straight, tau, tables, errors[now], estimates[now], errors[then], estimates[then], scratch
+        )

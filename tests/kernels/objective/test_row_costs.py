@@ -1,0 +1,123 @@
+"""The objective J, term by term, worked by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.kernels.objective.row_costs import (
+    Objective,
+    Prices,
+    exposure,
+    pursuit_danger,
+    row_cost,
+    rows_cost,
+)
+from companion.kernels.workspace import PathRows
+from companion.types.threat import Obstacle, Radar
+from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.obstacles import packed_obstacles
+from companion.world.pursuer_trees import threat_trees
+from companion.world.pursuit import pursuit_game
+from companion.world.threats import packed_threats
+from tests.support.worlds import track
+
+BOUNDS = (0.0, 2000.0, 0.0, 2000.0, 0.0, 300.0)
+FREE = {
+    "seen": 0.0,
+    "pursued": 0.0,
+    "near": 0.0,
+    "energy": 0.0,
+    "collision": 0.0,
+    "wanted": 0.0,
+    "cruise": 25.0,
+}
+BOX = Obstacle(
+    "box", np.array([[900.0, 900.0], [1100.0, 900.0], [1100.0, 1100.0], [900.0, 1100.0]]), 0.0, 300.0
+)
+RADARS = [Radar("one", (1000.0, 500.0, 0.0), 400.0), Radar("two", (1200.0, 500.0, 0.0), 400.0)]
+
+
+def objective(*, obstacles=(), radars=(), tracks=(), slack=3.0, deviation=2.0, **prices):
+    packed = packed_obstacles(obstacles, BOUNDS)
+    return Objective(
+        prices=Prices(**FREE | prices),
+        obstacles=packed,
+        threats=packed_threats(radars, packed, BOUNDS),
+        game=pursuit_game(tracks, packed, None, BOUNDS, slack),
+        pursuers=threat_trees(tracks, packed, None, BOUNDS, ()),
+        limits=VehicleModel().limits(3, BOUNDS, 15.0, 1.0),
+        deviations=np.array([deviation]),
+        start=0.0,
+    )
+
+
+def state(east, north, *, up=100.0, v=25.0):
+    return np.array([east, north, up, 0.0, 0.0, v])
+
+
+def test_a_second_costs_a_second_where_nothing_is_wrong():
+    assert row_cost(state(100.0, 100.0), 5.0, 1.5, objective(seen=3.0, near=3.0, energy=1.0)) == 1.5
+
+
+def test_two_radars_are_one_less_the_product_of_what_each_leaves():
+    """(1): μ = exp(-(R/400)^4) at the slant ranges to both, 100 m up between them."""
+    slant = math.hypot(100.0, 100.0)
+    mu = math.exp(-((slant / 400.0) ** 4))
+    there = objective(radars=RADARS, seen=3.0)
+    assert exposure(1100.0, 500.0, 100.0, there.threats) == pytest.approx(1.0 - (1.0 - mu) ** 2, rel=1e-12)
+    expected = 2.0 * (1.0 + 3.0 * (1.0 - (1.0 - mu) ** 2))
+    assert row_cost(state(1100.0, 500.0), 0.0, 2.0, there) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_radar_that_is_not_known_or_that_is_hidden_counts_for_nothing():
+    there = objective(obstacles=[BOX], radars=RADARS[:1])
+    assert exposure(1000.0, 800.0, 100.0, there.threats) > 0.5
+    assert exposure(1000.0, 880.0, 100.0, there.threats) > 0.3
+    assert (
+        exposure(1000.0, 1150.0, 100.0, objective(radars=[Radar("far", (1000.0, 500.0, 0.0), 900.0)]).threats)
+        > 0.5
+    )
+    hidden = objective(obstacles=[BOX], radars=[Radar("far", (1000.0, 500.0, 0.0), 900.0)])
+    assert exposure(1000.0, 1150.0, 100.0, hidden.threats) == 0.0
+    unknown = there.threats._replace(known=np.zeros(1, dtype=np.int64))
+    assert exposure(1000.0, 800.0, 100.0, unknown) == 0.0
+
+
+def test_what_of_the_wanted_clearance_is_lacking_is_paid_for():
+    """30 m from the box with 60 m wanted: half is lacking."""
+    there = objective(obstacles=[BOX], near=3.0, wanted=60.0)
+    assert row_cost(state(870.0, 1000.0), 0.0, 1.0, there) == pytest.approx(2.5)
+    assert row_cost(state(840.0, 1000.0), 0.0, 1.0, there) == pytest.approx(1.0)
+
+
+def test_power_grows_with_the_cube_of_the_airspeed():
+    there = objective(energy=1.0)
+    assert row_cost(state(0.0, 0.0, v=50.0), 0.0, 1.0, there) == pytest.approx(1.0 + 8.0 - 1.0)
+    assert row_cost(state(0.0, 0.0, v=20.0), 0.0, 1.0, there) == 1.0
+
+
+def test_a_row_pays_for_its_probability_of_a_collision():
+    """In space p_c = erf(c/√2) − c·√(2/π)·exp(−c²/2), at two deviations 0.7385."""
+    there = objective(obstacles=[BOX], collision=20.0, deviation=10.0)
+    p_c = math.erf(math.sqrt(2.0)) - 2.0 * math.sqrt(2.0 / math.pi) * math.exp(-2.0)
+    expected = 1.0 - 20.0 * math.log(p_c)
+    assert row_cost(state(880.0, 1000.0), 0.0, 1.0, there) == pytest.approx(expected, rel=1e-9)
+
+
+def test_danger_rises_as_the_slack_before_a_pursuer_runs_out():
+    """It drives 20 m/s and reaches 200 m: 800 m away the point is threatened from 30 s on, a cell sooner."""
+    there = objective(tracks=[track(200.0, 1000.0, speed=20.0, radius=200.0)], pursued=3.0)
+    assert pursuit_danger(1000.0, 1000.0, 0.0, 20.0, there) == 0.0
+    assert 0.0 < pursuit_danger(1000.0, 1000.0, 0.0, 28.0, there) < 1.0
+    assert pursuit_danger(1000.0, 1000.0, 0.0, 31.0, there) == 1.0
+    assert row_cost(state(1000.0, 1000.0, up=0.0), 31.0, 1.0, there) == pytest.approx(4.0)
+
+
+def test_a_path_costs_what_its_rows_cost():
+    there = objective(radars=RADARS, seen=3.0)
+    states = np.array([state(900.0 + 25.0 * k, 500.0) for k in range(9)])
+    rows = PathRows(states, np.arange(9.0), np.zeros((9, 2)))
+    each = sum(row_cost(states[k], float(k), 1.0, there) for k in range(1, 9))
+    assert rows_cost(rows, 0, 9, there) == pytest.approx(each, rel=1e-12)
+    assert rows_cost(rows, 1, 5, there) + rows_cost(rows, 5, 9, there) == pytest.approx(each, rel=1e-12)
