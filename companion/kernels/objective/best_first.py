@@ -42,7 +42,7 @@ STRAIGHT_STEPS = 2  # A straight motion is at least so long, so that fewer nodes
 HEIGHT_CELLS = 0.5  # of a step, the height of a cell
 SAME_SPEED_M_S = 0.05
 EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is so much earlier.
-HASH = 0x9E3779B97F4A7C1  # an odd number near 2^60 / golden ratio: Fibonacci hashing
+PRIME = 1_048_573  # the largest prime below 2^20: a cell's place in the table is its number modulo this
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
 
 
@@ -128,7 +128,7 @@ def _cell(nodes: Nodes, i: int, limits: Limits) -> int:
 def _slot(cells: Cells, key: int) -> int:
     """Where a cell is, or would be, in the table."""
     mask = cells.keys.shape[0] - 1
-    at = ((key * HASH) >> 20) & mask
+    at = (key % PRIME) & mask
     while cells.keys[at] != 0 and cells.keys[at] != key:
         at = (at + 1) & mask
     return at
