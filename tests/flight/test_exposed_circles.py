@@ -33,7 +33,7 @@ def circled(dialect, north):
     [
         (Dialect.ARDUPILOT, -520.0),
         (Dialect.ARDUPILOT, -560.0),
-        (Dialect.PX4, 520.0),
+        (Dialect.PX4, 580.0),
         (Dialect.PX4, 560.0),
     ],
 )

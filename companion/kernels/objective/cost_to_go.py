@@ -17,7 +17,7 @@ import math
 
 from companion.kernels.arrays import Float1D, Float3D, Float4D, Int1D, Limits, Obstacles
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
-from companion.kernels.native.kernel import inlined, kernel, local_floats
+from companion.kernels.native.kernel import inlined_numpy_errors, kernel, kernel_numpy_errors, local_floats
 from companion.kernels.native.struct import Struct
 from companion.kernels.objective.row_costs import Objective, energy_excess, exposure
 from companion.kernels.threat.pursuit_game import pop_least, push
@@ -86,7 +86,7 @@ def fill_rate(field: CostField, objective: Objective) -> None:
                 rate[i, j, k] = cost
 
 
-@inlined
+@inlined_numpy_errors
 def _upwind(value: Float3D, i: int, j: int, k: int) -> float:
     """V of a node, infinite outside the grid."""
     n, m, p = value.shape
@@ -95,7 +95,7 @@ def _upwind(value: Float3D, i: int, j: int, k: int) -> float:
     return float(value[i, j, k])
 
 
-@kernel
+@kernel_numpy_errors
 def solved(a: float, b: float, d: float, wa: float, wb: float, climb: float, s: float) -> float:
     """V with upwind neighbours ``a``, ``b`` and ``d``, of which any may be infinite.
 
@@ -108,7 +108,7 @@ def solved(a: float, b: float, d: float, wa: float, wb: float, climb: float, s: 
     return best
 
 
-@kernel
+@kernel_numpy_errors
 def solved_flat(
     a: float, b: float, wa: float, wb: float, climb: float, from_level: float, least: float, s: float
 ) -> float:
@@ -132,7 +132,7 @@ def solved_flat(
     return best
 
 
-@kernel
+@kernel_numpy_errors
 def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> float:
     """V of a node from its neighbours as they are.
 
@@ -152,7 +152,7 @@ def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> 
     return min(best, solved(east, north, vertical, wx, wy, climb, s))
 
 
-@kernel
+@kernel_numpy_errors
 def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
     """V of the nodes about goal ``g``, ``goal`` (≥ 3,) [m], all others infinite; the heap's size."""
     grid, value, size = field.grid, field.values[g], 0
@@ -174,7 +174,7 @@ def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap
     return size
 
 
-@kernel
+@kernel_numpy_errors
 def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
     """V of goal ``g`` at every node from which a way leads to it; how many nodes were settled.
 
@@ -209,7 +209,7 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
     return num
 
 
-@kernel
+@kernel_numpy_errors
 def offer(
     value: Float3D,
     rate: Float3D,

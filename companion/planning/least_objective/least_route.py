@@ -26,7 +26,7 @@ from companion.planning.route import Route, assess_route, cost_between, visits_g
 from companion.types.plan import SearchTrace
 
 GOAL_SHARE = 0.75  # of a goal's radius, within which it counts as passed: the rest is the autopilot's
-WEIGHTS = (1.5, 1.15, 1.02)  # of V: the first finds a path soon, the last a better one
+WEIGHTS = (1.15, 1.02, 1.5)  # of V: the first finds a path soon, the next a better one, the last is for mazes
 EXTENDED_MOST = 20_000  # nodes, by each weight
 BURST = 500  # nodes extended between two looks at the time
 LEAST_GAIN_S = 1e-9  # of J, below which a short cut gains nothing
@@ -79,12 +79,14 @@ def best_first_route(
     best: Route | None = None
     cheapest, num_nodes = math.inf, 0
     for weight in WEIGHTS:
+        if best is not None and weight > WEIGHTS[0]:
+            break
         tree = _Tree(exploration, objective, cost_to_goals.fine, weight)
         end = tree.grow(should_stop)
         num_nodes += tree.num_nodes
         if end >= 0 and tree.nodes.cost[end] < cheapest:
             cheapest, best = float(tree.nodes.cost[end]), tree.route_to(end)
-        if best is None or should_stop():
+        if should_stop():
             break
     if best is None:
         exploration.stats[3] = 0  # The search by sub tasks has all its iterations.
