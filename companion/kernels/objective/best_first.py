@@ -32,6 +32,7 @@ from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
 from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go
 from companion.kernels.objective.row_costs import SEEN, Objective, exposure, row_cost
+from companion.kernels.search.branches import next_stage
 from companion.kernels.search.growth import is_edge_clear
 from companion.kernels.search.state_lattice import level_at
 from companion.kernels.threat.pursuit_game import pop_least, push
@@ -72,7 +73,7 @@ class Nodes(Struct):
 class Cells(Struct):
     """A hash table of cells: ``keys`` (H,) 0 where free; the least ``cost`` (H,) and ``time`` (H,) there.
 
-    The cost is minus infinity once a node of the cell was extended. H is a power of two.
+    H is a power of two.
     """
 
     keys: Int1D
@@ -142,9 +143,9 @@ def fly_on(
 
     ``way`` turns left (1), right (-1) or flies straight (0); ``phi`` is the climb angle that is gone to
     [rad]. A turn is one step; straight flight goes on until another turn may begin. The motion ends at the
-    goal. Only states, rates and the turn rule are filled in.
+    goal. Only states, rates, the turn rule and the goals passed are filled in.
     """
-    tau, goal = limits.tau, rules.goals[nodes.stage[at]]
+    tau, stage = limits.tau, nodes.stage[at]
     straight = nodes.straight[at] if nodes.turn[at] == 0 else 0.0
     if way != 0 and nodes.turn[at] != way and (nodes.turn[at] != 0 or straight < limits.straight_min - 1e-6):
         return -1
@@ -168,18 +169,11 @@ def fly_on(
         nodes.turn[n], nodes.straight[n] = straight_after(
             nodes.turn[before], nodes.straight[before], w, tau * 0.5 * (out[5] + here[5])
         )
-        nodes.pace[n], nodes.stage[n] = pace, nodes.stage[at]
+        nodes.pace[n], nodes.stage[n] = pace, next_stage(stage, out[0], out[1], out[2], rules.goals)
         before = n
-        if passes(out, goal):
+        if nodes.stage[n] > stage:
             break
     return before
-
-
-@inlined
-def passes(state: Float1D, goal: Float1D) -> bool:
-    """Whether ``state`` (≥ 3,) lies in a goal's region, ``goal`` (4,) x y z and radius [m]."""
-    dx, dy, dz = state[0] - goal[0], state[1] - goal[1], state[2] - goal[2]
-    return dx * dx + dy * dy + dz * dz <= goal[3] * goal[3]
 
 
 @kernel
@@ -242,11 +236,9 @@ def extend_by_one(search: BestFirst, at: int, way: int, pace: int) -> int:
         last = fly_on(nodes, first, at, way, phi, pace, limits, search.rules)
         if last < 0 or not judge(search, first, last, at):
             continue
-        if passes(nodes.state[last], goals[nodes.stage[last]]):
-            if nodes.stage[last] == goals.shape[0] - 1:
-                sizes[0] = last + 1
-                return last
-            nodes.stage[last] += 1
+        if nodes.stage[last] == goals.shape[0]:
+            sizes[0] = last + 1
+            return last
         if enter(search, last):
             sizes[0] = last + 1
     return UNFINISHED

@@ -17,13 +17,13 @@ from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
+from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.pursuit_game import PASSES_BY, caught_from
 from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
 from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # From this m on a second counts as in sight.
-LEAST_CLEAR = 1e-12  # Smaller p_c count as this, so that the logarithm stays finite.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
 
@@ -63,7 +63,7 @@ class Objective(Struct):
 
 @kernel
 def exposure(x: float, y: float, z: float, threats: Threats) -> float:
-    """M = 1 − Π(1 − μ) over the known radars, μ by (1), 0 where an obstacle hides the point."""
+    """The exposure m = 1 − Π(1 − μ) over the known radars, μ by (1), 0 where an obstacle hides the point."""
     unseen = 1.0
     for i in range(threats.radars.shape[0]):
         if threats.known[i] == 0:
