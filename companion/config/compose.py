@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
@@ -45,7 +46,7 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
     """Planner settings, of the mission file's method or of another."""
     planning = mission.planning
     certainty = Certainty.LITERAL if planning.certainty == "literal" else Certainty.SHIFTED
-    return settings_for(
+    settings = settings_for(
         method or planning.method,
         certainty=certainty,
         clearance_min_m=float(planning.clearance_min_m),
@@ -54,10 +55,15 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
         max_iterations=int(planning.max_iterations),
         threat_level_max=float(planning.threat_level_max),
         quality_min=float(planning.quality_min),
-        cost_hurry=float(planning.hurry_cost),
-        price_seen=float(planning.price_seen),
-        price_near=float(planning.price_near),
+    )
+    return replace(
+        settings,
         seen_max_s=math.inf if planning.seen_max_s is None else float(planning.seen_max_s),
+        price_seen=float(planning.price_seen),
+        price_pursued=float(planning.price_pursued),
+        price_near=float(planning.price_near),
+        price_energy=float(planning.price_energy),
+        price_collision=float(planning.price_collision),
     )
 
 

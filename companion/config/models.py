@@ -190,21 +190,26 @@ class PlanningConfig(Section):
     price_seen: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
     """A second in the sight of radars counts like this many seconds of detour. At `0` radars are not avoided;
     a path that is seen less and takes longer is flown as long as the price is worth it. A second is seen in
-    part where a radar sees it less well. It counts wherever nothing pursues the aircraft."""
-    price_near: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
+    part where a radar sees it less well."""
+    price_pursued: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
+    """A second in which a pursuer could threaten the aircraft counts like this many seconds of detour. It
+    decides only where no path is found on which none could: one that none could bar is flown at any cost."""
+    price_near: Annotated[float, Field(ge=0.0, le=1_000.0)] = 6.0
     """A second beside an obstacle counts like this many seconds of detour; a second at a distance between
     there and `clearance_wanted_m` counts in proportion."""
+    price_energy: Annotated[float, Field(ge=0.0, le=1_000.0)] = 0.35
+    """A second at twice the power of cruise counts like this many seconds of detour. Power grows with the
+    cube of the airspeed, so that below a third a faster flight costs less. From some `2` on the aircraft
+    stays at cruise unless only a faster flight is ahead of all pursuers; `airspeed_fast_m_s` bounds that."""
+    price_collision: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
+    """Each unit of −log of the probability that a waypoint is free of collisions counts like this many
+    seconds of detour: at 20 a waypoint that is free with 95 % costs one second."""
     seen_max_s: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None
     """No path is in the sight of radars for longer than this without a break. A radar sees the aircraft where
-    its membership is at least one half. Left out, there is no limit; it counts wherever nothing pursues."""
+    its membership is at least one half. Left out, there is no limit."""
     quality_min: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Least probability that a path touches nothing, Q of (8): with less it is refused, and no optimiser goes
     below it. Noise that is large for the gaps asks for detours anyhow; `0` refuses nothing."""
-    hurry_cost: Annotated[float, Field(ge=0.0, le=100.0)] = 0.2
-    """What flying faster than cruise costs: this share of the energy it takes beyond cruise's, as if it were
-    way. Weighed against seconds under threat, where no path is out of every pursuer's reach: at `0` speed is
-    free, and the fastest flight is taken for a small gain; from some `3` on such flights stay at cruise. What
-    is safe only when flown faster is flown so at any cost; `airspeed_fast_m_s` bounds that."""
     swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
     """Share by which a new path must be cheaper to replace one that still passes: at 0 every small gain is
     flown, at 1 only what fails is replaced."""

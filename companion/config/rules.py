@@ -16,8 +16,8 @@ from companion.types.threat import Obstacle
 from companion.vehicle.vehicle_model import VehicleModel
 
 REPLAN_SHARE = 0.3  # of a first plan's iterations
-LEAST_ITERATIONS = 8_000  # most of a second
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
+LEAST_THREAT_PRICE = 10.0  # at least, of a second seen or pursued in an emergency
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +105,10 @@ def rules_of(
         least_threat_settings=replace(
             settings,
             threat_level_max=1.0,
+            seen_max_s=math.inf,
             weights_cost=LEAST_THREAT_WEIGHTS,
-            # In an emergency any path is better than a circle: no races at other speeds, but a search.
-            least_iterations=LEAST_ITERATIONS,
-            strategies=replace(settings.strategies, may_hurry=False),
+            price_seen=max(LEAST_THREAT_PRICE, settings.price_seen),
+            price_pursued=max(LEAST_THREAT_PRICE, settings.price_pursued),
         ),
         checker=Checker(obstacles, limits, exposure),
         exposure=exposure,

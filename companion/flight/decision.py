@@ -281,6 +281,7 @@ def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
     why: _Facts = {
         "status": plan.status.value,
         "cost": plan.cost,
+        "gap": plan.gap,
         "flown_cost": plan.flown_cost,
         "flown_threat": plan.flown_threat,
         "swap_gain": float(planning.swap_gain),

@@ -24,7 +24,7 @@ Float4D = Annotated[FloatArray, Array("f", 4)]
 Float5D = Annotated[FloatArray, Array("f", 5)]
 Int1D = Annotated[IntArray, Array("i", 1)]
 Int2D = Annotated[IntArray, Array("i", 2)]
-Bool2D = Annotated[NDArray[np.bool_], Array("b", 2)]
+
 
 NUM_CELLS = 48  # along each side of the grid that finds near nodes
 
@@ -262,10 +262,8 @@ class Search(Struct):
     ``certain`` p_c from which a node never blocked has no limit for uncertainty; ``estimator`` of
     RS: 0 ExRRT, 1 RRT-Reach, 2 RRT; ``p_tid`` of Algorithm 1; ``k_pursuer`` of its operators;
     ``level_max`` threat level above which a node is not kept; ``straight_in`` (1 on) connects greedily
-    to a sub goal that lies in a new node's domain; ``pursuit``: nodes that a DT could threaten are 0 as good
-    as others, 1 dearer by ``cost_caught`` a second, 2 not grown, but out of a threat entered already.
-    A node costs ``cost_collision`` times -log p_c more, and ``cost_room`` for each metre that it is nearer
-    than ``room`` to something [m].
+    to a sub goal that lies in a new node's domain; ``bars_pursued`` (1 on) grows no node that a DT could
+    threaten, but out of a threat entered already. A node costs ``cost_collision`` times -log p_c more.
     """
 
     k_clear: float
@@ -288,11 +286,8 @@ class Search(Struct):
     k_pursuer: int
     level_max: float
     straight_in: int
-    pursuit: int
-    cost_caught: float
+    bars_pursued: int
     cost_collision: float
-    room: float
-    cost_room: float
 
 
 class Scene(Struct):

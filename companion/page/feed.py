@@ -137,7 +137,7 @@ class Feed:
         self._plans[message.get("number")] = line_of(channels.PLAN, data)
         while len(self._plans) > PLANS_KEPT:
             self._plans.pop(next(iter(self._plans)))
-        self._brief(channels.PLAN, now_s, message, ("number", "pursuit", "flown_pursuit", "plan_ms"))
+        self._brief(channels.PLAN, now_s, message, ("number", "pursuit", "flown_pursuit", "plan_ms", "gap"))
 
     def _note_swap(self, now_s: float, message: Mapping[str, object], data: bytes) -> None:
         """Keep a mission that is flown, and what the strips show of an exchange."""

@@ -50,14 +50,12 @@ class Strategies:
     certainty: Certainty = Certainty.SHIFTED
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
-    plays_game: bool = True  # places that a DT could threaten by then are avoided, else weighed (ours)
-    races: bool = True  # in the plane these are avoided by a race; else by the tree, in space, too
+    plays_game: bool = True  # places that a DT could threaten by then are barred (ours)
     minds_dts: bool = True  # else nothing is heard of them
-    may_hurry: bool = True  # faster than cruise, where nothing slower is safe in that game (ours)
+    may_hurry: bool = True  # airspeeds above cruise are tried, too (ours)
     use_safety_adjustment: bool = True
-    keeps_room: bool = True  # farther from obstacles than it has to, where that costs little (ours)
     optimiser: Optimiser = Optimiser.RRT_STAR
-    by_objective: bool = True  # J decides where nothing pursues, and the tree grows along V; else (9) (ours)
+    by_objective: bool = True  # J decides, and the tree grows along V; else (9) and sub goals (ours)
 
     @property
     def uses_corners(self) -> bool:
@@ -65,9 +63,8 @@ class Strategies:
         return self.estimator is Estimator.EX_RRT
 
 
-_PRINTED = Strategies(
-    plays_game=False, keeps_room=False, by_objective=False
-)  # the paper's: DTs are kept away from by threat levels alone
+# The paper's: DTs are kept away from by threat levels alone.
+_PRINTED = Strategies(plays_game=False, may_hurry=False, by_objective=False)
 
 _TADDRRT = replace(
     _PRINTED, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
@@ -88,12 +85,12 @@ METHODS: dict[str, Strategies] = {
     "safe-rrt-blind": Strategies(minds_dts=False),
     "safe-rrt-cruise": Strategies(may_hurry=False),
     "safe-rrt-rs": _PRINTED,
-    "safe-rrt-certain": Strategies(use_uncertainty=False, keeps_room=False),
+    "safe-rrt-certain": Strategies(use_uncertainty=False),
     "safe-rrt-first": Strategies(optimiser=Optimiser.NONE),
     "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
     "taddrrt": _TADDRRT,
-    # DTs are no-fly, by the RS of ours.
-    "nfz-ddrrt": replace(_TADDRRT, plays_game=True, races=False, may_hurry=False),
+    # DTs are no-fly, by the game of 2.3.
+    "nfz-ddrrt": replace(_TADDRRT, plays_game=True),
     "nfz-ddrrt-printed": replace(_TADDRRT, dts_are_no_fly=True),  # by the threat trees, however fast DTs are
     "rrt-star": _RRT_STAR,  # what is dear by (9) alone
     "edbm": replace(_PRINTED, sub_goal=SubGoalRule.EUCLIDEAN),

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
-from companion.kernels.geometry.distance_field import distance_to_go
-from companion.kernels.search.growth import LEAST_CLEAR
+from companion.kernels.search.dynamic_domain_rrt import DRAWS
+from companion.kernels.search.growth import LEAST_CLEAR, grow
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import (
     JOINED,
@@ -25,7 +25,6 @@ from companion.kernels.threat.pursuit_game import caught_rows
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem, rows_at_goals
-from companion.planning.settings import PlannerSettings
 from companion.types.path import Path
 from companion.types.plan import PursuitRisk
 
@@ -33,7 +32,6 @@ FLOWN_SLACK_S = 0.5  # what is flown may have lost of the slack that it was plan
 BACK_STEPS = (3, 5, 8, 12, 16, 24)  # rows before the goal from which an edge to it is tried
 SPARE_ROWS = 64
 COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # tried on the bearing to the goal
-HURRY_FREE = 0.05  # of the energy at cruise: as speeds settle
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,44 +211,35 @@ def assess_route(
     return Assessment(result)
 
 
-def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
-    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``, by default over all.
-
-    With what speed above cruise costs: drag, and so the energy a metre, grows with its square.
-    """
-    last, problem = len(route) if end is None else end, exploration.problem
-    delta = float(exploration.tree.delta[0])
-    cost = float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
-    places, speeds = route.states[first - 1 : last, :3], route.states[first - 1 : last, 5]
-    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1) / problem.snapshot.unit_m
-    ratios = 0.5 * (speeds[1:] + speeds[:-1]) / problem.vehicle.airspeed_cruise_m_s
-    return cost + problem.settings.weights_cost[0] * float(lengths @ _hurry(ratios, problem.settings))
-
-
-def _hurry(ratios: FloatArray, settings: PlannerSettings) -> FloatArray:
-    """What a metre costs more in (9) than at cruise, in metres (N,); ``ratios`` (N,) of speed to cruise."""
-    return settings.cost_hurry * np.maximum(ratios**2 - 1.0 - HURRY_FREE, 0.0)
-
-
-def least_cost(exploration: Exploration, airspeed_m_s: float) -> float:
-    """What a way to the first goal costs at least by (9) at an airspeed, seconds under threat weighed.
+def grow_pursuers_along(exploration: Exploration, route: Route) -> None:
+    """Grow the pursuers' trees towards a path, so that its threat levels are known (paper 3.2.2).
 
     Parameters
     ----------
     exploration : Exploration
-        Starts afresh at that airspeed.
-    airspeed_m_s : float
-        One of those that may be flown.
+        Has the trees; its path tree becomes the route.
+    route : Route
+        Begins at the exploration's start.
     """
-    exploration.start_afresh(airspeed_m_s)
-    settings, problem = exploration.problem.settings, exploration.problem
-    goal = np.array(problem.goals[0].position_enu_m)
-    to_go = distance_to_go(exploration.guide_home(goal), *problem.start.position_enu_m[:2])
-    settling = abs(airspeed_m_s**2 - problem.start.airspeed_m_s**2) / (2.0 * exploration.limits.a_max)
-    settled = max(float(np.linalg.norm(goal - problem.start.position_enu_m)) - settling, 0.0)
-    ratio = airspeed_m_s / problem.vehicle.airspeed_cruise_m_s
-    hurried = settled * float(_hurry(np.array([ratio]), settings)[0])
-    return settings.weights_cost[0] * (to_go + hurried) / problem.snapshot.unit_m
+    exploration.reset_tree()
+    scene, work, node = exploration.scene(), exploration.work, 0
+    room = len(exploration.tree.parent)
+    draws = exploration.rng.random((len(route), DRAWS))
+    for k in range(1, min(len(route), room)):
+        dt = float(air_time(route.rows, k, exploration.limits))
+        gained = (route.states[k, 5] - route.states[k - 1, 5]) / dt
+        control = np.array([gained, *route.rates[k]])
+        node = grow(
+            exploration.tree, scene, node, route.states[k], control, dt, draws[k], work.growth, work.stats
+        )
+        if node < 0:
+            break
+
+
+def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
+    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``, by default over all."""
+    last, delta = len(route) if end is None else end, float(exploration.tree.delta[0])
+    return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
 def pursuit_risk(
@@ -271,20 +260,12 @@ def pursuit_risk(
     first, end : int
         Rows that count; by default all.
     slack_s : float, optional
-        By which a place has to be passed before it is under threat, by DTs as fast as they can be; by default
-        what is planned with, if that had to be less.
+        By which a place has to be passed before it is under threat; by default what is planned with.
     """
-    last, game = len(route) if end is None else end, exploration.chase.game
+    last, game = len(route) if end is None else end, exploration.game
     if slack_s is not None:
-        game = exploration.chase.full._replace(slack=slack_s)
+        game = game._replace(slack=slack_s)
     return PursuitRisk(*(float(value) for value in caught_rows(route.states, route.times, first, last, game)))
-
-
-def weighed_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
-    """:func:`cost_between`, with what a second costs that a DT could threaten."""
-    weight = exploration.problem.settings.weight_caught(exploration.chase.pursuit)
-    risk = pursuit_risk(exploration, route, first, end)
-    return cost_between(exploration, route, first, end) + weight * risk.total_s
 
 
 def path_from_route(exploration: Exploration, route: Route, assessment: Assessment) -> Path:

@@ -8,15 +8,12 @@ from dataclasses import dataclass, replace
 from companion.kernels.arrays import Limits, Search, ThreatModel
 from companion.planning.comparators import METHODS, Certainty, Strategies
 from companion.vehicle.vehicle_model import VehicleModel
-from companion.world.pursuit import Pursuit
 
-COST_AVOIDED = 1e3  # a second
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 
-# What is no comparator's subject it shares with Safe-RRT: samples that follow the distance field, the
-# connection to the goal and restarts. Their budgets are larger: a race's collision checks are of no
-# iteration, so that Safe-RRT has some 130,000 more of these, and a tree in whose cost threats are higher
-# takes more samples. One that gives in step by step has a budget for each try.
+# Comparators share what is not their subject: samples that follow the distance field, the connection to the
+# goal and restarts. Their budgets are larger than the paper's, since a tree takes more samples where threats
+# make paths costly.
 SUB_TASK_ITERATIONS, STALL_ITERATIONS = 3_000, 1_200
 ITERATIONS_SHARE = 4
 STAR_ITERATIONS = 800  # of RRT* where it is the whole method: its gain has levelled off by then
@@ -43,7 +40,6 @@ class PlannerSettings:
     sub_goal_tolerance_steps: float = 8.0
     sub_goal_level_max: float = 0.5
     weights_sub_goal: tuple[float, float, float, float] = (0.3, 0.2, 0.3, 0.2)  # C_γ of (5)
-    weight_sub_goal_caught: float = 1.0  # in (5), of a second that a DT could threaten after it (ours)
     weights_obstacles_2d: tuple[float, float, float] = (0.7, 0.0, 0.3)  # L_γ of (6)
     weights_obstacles_3d: tuple[float, float, float] = (0.7, 0.15, 0.15)
     k_clear: float = 1.0  # k_c of (7)
@@ -64,24 +60,17 @@ class PlannerSettings:
     threat_level_max: float = 1.0
     quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
     cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
-    cost_caught: float = 2.0  # of a second that a DT could threaten, in (9): four seconds of straight flight
     price_seen: float = 3.0  # of a second seen by radars, in J
     price_pursued: float = 3.0  # of a second within a moving threat's reach
-    price_near: float = 3.0  # of a second without any clearance
+    price_near: float = 6.0  # of a second without any clearance
     price_energy: float = 0.35  # at twice the power of cruise; below a third fast flight is cheaper
     price_collision: float = 20.0  # of -log p_c
     seen_max_s: float = math.inf  # longest unbroken time in radars' sight
-    cost_room: float = 2.5  # of a second a metre nearer than is wanted, in (9), in metres of way
-    cost_hurry: float = 0.2  # of the energy that speed above cruise takes, in (9), as if it were way
     pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
     pursuit_slack_min_s: float = 0.5  # where no way leaves more
-    pursuit_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)  # of DTs' speed, with that slack
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
-    roomy_iterations: int = 3_000  # of another search, where a tree's way lacks much of that room
-    least_iterations: int = 1_000  # of a search that races left no time for
-    races_briefly: bool = False  # in a hurry: not on where the first weighed way comes above the level limit
     optimise_iterations: int = 80
     optimise_iterations_max: int = 800
     smooth_iterations: int = 200
@@ -102,32 +91,18 @@ class PlannerSettings:
             unit=unit_m,
         )
 
-    def weight_caught(self, pursuit: Pursuit) -> float:
-        """What a second that a DT could threaten costs, in (9); more than any detour while it is avoided."""
-        if pursuit is Pursuit.AVOIDED:
-            return COST_AVOIDED
-        return self.cost_caught if pursuit is Pursuit.WEIGHED else 0.0
-
-    def times_as_dear(self, airspeed_m_s: float, unit_m: float) -> float:
-        """How many times its length a way counts in (9) on which a DT could threaten."""
-        return 1.0 + self.cost_caught * unit_m / (self.weights_cost[0] * airspeed_m_s)
-
     @property
     def room_wanted_m(self) -> float:
-        """Distance from obstacles that a path is given where it costs little; 0 where none more is wanted."""
-        is_more = self.strategies.keeps_room and self.clearance_wanted_m > self.clearance_min_m
+        """Distance from obstacles below which nearness has a price; 0 where only the least is asked."""
+        is_more = self.strategies.by_objective and self.clearance_wanted_m > self.clearance_min_m
         return self.clearance_wanted_m if is_more else 0.0
-
-    def way_for_room(self, limits: Limits) -> float:
-        """Metres of way that a step costs more for each metre of the room that is wanted and lacking."""
-        return self.cost_room * limits.tau if self.room_wanted_m > 0.0 else 0.0
 
     @property
     def weight_collision(self) -> float:
         """What -log p_c of a waypoint costs, in (9); nothing where uncertainty is left out."""
         return self.cost_collision if self.strategies.use_uncertainty else 0.0
 
-    def search(self, limits: Limits, unit_m: float, tolerance_m: float, pursuit: Pursuit) -> Search:
+    def search(self, limits: Limits, unit_m: float, tolerance_m: float, *, bars_pursued: bool) -> Search:
         """Kernel form of the local search's weights and switches."""
         chosen = self.strategies
         return Search(
@@ -151,11 +126,8 @@ class PlannerSettings:
             k_pursuer=self.k_pursuer,
             level_max=LEVEL_SHARE * self.threat_level_max if self.threat_level_max < 1.0 else 2.0,
             straight_in=int(chosen.connect_straight),
-            pursuit=int(pursuit),
-            cost_caught=self.weight_caught(pursuit),
+            bars_pursued=int(bars_pursued),
             cost_collision=self.weight_collision,
-            room=self.room_wanted_m,
-            cost_room=self.way_for_room(limits) * self.weights_cost[0] / unit_m,
         )
 
 
@@ -168,13 +140,9 @@ def settings_for(
     max_iterations: int,
     threat_level_max: float = 1.0,
     quality_min: float = 0.0,
-    cost_hurry: float = 0.2,
     clearance_wanted_m: float = 0.0,
-    price_seen: float = 3.0,
-    price_near: float = 3.0,
-    seen_max_s: float = math.inf,
 ) -> PlannerSettings:
-    """Settings of a method.
+    """Settings of a method; prices and limits of J are the defaults.
 
     Raises
     ------
@@ -192,24 +160,18 @@ def settings_for(
         max_iterations=max_iterations,
         threat_level_max=threat_level_max,
         quality_min=quality_min,
-        cost_hurry=cost_hurry,
         clearance_wanted_m=clearance_wanted_m,
-        price_seen=price_seen,
-        price_near=price_near,
-        seen_max_s=seen_max_s,
     )
-    is_ours = strategies.plays_game and strategies.races
-    return chosen if is_ours else _as_comparator(chosen)
+    return chosen if strategies.by_objective else _as_comparator(chosen)
 
 
 def _as_comparator(chosen: PlannerSettings) -> PlannerSettings:
     """The settings with the budgets of comparators."""
     star = STAR_ITERATIONS if chosen.method == "rrt-star" else chosen.optimise_iterations
-    share = 1 if chosen.strategies.plays_game else ITERATIONS_SHARE
     return replace(
         chosen,
         sub_task_iterations=SUB_TASK_ITERATIONS,
         stall_iterations=STALL_ITERATIONS,
-        max_iterations=share * chosen.max_iterations,
+        max_iterations=ITERATIONS_SHARE * chosen.max_iterations,
         optimise_iterations=star,
     )

@@ -138,9 +138,7 @@ class Planner:
         if request.purpose != PLAN:
             settings = rules.least_threat_settings
         if request.is_urgent:  # who is surprised does not wait for a shorter way
-            settings = replace(
-                settings, optimise_iterations_max=settings.optimise_iterations, races_briefly=True
-            )
+            settings = replace(settings, optimise_iterations_max=settings.optimise_iterations)
         problem = Problem(
             start=request.start.state,
             goals=request.goals,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+import statistics
 from pathlib import Path
 
 from companion.config.models import MissionConfig
@@ -220,6 +221,10 @@ def _lead(mission: MissionConfig, record: FlightRecord, start_s: float) -> str:
         f"{style.clock_text(flown_s)} flown, {len(record.missions)} missions uploaded, "
         f"{len(record.plan_ms)} plans."
     )
+    gaps = [gap for entry in record.decisions if isinstance(gap := entry.why.get("gap"), float)]
+    if gaps:
+        most = 100.0 * statistics.median(gaps)
+        sentence += f" A plan costs at most {most:.0f} % more than the best there can be (median)."
     return f"{mission.description}. {sentence}" if mission.description else sentence
 
 

@@ -233,11 +233,11 @@ def test_lead_by_hand():
     made = begun()
     expected_s = made.mission_list.exchange_s
     assert lead_s(made) == pytest.approx(1.0 + 2.0 + expected_s)
-    assert lead_s(made, is_urgent=True) == pytest.approx(0.3 + 0.7 + expected_s)
+    assert lead_s(made, is_urgent=True) == pytest.approx(0.2 + 0.7 + expected_s)
     for lasted_s, exchange_s in (((0.1,), 0.3), ((2.0, 1.0), 2.6)):
         measured = replace(made, mission_list=replace(made.mission_list, lasted_s=lasted_s))
         assert lead_s(measured) == pytest.approx(1.0 + 2.0 + exchange_s)
-        assert lead_s(measured, is_urgent=True) == pytest.approx(0.3 + 0.7 + exchange_s)
+        assert lead_s(measured, is_urgent=True) == pytest.approx(0.2 + 0.7 + exchange_s)
 
 
 @pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])

@@ -9,6 +9,7 @@ from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.comparators import METHODS, Optimiser, Strategies
 from companion.planning.explore import Exploration
+from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import pursuit_risk, route_from_path
 from companion.planning.settings import SUB_TASK_ITERATIONS
 from companion.planning.solver import solve
@@ -51,11 +52,11 @@ def test_no_comparator_is_denied_what_is_not_its_subject(method):
 
 
 def test_a_comparator_differs_from_ours_by_its_subject_only():
-    plain = replace(OURS, plays_game=False, keeps_room=False, by_objective=False)
+    plain = replace(OURS, plays_game=False, may_hurry=False, by_objective=False)
     assert METHODS["taddrrt"] == replace(
         plain, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
     )
-    assert METHODS["nfz-ddrrt"] == replace(METHODS["taddrrt"], plays_game=True, races=False, may_hurry=False)
+    assert METHODS["nfz-ddrrt"] == replace(METHODS["taddrrt"], plays_game=True)
     star = METHODS["rrt-star"]
     assert star.optimiser is Optimiser.RRT_STAR
     assert (star.use_dynamic_domain, star.use_uncertainty, star.use_goal_zoom) == (False, False, False)
@@ -82,18 +83,11 @@ def test_where_dts_could_be_in_time_is_no_fly_in_space_too(dimension):
     assert risk.total_s > 0.0  # of the same search, to which the DT is only dear
 
 
-def test_the_no_fly_area_is_given_up_step_by_step_by_the_rs_of_ours():
-    """Where a fast DT bars all ways, slower ones are kept away from, as is said."""
+def test_where_a_pursuer_bars_all_ways_it_bars_none_and_that_is_said():
     asked = no_fly(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], seed=1))
     plan = solve(asked)
     assert plan.reaches_goal
-    note = next(note for note in plan.notes if note.startswith("safe from moving threats of"))
-    share = float(note.split(" of ")[1].split(" %")[0]) / 100.0
-    assert share < 1.0
-    exploration = Exploration(asked, np.random.default_rng(1))
-    while exploration.chase.note != note:
-        exploration.give_in(lambda: False)
-    assert pursuit_risk(exploration, route_from_path(exploration, plan.path)).total_s == 0.0
+    assert "no path that pursuers could not bar was found" in plan.notes
     ours = solve(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], seed=1))
     assert ours.pursuit.total_s <= plan.pursuit.total_s
 
@@ -101,10 +95,10 @@ def test_the_no_fly_area_is_given_up_step_by_step_by_the_rs_of_ours():
 def test_each_try_has_a_budget_of_its_own():
     asked = no_fly(problem(tracks=[track(1000.0, 900.0, speed=24.0, radius=220.0)], max_iterations=500))
     exploration = Exploration(asked, np.random.default_rng(1))
+    assert exploration.bars_pursued
     exploration.stats[3] = 500
-    assert exploration.is_spent(lambda: False)
-    exploration.give_in(lambda: False)
-    assert not exploration.is_spent(lambda: False)
-    assert exploration.chase.is_avoided
-    exploration.give_in(lambda: True)  # out of time: nothing but weighing them is left
-    assert not exploration.chase.is_avoided
+    search = SubTasks(exploration)
+    assert search.is_spent(lambda: False)
+    search.let_pursuers_be()
+    assert not search.is_spent(lambda: False)
+    assert not exploration.bars_pursued

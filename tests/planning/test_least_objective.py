@@ -4,10 +4,16 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
+from companion.campaign.runs import offline_problem, offline_world
+from companion.config import load_mission
+from companion.planning.comparators import METHODS, Certainty
+from companion.planning.settings import settings_for
 from companion.planning.solver import solve
 from companion.types.threat import Radar
 from tests.support.exact_paths import memberships
+from tests.support.paths import box
 from tests.support.random_maps import BOUNDS, RandomMap
 from tests.support.worlds import problem
 
@@ -105,3 +111,47 @@ def test_the_oracle_flies_straight_where_nothing_is_in_the_way():
     world.obstacles, world.radars = [], []
     assert world.exact().least_s == pytest.approx(math.dist(world.start, world.goal) / 25.0, rel=1e-6)
     assert BOUNDS[1] > world.goal[0]
+
+
+def nearest(path, obstacles):
+    """How near a path's rows come to obstacles [m], by shapely."""
+    shapes = shapely.MultiPolygon([shapely.Polygon(obstacle.polygon_enu_m) for obstacle in obstacles])
+    return min(shapes.distance(shapely.Point(place)) for place in path.positions_enu_m[:, :2])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_corner_is_passed_farther_off_where_there_is_room(dimension):
+    wall = box("wall", 700.0, 300.0, 760.0, 1100.0)
+    narrow, wide = (
+        solve(problem([wall], dimension=dimension, clearance_wanted_m=wanted)) for wanted in (0.0, 60.0)
+    )
+    assert nearest(narrow.path, [wall]) < 30.0
+    assert nearest(wide.path, [wall]) > 50.0
+    assert wide.path.times_s[-1] < 1.04 * narrow.path.times_s[-1]
+
+
+def test_a_gap_that_is_narrower_is_flown_all_the_same():
+    gates = [box("south", 700.0, 0.0, 760.0, 680.0), box("north", 700.0, 760.0, 760.0, 1500.0)]
+    plan = solve(problem(gates, clearance_wanted_m=60.0))
+    assert plan.reaches_goal
+    assert 15.0 <= nearest(plan.path, gates) <= 40.0
+
+
+def test_goals_on_the_way_stay_on_it():
+    mission = load_mission("mission_configs/city-block.yaml")
+    for seed in range(1, 5):
+        plan = solve(offline_problem(mission, offline_world(mission), None, seed))
+        assert plan.reaches_goal
+        for goal in mission.goals[:-1]:
+            away = np.linalg.norm(plan.path.positions_enu_m - goal.position_enu_m, axis=1).min()
+            assert away <= goal.acceptance_radius_m
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_nearness_has_a_price_where_the_objective_decides(method):
+    """Comparators are what was printed."""
+    chosen = settings_for(
+        method, certainty=Certainty.SHIFTED, clearance_min_m=15.0, sensing_horizon_m=600.0,
+        max_iterations=1000, clearance_wanted_m=60.0,
+    )  # fmt: skip
+    assert chosen.room_wanted_m == (60.0 if METHODS[method].by_objective else 0.0)

@@ -77,10 +77,10 @@ def test_where_nothing_is_safe_there_is_a_plan_all_the_same():
     plan = solve(problem(tracks=[track(1300.0, 1300.0, speed=20.0, radius=200.0)]))
     assert plan.status is PlanStatus.EXACT
     assert plan.pursuit.total_s > 0.0
-    assert any("moving threats" in note for note in plan.notes)
+    assert any("pursuers could not bar" in note for note in plan.notes)
 
 
-def test_goals_on_the_way_are_raced_for_in_their_order():
+def test_goals_on_the_way_are_passed_in_their_order():
     asked = problem([WALL], tracks=[track(1200.0, 100.0, speed=3.0, radius=150.0)])
     first = GoalRegion((300.0, 1200.0, 150.0), 60.0)
     plan = solve(replace(asked, goals=(first, *asked.goals)))
@@ -90,31 +90,30 @@ def test_goals_on_the_way_are_raced_for_in_their_order():
     assert away.min() <= 60.0
 
 
-def test_in_space_seconds_under_threat_are_weighed():
+def test_in_space_a_pursuer_is_avoided_too():
     asked = problem(tracks=[track(725.0, 725.0, speed=2.0, radius=250.0)], dimension=3)
     plan, plain = solve(asked), solve(asked, flown=solve(without_game(asked)).path)
     assert plan.reaches_goal
-    assert plan.pursuit.total_s <= plain.flown_pursuit.total_s
+    assert plan.pursuit.total_s == 0.0
+    assert plain.flown_pursuit.total_s > 0.0
 
 
-@pytest.mark.slow
-def test_a_way_above_a_pursuer_is_climbed_to_in_time():
-    """On the map a way above 500 m is out of its reach; from below it by then there is none."""
+def test_on_the_papers_map_in_space_no_path_is_within_reach():
+    """A path above 500 m is out of the pursuer's reach; the planner that does not play is within it."""
     mission = load_mission("mission_configs/paper-3d.yaml")
-    asked = [offline_problem(mission, offline_world(mission), None, seed) for seed in range(1, 9)]
-    seconds = [solve(one).pursuit.total_s for one in asked]
-    weightless = [replace(one, settings=replace(one.settings, weight_sub_goal_caught=0.0)) for one in asked]
-    assert np.median(seconds) == 0.0
-    assert sum(seconds) < 0.25 * sum(solve(one).pursuit.total_s for one in weightless)
+    asked = offline_problem(mission, offline_world(mission), None, 1)
+    plan = solve(asked, flown=solve(without_game(asked)).path)
+    assert plan.pursuit.total_s == 0.0
+    assert plan.flown_pursuit.total_s > 30.0
 
 
 @given(st.integers(0, 1000))
 @settings(max_examples=12, deadline=None)
-def test_optimising_never_leads_into_a_threat(seed):
+def test_shortening_never_leads_into_a_threat(seed):
     rng = np.random.default_rng(seed)
     place = rng.uniform(500.0, 1000.0, 2)
     asked = problem([WALL], tracks=[track(*place, speed=rng.uniform(0.0, 8.0), radius=150.0)], seed=seed)
+    plain = solve(replace(asked, settings=replace(asked.settings, smooth_iterations=0)))
     plan = solve(asked)
-    if plan.pursuit.total_s == 0.0 or not any("moving threats" in note for note in plan.notes):
-        assert plan.pursuit.total_s <= solve(replace(asked, settings=replace(
-            asked.settings, optimise_iterations=0, smooth_iterations=0))).pursuit.total_s  # fmt: skip
+    assert plan.objective_s <= plain.objective_s + 1e-6
+    assert plan.pursuit.total_s <= plain.pursuit.total_s + 1e-6

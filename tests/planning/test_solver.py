@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from companion.assurance.checker import Checker
-from companion.planning.comparators import Estimator, Optimiser, Strategies
+from companion.planning.comparators import METHODS, Estimator, Optimiser, Strategies
 from companion.planning.least_objective.plan_measures import exposures
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
@@ -93,7 +93,8 @@ def test_time_is_not_what_decides():
         solve(asked, timer=lambda: float(next(fast))),
     )
     assert np.array_equal(first.path.positions_enu_m, second.path.positions_enu_m)
-    assert first.measures.path_search_time_s == 1.0
+    ratio = first.measures.path_search_time_s / second.measures.path_search_time_s
+    assert ratio == pytest.approx(1e6)
 
 
 @pytest.mark.parametrize(
@@ -209,13 +210,24 @@ def test_the_path_being_flown_is_costed_in_the_same_world():
     assert plan.flown_cost is None
 
 
+def test_shortening_never_makes_a_path_cost_more():
+    for seed in range(4):
+        plain, shortened = (
+            solve(problem(WALL, RADARS, seed=seed, strategies=chosen)).objective_s
+            for chosen in (Strategies(optimiser=Optimiser.NONE), Strategies())
+        )
+        assert shortened <= plain + 1e-6
+
+
 def test_rewiring_and_adjustment_never_make_a_path_dearer():
-    plain = Strategies(optimiser=Optimiser.NONE, use_safety_adjustment=False)
-    rewired = Strategies(use_safety_adjustment=False)
+    """By (9), in the methods that go by it."""
+    printed = METHODS["safe-rrt-rs"]
+    plain = replace(printed, optimiser=Optimiser.NONE, use_safety_adjustment=False)
+    rewired = replace(printed, use_safety_adjustment=False)
     for seed in range(4):
         costs = [
             solve(problem(WALL, RADARS, seed=seed, strategies=chosen)).measures.path_cost
-            for chosen in (plain, rewired, Strategies())
+            for chosen in (plain, rewired, printed)
         ]
         assert costs[1] <= costs[0] + 1e-6
         assert costs[2] <= costs[1] + 1e-6
@@ -228,7 +240,7 @@ def test_the_trace_hangs_together():
     roots = np.flatnonzero(trace.threat_tree_parents == -1)
     assert len(roots) == 2
     assert (trace.threat_tree_parents < np.arange(len(trace.threat_tree_parents))).all()
-    assert len(trace.sub_goals_enu_m) == len(trace.horizon_centres_enu_m) >= 1
+    assert len(trace.sub_goals_enu_m) == len(trace.horizon_centres_enu_m)
     assert BOUNDS[0] <= trace.tree_enu_m[:, 0].min()
 
 

@@ -7,10 +7,11 @@ import pytest
 
 from companion.planning.comparators import Strategies, SubGoalRule
 from companion.planning.explore import Exploration
-from companion.planning.sub_goal import caught_on_the_rest, choose_sub_goal, horizon_points
+from companion.planning.printed.sub_goal import choose_sub_goal, horizon_points
+from companion.planning.printed.sub_tasks import SubTasks
 from companion.types.threat import Radar
 from tests.support.paths import box
-from tests.support.worlds import problem, track
+from tests.support.worlds import problem
 
 HORIZON = 600.0
 
@@ -23,9 +24,9 @@ def chosen(
     )
     asked = exploration.problem
     return choose_sub_goal(
-        end=exploration.tree.state[0].copy(), goal=np.array(goal), stamp_s=0.0, elapsed_s=0.0,
+        end=exploration.tree.state[0].copy(), goal=np.array(goal), elapsed_s=0.0,
         scene=exploration.scene(), settings=asked.settings,
-        home=exploration.guide_home(np.array(goal)), used=[np.array(point) for point in used],
+        home=SubTasks(exploration).guide_home(np.array(goal)), used=[np.array(point) for point in used],
     )  # fmt: skip
 
 
@@ -94,31 +95,3 @@ def test_candidates_lie_on_the_horizon_within_the_altitudes(dimension):
     assert points[:, 2].min() >= 50.0
     assert points[:, 2].max() <= 250.0
     assert (np.ptp(points[:, 2]) > 100.0) == (dimension == 3)
-
-
-def test_seconds_that_a_vehicle_could_threaten_after_a_sub_goal():
-    """It stands on the way, 1200 m long, and reaches 150 m: a row each 100 m, at 25 m/s.
-
-    Who passes 200 m, 550 m before it, at 60 m has climbed 58 m more there, tan 6 degrees: two rows, 50 m
-    before and behind it, are 130 m away; the next ones, 150 m aside, are not. Who is at 200 m stays above.
-    """
-    asked = problem(tracks=[track(750.0, 750.0, speed=0.0, radius=150.0)], dimension=3)
-    exploration = Exploration(asked, np.random.default_rng(1))
-    low, high, within = (200.0, 750.0, 60.0), (200.0, 750.0, 200.0), (700.0, 750.0, 60.0)
-    at_once, seconds = caught_on_the_rest(
-        np.array([low, high, within]), np.array([100.0, 750.0, 60.0, 0.0, 0.0, 25.0]),
-        np.array([1400.0, 750.0, 60.0]), 0.0, exploration.scene(),
-    )  # fmt: skip
-    assert seconds[:2] == pytest.approx([8.0, 0.0])
-    assert at_once.tolist() == [False, False, True]
-
-
-def test_who_has_to_be_high_begins_to_climb_in_time():
-    # Where it stands it reaches the way to the goal below 190 m.
-    standing = track(1050.0, 1050.0, speed=0.0, radius=190.0)
-    asked = {
-        "tracks": [standing], "start": (400.0, 400.0, 100.0), "goal": (1350.0, 1350.0, 100.0), "dimension": 3
-    }  # fmt: skip
-    heights = [chosen(**asked, weight_sub_goal_caught=w).position_enu_m[2] for w in (0.0, 1.0)]
-    assert heights[0] < 100.0
-    assert heights[1] > 190.0

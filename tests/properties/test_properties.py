@@ -12,9 +12,8 @@ from companion.kernels.aircraft.lqg_mp import collision_free
 from companion.kernels.aircraft.motion import advance, steer
 from companion.kernels.arrays import empty_tree
 from companion.kernels.search.growth import add_node
-from companion.planning.sub_goal import horizon_points
+from companion.planning.printed.sub_goal import horizon_points
 from companion.vehicle.vehicle_model import VehicleModel
-from companion.world.pursuit import Pursuit
 from tests.support.worlds import scene_of, small_settings, work_for
 
 BOUNDS = (-9000.0, 9000.0, -9000.0, 9000.0, 0.0, 500.0)
@@ -31,7 +30,7 @@ TARGETS = st.lists(
 @given(TARGETS, st.sampled_from([2, 3]), st.randoms(use_true_random=False))
 def test_trees_grown_towards_anything_keep_time_covariance_and_the_straight_rule(targets, dimension, random):
     limits, work = LIMITS[dimension], work_for(len(targets) + 1)
-    scene = scene_of(limits, search=small_settings().search(limits, 25.0, 50.0, Pursuit.IGNORED))
+    scene = scene_of(limits, search=small_settings().search(limits, 25.0, 50.0, bars_pursued=False))
     tree = empty_tree(len(targets) + 1, 0)
     tree.count[0] = 1
     tree.state[0] = 0.0, 0.0, 250.0, 0.3, 0.0, 25.0

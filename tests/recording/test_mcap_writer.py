@@ -121,7 +121,7 @@ def test_why_it_replanned_is_answered(flown):
     assert swap["why"]["carried_s"] < swap["why"]["carried_min_s"] == 22.5
     plan = [entry for entry in told[channels.PLAN] if entry["begun_s"] < swap["stamp_s"]][-1]
     assert plan["occasion"] == swap["why"]["occasion"]
-    assert plan["measures"]["path_cost"] == swap["why"]["cost"]
+    assert plan["cost"] == swap["why"]["cost"]
     assert len(plan["path"]) == len(plan["threat_levels"]) > 10
     [world] = [entry for entry in told[channels.SNAPSHOT] if entry["number"] == plan["snapshot"]]
     assert world["known_threats"] == ["radar_1"]

@@ -1,6 +1,7 @@
 """Random maps with boxes and radars, for comparisons with an exact answer."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -53,11 +54,11 @@ class RandomMap:
             dimension=self.dimension, unit_m=25.0, bounds=BOUNDS, obstacles=self.obstacles,
             radars=self.radars, none_known=False,
         )  # fmt: skip
-        asked = {"clearance_min_m": MARGIN_M, "clearance_wanted_m": WANTED_M, "price_near": PRICE}
-        settings = settings_for(
+        asked = settings_for(
             "safe-rrt", certainty=Certainty.SHIFTED, sensing_horizon_m=800.0, max_iterations=60_000,
-            **asked | {"price_seen": PRICE} | changes,
+            clearance_min_m=MARGIN_M, clearance_wanted_m=WANTED_M,
         )  # fmt: skip
+        settings = replace(asked, price_near=PRICE, **{"price_seen": PRICE} | changes)
         start = StartState(
             0.0, self.start, math.pi / 4, 0.0, VEHICLE.airspeed_cruise_m_s,
             initial_covariances(VEHICLE, 2.0, 2.0), np.zeros((6, 6)),

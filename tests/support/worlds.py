@@ -14,7 +14,7 @@ from companion.types.threat import TrackState
 from companion.vehicle.lqg import uncertainty_tables
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
-from companion.world.pursuit import Pursuit, pursuit_game
+from companion.world.pursuit import pursuit_game
 from companion.world.snapshot import first_snapshot
 from companion.world.threats import packed_threats
 
@@ -61,7 +61,7 @@ def scene_of(limits, *, obstacles=None, threats=None, pursuers=None, model=None,
         model=threat_model() if model is None else model,
         limits=limits,
         tables=tables(limits.dimension),
-        search=small_settings().search(limits, 25.0, 100.0, Pursuit.IGNORED) if search is None else search,
+        search=small_settings().search(limits, 25.0, 100.0, bars_pursued=False) if search is None else search,
         guide=Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0),
         game=pursuit_game((), obstacles, None, bounds, 0.0),
     )

@@ -21,5 +21,5 @@ def test_a_flight_without_one_of_its_senses_ends_in_no_obstacle(number):
 
 def test_a_position_that_is_wrong_by_40_m_is_survived_by_room():
     """Nothing is planned on such a position: the autopilot flies what it has, 40 m beside it."""
-    assert sensed_flight(3, {"clearance_wanted_m": 0.0})[:2] == ("Jump ardupilot paper-2d", "collision")
-    assert sensed_flight(3)[:2] == ("Jump ardupilot paper-2d", "goal")
+    assert sensed_flight(11, {"clearance_wanted_m": 0.0})[:2] == ("Jump px4 paper-2d", "collision")
+    assert sensed_flight(11)[:2] == ("Jump px4 paper-2d", "goal")

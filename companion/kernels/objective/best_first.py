@@ -31,11 +31,14 @@ from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Scene
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
 from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go
-from companion.kernels.objective.row_costs import SEEN, Objective, exposure, row_cost
+from companion.kernels.objective.row_costs import SEEN, Objective, exposure, pursuit_danger, row_cost
 from companion.kernels.search.branches import next_stage
+from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import is_edge_clear
-from companion.kernels.search.state_lattice import level_at
+from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.threat.pursuit_game import pop_least, push
+from companion.kernels.threat.reachability import passes_by
+from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import Workspace
 
 DIRECTIONS, TURNS, PACES = 16, 3, 4
@@ -86,13 +89,14 @@ class Rules(Struct):
 
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``paces`` (S,) airspeeds
     that may be held, cruise first [m/s]; ``weight`` times which V counts; ``seen_max`` longest unbroken time
-    in radars' sight [s].
+    in radars' sight [s]; ``danger_max`` most danger from pursuers (g of J) at which a place may be passed.
     """
 
     goals: Float2D
     paces: Float1D
     weight: float
     seen_max: float
+    danger_max: float
 
 
 class BestFirst(Struct):
@@ -177,10 +181,25 @@ def fly_on(
 
 
 @kernel
+def level_at(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
+    """Threat level of radars, and of aircraft that fly on, to the state ``out`` (6,).
+
+    Those that hunt are kept away from anyhow.
+    """
+    trees = scene.pursuers
+    for d in range(scene.pursuers.count.shape[0]):
+        if scene.pursuers.model[d, 3] == FLIES_ON:
+            passes_by(trees, d, out[0], out[1], out[2], time, work.points)
+    threats = threats_at(scene, work.points, work.growth.threat)
+    mu, nu = point_threat(out[0], out[1], out[2], out[3], out[4], out[5], 0.0, threats)
+    return max(mu - nu, 0.0)
+
+
+@kernel
 def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
     """Whether rows ``first`` to ``last`` after node ``at`` keep all limits; fills in their times and J."""
     nodes, objective, scene, before = search.nodes, search.objective, search.scene, at
-    limits, seen_max, level_max = objective.limits, search.rules.seen_max, scene.search.level_max
+    limits, rules, level_max = objective.limits, search.rules, scene.search.level_max
     for n in range(first, last + 1):
         here, out = nodes.state[before], nodes.state[n]
         search.work.stats[0] += 1
@@ -188,11 +207,14 @@ def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
             return False
         dt = limits.tau * slowness(here, out, limits)
         nodes.time[n] = nodes.time[before] + dt
-        nodes.cost[n] = nodes.cost[before] + row_cost(out, nodes.time[n], dt, objective)
+        danger = pursuit_danger(out[0], out[1], out[2], nodes.time[n], objective)
+        if danger > rules.danger_max:
+            return False
+        nodes.cost[n] = nodes.cost[before] + row_cost(out, nodes.time[n], dt, danger, objective)
         nodes.seen[n] = 0.0
-        if seen_max < math.inf and exposure(out[0], out[1], out[2], objective.threats) >= SEEN:
+        if rules.seen_max < math.inf and exposure(out[0], out[1], out[2], objective.threats) >= SEEN:
             nodes.seen[n] = nodes.seen[before] + dt
-        if nodes.seen[n] > seen_max:
+        if nodes.seen[n] > rules.seen_max:
             return False
         nodes.level[n] = level_at(out, nodes.time[n], scene, search.work) if level_max <= 1.0 else 0.0
         if nodes.level[n] > level_max and nodes.level[n] >= nodes.level[before]:
@@ -267,3 +289,17 @@ def grow_best_first(search: BestFirst, most: int) -> int:
                 if end != UNFINISHED:
                     return end
     return UNFINISHED
+
+
+@kernel
+def node_nearest_to_goal(search: BestFirst) -> int:
+    """The node from which V through all goals that are left is the least."""
+    nodes, field = search.nodes, search.field
+    best, nearest = math.inf, 0
+    for i in range(search.sizes[0]):
+        state, stage = nodes.state[i], nodes.stage[i]
+        if stage < field.rest.shape[0]:
+            left = cost_to_go(field, stage, state[0], state[1], state[2]) + field.rest[stage]
+            if left < best:
+                best, nearest = left, i
+    return nearest

@@ -17,9 +17,15 @@ import math
 
 from companion.kernels.arrays import Float1D, Float3D, Float4D, Int1D, Limits, Obstacles
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
-from companion.kernels.native.kernel import inlined_numpy_errors, kernel, kernel_numpy_errors, local_floats
+from companion.kernels.native.kernel import (
+    inlined,
+    inlined_numpy_errors,
+    kernel,
+    kernel_numpy_errors,
+    local_floats,
+)
 from companion.kernels.native.struct import Struct
-from companion.kernels.objective.row_costs import Objective, energy_excess, exposure
+from companion.kernels.objective.row_costs import Objective, collision_price, exposure
 from companion.kernels.threat.pursuit_game import pop_least, push
 
 SETTLED_S = 1e-6  # A smaller change of V is none.
@@ -66,10 +72,9 @@ def fill_clearance(field: CostField, obstacles: Obstacles, enough: float) -> Non
 
 @kernel
 def fill_rate(field: CostField, objective: Objective) -> None:
-    """What a second costs at every node, into ``field.rate``, without pursuers and collisions."""
+    """What a second costs at every node at cruise, into ``field.rate``, without pursuers."""
     grid, free, rate = field.grid, field.free, field.rate
     prices, margin = objective.prices, objective.limits.margin
-    flown = 1.0 + prices.energy * energy_excess(objective.limits.v_cruise, prices)
     for i in range(free.shape[0]):
         x = grid[0] + i * grid[3]
         for j in range(free.shape[1]):
@@ -78,11 +83,12 @@ def fill_rate(field: CostField, objective: Objective) -> None:
                 if free[i, j, k] < margin:
                     rate[i, j, k] = math.inf
                     continue
-                cost = flown
+                cost = 1.0
                 if prices.seen > 0.0:
                     cost += prices.seen * exposure(x, y, grid[2] + k * grid[5], objective.threats)
                 if free[i, j, k] < prices.wanted:
                     cost += prices.near * (prices.wanted - free[i, j, k]) / prices.wanted
+                cost += collision_price(free[i, j, k], objective.start, objective) / objective.limits.tau
                 rate[i, j, k] = cost
 
 
@@ -181,7 +187,7 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
     ``goal`` (≥ 3,) is its centre [m].
     """
     value, grid, pace = field.values[g], field.grid, local_floats(4)
-    n, m, p = value.shape
+    m, p = value.shape[1], value.shape[2]
     slope, crossing = grid[3] / grid[5], grid[3] / limits.v_cruise
     pace[0], pace[1] = limits.wind_x / limits.v_cruise, limits.wind_y / limits.v_cruise
     pace[2], pace[3] = math.tan(limits.climb_max) * slope, math.tan(limits.descent_max) * slope
@@ -194,46 +200,51 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
         if key > value[i, j, k] + SETTLED_S:
             continue
         num += 1
-        if i > 0:
-            size = offer(value, field.rate, node - m * p, key, crossing, pace, heap, size)
-        if i < n - 1:
-            size = offer(value, field.rate, node + m * p, key, crossing, pace, heap, size)
-        if j > 0:
-            size = offer(value, field.rate, node - p, key, crossing, pace, heap, size)
-        if j < m - 1:
-            size = offer(value, field.rate, node + p, key, crossing, pace, heap, size)
-        if k > 0:
-            size = offer(value, field.rate, node - 1, key, crossing, pace, heap, size)
-        if k < p - 1:
-            size = offer(value, field.rate, node + 1, key, crossing, pace, heap, size)
+        size = offer(value, field.rate, node, crossing, pace, heap, size)
     return num
+
+
+@inlined
+def beside(i: int, j: int, k: int, side: int) -> tuple[int, int, int]:
+    """The node on one of six sides of a node, the first four of them in the plane."""
+    step = 1 - 2 * (side % 2)
+    if side < 2:
+        return i + step, j, k
+    if side < 4:
+        return i, j + step, k
+    return i, j, k + step
+
+
+@inlined
+def is_inside(value: Float3D, i: int, j: int, k: int) -> bool:
+    """Whether a node lies in the grid of ``value`` (NX, NY, NZ)."""
+    n, m, p = value.shape
+    return 0 <= i < n and 0 <= j < m and 0 <= k < p
 
 
 @kernel_numpy_errors
 def offer(
-    value: Float3D,
-    rate: Float3D,
-    node: int,
-    key: float,
-    crossing: float,
-    pace: Float1D,
-    heap: Heap,
-    size: int,
-) -> int:
-    """Renew a node beside one that was settled at ``key`` [s]; the heap's new size.
+    value: Float3D, rate: Float3D, node: int, crossing: float, pace: Float1D, heap: Heap, size: int
+) -> int:  # fmt: skip
+    """Renew the neighbours of a node that was settled; the heap's new size.
 
     ``value`` and ``rate`` (NX, NY, NZ) as in :class:`CostField`; ``node`` is the node's number; ``crossing``
     is the time that crossing the spacing takes [s]; ``pace`` (4,) as in :func:`renewed`.
     """
-    row, k = node // value.shape[2], node % value.shape[2]
-    i, j = row // value.shape[1], row % value.shape[1]
-    if value[i, j, k] <= key or rate[i, j, k] == math.inf or size >= heap.keys.shape[0] - 1:
-        return size
-    found = renewed(value, i, j, k, rate[i, j, k] * crossing, pace)
-    if found >= value[i, j, k] - SETTLED_S:
-        return size
-    value[i, j, k] = found
-    return push(heap.keys, heap.nodes, size, found, node)
+    m, p = value.shape[1], value.shape[2]
+    a, b, c = node // p // m, node // p % m, node % p
+    settled = value[a, b, c]
+    for side in range(6 if p > 1 else 4):
+        i, j, k = beside(a, b, c, side)
+        if not is_inside(value, i, j, k):
+            continue
+        if value[i, j, k] <= settled or rate[i, j, k] == math.inf or size >= heap.keys.shape[0] - 1:
+            continue
+        found = renewed(value, i, j, k, rate[i, j, k] * crossing, pace)
+        if found < value[i, j, k] - SETTLED_S:
+            value[i, j, k] = found
+            size = push(heap.keys, heap.nodes, size, found, (i * m + j) * p + k)
+    return size
 
 
 @kernel

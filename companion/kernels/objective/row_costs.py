@@ -140,15 +140,16 @@ def clearance_up_to(x: float, y: float, z: float, objective: Objective) -> float
 
 
 @kernel
-def row_cost(state: Float1D, time: float, dt: float, objective: Objective) -> float:
-    """J of the last ``dt`` seconds before the state ``state`` (6,), which is passed at ``time`` [s]."""
+def row_cost(state: Float1D, time: float, dt: float, danger: float, objective: Objective) -> float:
+    """J of the last ``dt`` seconds before the state ``state`` (6,), which is passed at ``time`` [s].
+
+    ``danger`` is :func:`pursuit_danger` then and there.
+    """
     prices, x, y, z = objective.prices, state[0], state[1], state[2]
     free = clearance_up_to(x, y, z, objective)
-    rate = 1.0 + prices.energy * energy_excess(state[5], prices)
+    rate = 1.0 + prices.energy * energy_excess(state[5], prices) + prices.pursued * danger
     if prices.seen > 0.0:
         rate += prices.seen * exposure(x, y, z, objective.threats)
-    if prices.pursued > 0.0:
-        rate += prices.pursued * pursuit_danger(x, y, z, time, objective)
     if free < prices.wanted:
         rate += prices.near * (prices.wanted - free) / prices.wanted
     return rate * dt + collision_price(free, time, objective)
@@ -159,7 +160,9 @@ def rows_cost(rows: PathRows, first: int, n: int, objective: Objective) -> float
     """J of the edges that end in rows ``first`` to ``n - 1``; row 0 has none."""
     total = 0.0
     for k in range(max(first, 1), n):
-        total += row_cost(rows.states[k], rows.times[k], rows.times[k] - rows.times[k - 1], objective)
+        state, time = rows.states[k], rows.times[k]
+        danger = pursuit_danger(state[0], state[1], state[2], time, objective)
+        total += row_cost(state, time, time - rows.times[k - 1], danger, objective)
     return total
 
 

@@ -41,7 +41,6 @@ from companion.kernels.threat.reachability import Estimator, estimate_reachabili
 from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import FilterScratch, GrowthScratch, Step, ThreatScene
 
-AVOID = 2  # of ``Search.pursuit``
 DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
 MAX_DESCENT = 8  # children followed where the control towards a sample was tried already
 LEAST_DOMAIN = 0.3  # of DD that threat alone leaves: with less several DTs strangle the search
@@ -243,16 +242,6 @@ def collision_cost(search: Search, clear: float) -> float:
 
 
 @kernel
-def room_cost(scene: Scene, state: Float1D) -> float:
-    """What the state ``state`` (6,) costs more for the room that it lacks."""
-    search = scene.search
-    if search.cost_room == 0.0:
-        return 0.0
-    free = clearance(state[0], state[1], state[2], scene.obstacles, search.room)
-    return search.cost_room * (search.room - free)
-
-
-@kernel
 def grow(
     tree: Tree, scene: Scene, q_n: int, state: Float1D, control: Float1D, dt: float, draws: Float1D,
     scratch: GrowthScratch, stats: Int1D,
@@ -267,9 +256,10 @@ def grow(
     search, dimension, normals = scene.search, scene.limits.dimension, scene.tables.normals
     factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
     i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
-    is_caught_here = search.pursuit > 0 and is_caught(scene.game, state[0], state[1], state[2], tree.time[i])
+    is_barred = search.bars_pursued == 1
+    is_caught_here = is_barred and is_caught(scene.game, state[0], state[1], state[2], tree.time[i])
     tree.caught[i] = 1 if is_caught_here else 0
-    if search.pursuit == AVOID and tree.caught[i] > tree.caught[q_n]:
+    if tree.caught[i] > tree.caught[q_n]:
         drop_last(tree, q_n)
         stats[2] += 1
         return -1
@@ -288,7 +278,6 @@ def grow(
         if changed[c] != i:
             assess(tree, changed[c], dimension, search, normals, threats, factor, levels)
     tree.cost[i] = tree.cost[q_n] + cost_distance(tree, q_n, state[0], state[1], state[2], search, threats)
-    tree.cost[i] += search.cost_caught * tree.caught[i] * (tree.time[i] - tree.time[q_n])
-    tree.cost[i] += collision_cost(search, tree.clear[i]) + room_cost(scene, state)
+    tree.cost[i] += collision_cost(search, tree.clear[i])
     tree.to_go[i] = distance_to_go(scene.guide, state[0], state[1])
     return i

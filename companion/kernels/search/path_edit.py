@@ -157,53 +157,6 @@ def join(rows: PathRows, n: int, goal: Float1D, limits: Limits) -> tuple[int, in
 
 
 @kernel
-def radius_between(v: float, target: float, limits: Limits) -> float:
-    """Radius of turns while the airspeed goes from ``v`` to ``target`` [m/s]: what the faster one needs.
-
-    A step's turn rate is held to its slowest airspeed, and flown at its mean.
-    """
-    return turn_radius(max(v, target), limits) * (1.0 + 0.5 * limits.a_max * limits.tau / min(v, target))
-
-
-@kernel
-def join_accelerated(rows: PathRows, n: int, goal: Float1D, target: float, limits: Limits) -> tuple[int, int]:
-    """:func:`join` to the pose ``goal`` (6,) in level flight, its airspeed going to ``target`` at once [m/s].
-
-    The pose's own airspeed is not asked for: it is passed at what is reached by then. Turns are as wide as
-    the fastest flight of the edge needs.
-    """
-    states, times, rates = rows.states, rows.times, rows.rates
-    start = states[n - 1]
-    if goal[2] != start[2] or goal[4] != 0.0 or start[4] != 0.0:
-        return NOT_FLYABLE, n
-    slow, a, segments, pose = start[5], limits.a_max, local_floats(3), local_floats(3)
-    rho = radius_between(slow, target, limits)
-    kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
-    length = rho * (segments[0] + segments[1] + segments[2])
-    if length < 1.0 or not keeps_turns_apart(kind, segments, limits):
-        return NOT_FLYABLE, n
-    a = a if target >= slow else -a
-    settling = min((target * target - slow * slow) / (2.0 * a), length)
-    fast = math.sqrt(slow * slow + 2.0 * a * settling)
-    settled = (fast - slow) / a
-    steps = int(math.ceil((settled + (length - settling) / fast) / limits.tau - 1e-6))
-    dt = (settled + (length - settling) / fast) / steps
-    if n + steps > states.shape[0]:
-        return TOO_LONG, n
-    for k in range(1, steps + 1):
-        t = min(dt * k, settled)
-        along = slow * t + 0.5 * a * t * t + fast * (dt * k - t)
-        dubins.sample(start[0], start[1], start[3], kind, segments, rho, min(along, length), pose)
-        row, before = states[n], states[n - 1]
-        row[0], row[1], row[2], row[3], row[4] = pose[0], pose[1], start[2], wrapped(pose[2]), 0.0
-        row[5] = slow + a * t
-        times[n] = times[n - 1] + dt * slowness(before, row, limits)
-        rates[n, 0], rates[n, 1] = wrapped(row[3] - before[3]) / dt, 0.0
-        n += 1
-    return JOINED, n
-
-
-@kernel
 def is_flyable(rows: PathRows, n: int, first: int, limits: Limits) -> bool:
     """Whether rows ``first`` to ``n`` keep bounds, turn radius, climb angles and the straight-flight rule.
 

@@ -34,11 +34,9 @@ from companion.kernels.search.growth import (
     collision_cost,
     extend_or_descend,
     grow,
-    room_cost,
 )
 from companion.kernels.search.near_nodes import OUTSIDE, choose_node, near_nodes, num_near
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
-from companion.kernels.threat.pursuit_game import is_caught
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
 STAR_DRAWS = 16  # uniform numbers an iteration uses
@@ -97,14 +95,6 @@ def may_gain(tree: Tree, a: int, b: int, below: float, goal: int, search: Search
 
 
 @kernel
-def caught_cost(scene: Scene, q: Float1D, begin: float, end: float) -> float:
-    """What an edge to the state ``q`` (6,) costs more if a DT could threaten its end [s]."""
-    if scene.search.pursuit == 0 or not is_caught(scene.game, q[0], q[1], q[2], end):
-        return 0.0
-    return scene.search.cost_caught * (end - begin)
-
-
-@kernel
 def weigh_edge(
     tree: Tree, branches: Branches, scene: Scene, a: int, b: int, below: float, goal: int,
     edge: EdgeScratch, stats: Int1D,
@@ -128,7 +118,6 @@ def weigh_edge(
     for k in range(1, n):
         x, y, z = states[k, 0], states[k, 1], states[k, 2]
         cost += step_cost(states[k - 1], x, y, z, tree.delta[a], search, threats)
-        cost += caught_cost(scene, states[k], edge.rows.times[k - 1], edge.rows.times[k])
         if cost >= below:
             return 0, math.inf
         stage = next_stage(stage, x, y, z, branches.goals)
@@ -189,10 +178,9 @@ def try_edge(
     threats = threats_at(scene, work.points, work.edge.threat)
     cost = tree.cost[last] + cost_distance(tree, last, q[0], q[1], q[2], scene.search, threats)
     stamp = tree.time[last] + (times[n - 1] - times[n - 2])
-    cost += caught_cost(scene, q, tree.time[last], stamp)
-    cost += collision_cost(scene.search, tree.clear[b]) + room_cost(scene, q)
+    cost += collision_cost(scene.search, tree.clear[b])
     gain, later = cost - tree.cost[b], stamp - tree.time[b]
-    if gain > -GAIN or (scene.search.pursuit > 0 and later > 0.0):  # whoever comes later may be caught
+    if gain > -GAIN:
         return False
     detach_child(tree, branches, b)
     tree.parent[b] = last

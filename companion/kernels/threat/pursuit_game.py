@@ -17,35 +17,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from companion.kernels.arrays import Bool2D, Float1D, Float2D, Game, Int1D, Obstacles
+from companion.kernels.arrays import Float1D, Float2D, Game, Int1D, Obstacles
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import inlined, kernel
-from companion.kernels.native.struct import Struct
 
 DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
 SHORTENED = 0.98  # sweeping finds ways too long, by less than this
-PACE = 0.94  # eight directions lengthen ways by up to 8 %; most of it is taken off
 SEED_CELLS = 6  # about a DT in which its ways are straight lines
 STANDS_M = 1.0  # higher a wall does not stand on the ground: it is driven under, and hides nothing
 BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
 BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line of sight need lead
-
-
-class Frontier(Struct):
-    """The state of a search over the cells of a grid.
-
-    ``time`` (N, M) is the earliest arrival [s], infinite at first. ``is_in`` (N, M) marks cells that a DT
-    could threaten by then, ``is_done`` (N, M) those that are expanded. ``keys`` and ``cells`` (H,) are a heap
-    of those that are not.
-    """
-
-    time: Float2D
-    is_in: Bool2D
-    is_done: Bool2D
-    keys: Float1D
-    cells: Int1D
 
 
 @kernel
@@ -273,78 +254,6 @@ def is_caught(game: Game, x: float, y: float, z: float, time: float) -> bool:
         return False
     until = time + game.slack
     return caught_from(game, x, y, z, until, until) <= until
-
-
-def fill_ways_free(
-    free: Float2D, origin: Float1D, cell: float, game: Game, start: tuple[float, float, float, float],
-    speed: float, dear: float,
-) -> None:  # fmt: skip
-    """Which cells of a grid can be come to before a DT could threaten them, in place.
-
-    Dijkstra's algorithm over eight neighbours, by the clock: ``start`` x y z [m] and time [s], at ``speed``
-    [m/s], ways taken a little short. ``free`` (N, M) is 1 where the aircraft may fly, and stays 1 where it
-    can come to safely; ``origin`` (2,) the first cell's centre and ``cell`` the spacing [m]. Out of a threat
-    that it starts in, every way is as good. Other cells become 0, or ``dear`` where that is more.
-    """
-    heap = 8 * free.size + 1
-    frontier = Frontier(
-        time=np.full(free.shape, math.inf),
-        is_in=np.zeros(free.shape, dtype=np.bool_),
-        is_done=np.zeros(free.shape, dtype=np.bool_),
-        keys=np.empty(heap),
-        cells=np.empty(heap, dtype=np.int64),
-    )
-    spread_in_time(free, origin, cell, game, start, speed, dear, frontier)
-
-
-@kernel
-def spread_in_time(
-    free: Float2D, origin: Float1D, cell: float, game: Game, start: tuple[float, float, float, float],
-    speed: float, dear: float, frontier: Frontier,
-) -> None:  # fmt: skip
-    """Do :func:`fill_ways_free` with an empty ``frontier``; ``free`` (N, M) and ``origin`` (2,) as there."""
-    n, m = free.shape
-    a, b = _cell(start[0], origin[0], cell, n), _cell(start[1], origin[1], cell, m)
-    time, is_in, is_done = frontier.time, frontier.is_in, frontier.is_done
-    heap_key, heap_cell = frontier.keys, frontier.cells
-    time[a, b], is_in[a, b], free[a, b] = (
-        start[3],
-        is_caught(game, start[0], start[1], start[2], start[3]),
-        1.0,
-    )
-    size = push(heap_key, heap_cell, 0, start[3], a * m + b)
-    pace = PACE / speed
-    while size > 0:
-        at = heap_cell[0]
-        size = pop_least(heap_key, heap_cell, size)
-        i, j = at // m, at % m
-        if is_done[i, j]:
-            continue
-        is_done[i, j] = True
-        for u in range(max(0, i - 1), min(n, i + 2)):
-            for w in range(max(0, j - 1), min(m, j + 2)):
-                if is_done[u, w] or free[u, w] == 0.0:
-                    continue
-                due = time[i, j] + pace * cell * (math.sqrt(2.0) if u != i and w != j else 1.0)
-                if due >= time[u, w]:
-                    continue
-                caught = is_caught(game, origin[0] + u * cell, origin[1] + w * cell, start[2], due)
-                if caught and not is_in[i, j] and dear == 0.0:
-                    continue
-                time[u, w], is_in[u, w] = due, caught
-                size = push(heap_key, heap_cell, size, due, u * m + w)
-    _rate(free, is_done, is_in, max(dear, 1.0))
-
-
-@kernel
-def _rate(free: Float2D, is_done: Bool2D, is_in: Bool2D, dear: float) -> None:
-    """``free`` (N, M) becomes 0 where ``is_done`` (N, M) is not, ``dear`` where ``is_in`` (N, M)."""
-    for i in range(free.shape[0]):
-        for j in range(free.shape[1]):
-            if not is_done[i, j]:
-                free[i, j] = 0.0
-            elif is_in[i, j]:
-                free[i, j] = dear
 
 
 @kernel

@@ -203,7 +203,10 @@ export function healthChips(store, isConnected, isPlayed) {
   const last = plans.at(-1);
   if (!standing.is_warm) chips.push(["unknown", "planner is prepared"]);
   else if (standing.is_in_trouble) chips.push(["danger", "planner in trouble"]);
-  else if (last) chips.push([last.plan_ms > 4000 ? "watch" : "safe", `planner: ${Math.round(last.plan_ms)} ms, ${span(store.now - last.stamp_s)} ago`]);
+  else if (last) {
+    const gap = Number.isFinite(last.gap) ? `, within ${Math.round(100 * last.gap)} % of the best there can be` : "";
+    chips.push([last.plan_ms > 4000 ? "watch" : "safe", `planner: ${Math.round(last.plan_ms)} ms, ${span(store.now - last.stamp_s)} ago${gap}`]);
+  }
   else chips.push(["unknown", "no plan yet"]);
   chips.push([standing.is_armed ? "safe" : "unknown", standing.is_airborne ? "in the air" : standing.is_armed ? "armed" : "disarmed"]);
   chips.push(standing.is_recording ? ["safe", "recording"] : ["watch", "not recorded"]);

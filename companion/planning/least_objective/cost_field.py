@@ -1,15 +1,19 @@
-"""The cost-to-go field V of a plan's goals, kept between plans while the world stays the same."""
+"""The cost-to-go field V of a plan's goals; what does not change with pursuers is kept between plans."""
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
+from typing import TypeVar
 
 import numpy as np
 
+from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Limits
+from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers
 from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
@@ -18,17 +22,23 @@ from companion.kernels.objective.cost_to_go import (
     fill_cost_to_go,
     fill_rate,
 )
-from companion.kernels.objective.row_costs import Objective
+from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective
 from companion.planning.problem import Problem
 
-CELLS_2D, CELLS_3D = 200, 100  # along the longer side of the bounds
+CELLS_2D, CELLS_3D = 150, 60  # along the longer side of the bounds
 CELL_MIN_M = 12.5
-LEVELS_MAX, LEVEL_MIN_M = 24, 15.0
+LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
 HEAP_SHARE = 8  # of the nodes: how often each may wait to be settled
 ERROR_TIMES = 2.0  # what V falls by when the spacing is halved, to be taken off
-KEPT = 4  # fields of some megabytes each
+DEVIATION_STEP_M = 0.5
+KEPT = 8  # of each sort, a megabyte each
+MOST_DANGER = 1.0  # g of J is never more
 
-_fields: OrderedDict[tuple[object, ...], CostToGo] = OrderedDict()
+_Key = tuple[object, ...]
+_Made = TypeVar("_Made")
+
+_worlds: OrderedDict[_Key, tuple[CostField, CostField]] = OrderedDict()
+_fields: OrderedDict[_Key, CostToGo] = OrderedDict()
 _lock = Lock()
 
 
@@ -57,14 +67,14 @@ class CostToGo:
         position_enu_m : tuple of float
             East, north, up [m].
         """
-        fine, coarse = (_least_s(field, position_enu_m) for field in (self.fine, self.coarse))
+        fine, coarse = (least_s(field, position_enu_m) for field in (self.fine, self.coarse))
         if math.isinf(coarse):
             return fine
         return max(0.0, fine - ERROR_TIMES * max(0.0, coarse - fine))
 
 
 def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
-    """V of all goals over the bounds, the same for the same world, prices, limits and goals.
+    """V of all goals without pursuers, the same for the same world, prices, limits and goals.
 
     Parameters
     ----------
@@ -73,35 +83,50 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
     objective : Objective
         What V adds up.
     """
+    world = _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))
     key = _key(problem, objective)
+    return _kept(_fields, key, lambda: CostToGo(*(_filled(field, problem, objective) for field in world)))
+
+
+def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
+    """What was made before, or what is made now and kept."""
     with _lock:
-        if key not in _fields:
-            _fields[key] = CostToGo(_filled(problem, objective, 1.0), _filled(problem, objective, 2.0))
-            while len(_fields) > KEPT:
-                _fields.popitem(last=False)
-        _fields.move_to_end(key)
-        return _fields[key]
+        if key not in known:
+            known[key] = make()
+            while len(known) > KEPT:
+                known.popitem(last=False)
+        known.move_to_end(key)
+        return known[key]
 
 
-def _least_s(field: CostField, position_enu_m: tuple[float, float, float]) -> float:
+def least_s(field: CostField, position_enu_m: tuple[float, float, float]) -> float:
     """V through all goals from a place [s]; infinite where no way leads to them."""
     return float(cost_to_go(field, 0, *position_enu_m)) + float(field.rest[0])
 
 
-def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
-    """What V depends on."""
+def _world_key(problem: Problem, objective: Objective) -> tuple[object, ...]:
+    """What a second's cost depends on, but for pursuers and the airspeed."""
     obstacles, threats, limits = objective.obstacles, objective.threats, objective.limits
     arrays = (obstacles.edges, obstacles.heights, threats.radars, threats.known, limits.bounds)
     level_m = problem.start.position_enu_m[2] if limits.dimension == 2 else None
+    steady = (tuple(objective.prices), limits.margin, level_m, _least_deviation_m(objective))
+    return (*(array.tobytes() for array in arrays), *steady)
+
+
+def _least_deviation_m(objective: Objective) -> float:
+    """The least deviation of the position, rounded down: the field is kept while it hardly changes [m]."""
+    return math.floor(float(objective.deviations.min()) / DEVIATION_STEP_M) * DEVIATION_STEP_M
+
+
+def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
+    """What V without pursuers depends on."""
+    limits = objective.limits
     speeds = (limits.v_cruise, limits.climb_max, limits.descent_max, limits.wind_x, limits.wind_y)
-    return (
-        *(array.tobytes() for array in arrays), tuple(objective.prices), *speeds, limits.margin, level_m,
-        problem.goals,
-    )  # fmt: skip
+    return (*_world_key(problem, objective), *speeds, problem.goals)
 
 
 def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
-    """A field over the bounds with nothing in it, at so many times the usual spacing."""
+    """A field over the bounds with nothing in it and no goals, at so many times the usual spacing."""
     west, east, south, north, low, high = (float(bound) for bound in limits.bounds)
     is_plane, longer = limits.dimension == 2, max(east - west, north - south)
     cell = times * max(CELL_MIN_M, longer / (CELLS_2D if is_plane else CELLS_3D))
@@ -119,22 +144,81 @@ def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
         grid=np.array([west, south, low, cell, cell, level]),
         free=np.empty(shape),
         rate=np.empty(shape),
-        values=np.empty((len(problem.goals), *shape)),
-        rest=np.zeros(len(problem.goals)),
+        values=np.empty((0, *shape)),
+        rest=np.zeros(0),
     )
 
 
-def _filled(problem: Problem, objective: Objective, times: float) -> CostField:
-    """The field made anew, at so many times the usual spacing."""
-    field = _empty(problem, objective.limits, times)
-    enough = max(objective.prices.wanted, objective.limits.margin + 1.0)
-    fill_clearance(field, objective.obstacles, enough)
-    fill_rate(field, objective)
+def _rated(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
+    """What a second costs at cruise without pursuers, at the usual spacing and at twice as much."""
+    fields = _empty(problem, objective.limits, 1.0), _empty(problem, objective.limits, 2.0)
+    least_m = _least_deviation_m(objective)
+    enough = max(objective.prices.wanted, objective.limits.margin + 1.0, DEVIATIONS_FREE * least_m)
+    steady = objective._replace(deviations=np.array([least_m]))
+    for field in fields:
+        fill_clearance(field, objective.obstacles, enough)
+        fill_rate(field, steady)
+    return fields
+
+
+def _energy_price(objective: Objective) -> float:
+    """What a second costs more than at cruise, since power grows with the cube of the airspeed."""
+    prices = objective.prices
+    return prices.energy * max(0.0, (objective.limits.v_cruise / prices.cruise) ** 3 - 1.0)
+
+
+def _heap(field: CostField) -> Heap:
+    """Room for the nodes that wait to be settled."""
     room = HEAP_SHARE * field.free.size + 1
-    heap = Heap(np.empty(room), np.empty(room, dtype=np.int64))
+    return Heap(np.empty(room), np.empty(room, dtype=np.int64))
+
+
+def _filled(world: CostField, problem: Problem, objective: Objective) -> CostField:
+    """V of all goals, where a second costs as much as in ``world`` and the energy at this airspeed."""
+    field = world._replace(rate=world.rate + _energy_price(objective))
+    return _with_values(field, problem, objective.limits)
+
+
+def field_before_pursuers(
+    problem: Problem, objective: Objective, danger_max: float, *, is_coarse: bool = False
+) -> CostField:
+    """V of all goals with what pursuers cost, infinite where they bar the way.
+
+    Parameters
+    ----------
+    problem : Problem
+        Has the start, the goals and the world.
+    objective : Objective
+        What V adds up.
+    danger_max : float
+        Most danger from pursuers at which a place may be passed; with the most there is nothing is barred.
+    is_coarse : bool
+        Whether twice the usual spacing is enough.
+    """
+    world = _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))[is_coarse]
+    start, prices, limits = problem.start, objective.prices, objective.limits
+    field = world._replace(rate=world.rate + _energy_price(objective))
+    is_barred = danger_max < MOST_DANGER
+    wave = Wave(
+        start=np.array([*start.position_enu_m, start.stamp_s, start.airspeed_m_s, start.direction_rad]),
+        rate=np.where(np.isinf(world.rate), np.inf, 1.0) if is_barred else field.rate.copy(),
+        value=np.empty_like(world.rate),
+        time=np.empty_like(world.rate),
+        danger=np.empty_like(world.rate),
+        danger_max=danger_max,
+        price=0.0 if is_barred else prices.pursued,
+        radius=turn_radius(min(start.airspeed_m_s, limits.v_cruise), limits),
+    )
+    fill_before_pursuers(wave, field, objective, _heap(field))
+    return _with_values(field, problem, limits)
+
+
+def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:
+    """V of all goals where the cost of a second is known."""
+    num, heap = len(problem.goals), _heap(field)
+    field = field._replace(values=np.empty((num, *field.rate.shape)), rest=np.zeros(num))
     for g, goal in reversed(list(enumerate(problem.goals))):
-        centre = np.array(goal.position_enu_m)
-        fill_cost_to_go(field, g, centre, objective.limits, heap)
-        if g + 1 < len(problem.goals):
+        fill_cost_to_go(field, g, np.array(goal.position_enu_m), limits, heap)
+        if g + 1 < num:
             field.rest[g] = field.rest[g + 1] + cost_to_go(field, g + 1, *goal.position_enu_m)
     return field

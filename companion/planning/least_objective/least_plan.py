@@ -1,35 +1,31 @@
-"""The plan of the least objective J, where nothing pursues the aircraft."""
+"""The plan of the least objective J."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
-import numpy as np
-
-from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.least_route import best_first_route, shortened_route
-from companion.planning.least_objective.plan_measures import MIN_ROWS, ends_at, measures_of
-from companion.planning.least_objective.prices import objective_between, objective_of, seconds_seen
-from companion.planning.route import (
-    FLOWN_SLACK_S,
-    assess_route,
-    finished_route,
-    path_from_route,
-    pursuit_risk,
-    route_from_path,
+from companion.planning.least_objective.least_route import LeastRouteSearch
+from companion.planning.least_objective.plan_measures import (
+    MIN_ROWS,
+    beside_flown,
+    ends_at,
+    plan_along,
+    shortfall,
+    trace_with_pursuers,
 )
+from companion.planning.least_objective.prices import objective_between
+from companion.planning.least_objective.short_cuts import shortened_route
+from companion.planning.route import assess_route, grow_pursuers_along, route_from_path
 from companion.types.path import Path
-from companion.types.plan import Plan, PlanStatus
-from companion.world.pursuer_trees import grown_trees
+from companion.types.plan import Plan
 
 
 def plan_by_objective(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float], flown: Path | None
-) -> Plan | None:
-    """The plan with the least objective J that is found; None where no way to the last goal is found.
-
-    Nothing but J is compared.
+) -> Plan:
+    """The plan with the least objective J that is found. Nothing but J is compared.
 
     Parameters
     ----------
@@ -42,42 +38,25 @@ def plan_by_objective(
     flown : Path or None
         What is left of the path being flown; it is the plan where it can be made cheaper than the new one.
     """
-    problem, began, notes = exploration.problem, timer(), list(exploration.given_up)
-    objective = objective_of(exploration)
-    searched = best_first_route(exploration, objective, should_stop)
-    if searched is None:
-        return None
-    searched_s = timer() - began
-    route = finished_route(exploration, searched.route, np.array(problem.goals[-1].position_enu_m))
-    if problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
-        route, kept = shortened_route(exploration, objective, route, should_stop)
-        notes.append(f"{kept} short cuts")
-    flown_cost, flown_threat, flown_risk = None, None, None
-    if flown is not None and len(flown) >= MIN_ROWS:
-        flown_route = route_from_path(exploration, flown)
-        flown_cost = objective_between(objective, flown_route)
-        flown_threat = float(assess_route(exploration, flown_route).levels.max())
-        flown_risk = pursuit_risk(exploration, flown_route, slack_s=FLOWN_SLACK_S)
+    problem, began = exploration.problem, timer()
+    search = LeastRouteSearch(exploration, should_stop, timer)
+    searched = search.run()
+    searched_s = timer() - began - search.shortening_s
+    objective, route, reached, cost_s = searched.objective, searched.route, searched.reached, searched.cost_s
+    notes = searched.notes if reached else (shortfall(route, problem, searched.num_nodes),)
+    if exploration.is_hunted:
+        grow_pursuers_along(exploration, route)
+    flown_route = None if flown is None or len(flown) < MIN_ROWS else route_from_path(exploration, flown)
+    if flown_route is not None:
         improved, kept = shortened_route(exploration, objective, flown_route, should_stop)
-        is_cheaper = objective_between(objective, improved) < objective_between(objective, route)
-        if is_cheaper and ends_at(improved, problem.goals[-1]):
-            route, notes = improved, [f"the flown path, {kept} short cuts"]
-    assessment = assess_route(exploration, route)
-    return Plan(
-        status=PlanStatus.EXACT,
-        path=path_from_route(exploration, route, assessment),
-        measures=measures_of(exploration, route, assessment, searched_s, searched.num_nodes),
-        seed=problem.seed,
-        method=problem.settings.method,
-        snapshot_number=problem.snapshot.number,
-        trace=searched.trace,
-        notes=tuple(notes),
-        flown_cost=flown_cost,
-        flown_threat=flown_threat,
-        pursuit=pursuit_risk(exploration, route, slack_s=FLOWN_SLACK_S),
-        flown_pursuit=flown_risk,
-        threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
-        objective_s=objective_between(objective, route),
-        seen_s=seconds_seen(objective, route),
-        bound_s=searched.bound_s,
-    )
+        if objective_between(objective, improved) < cost_s and ends_at(improved, problem.goals[-1]):
+            route, reached, notes = improved, True, (f"the flown path, {kept} short cuts",)
+    plan = plan_along(
+        exploration, route, assess_route(exploration, route), objective, reached=reached,
+        searched_s=searched_s, num_nodes=searched.num_nodes, notes=notes,
+    )  # fmt: skip
+    plan = replace(plan, bound_s=search.bound_s, trace=trace_with_pursuers(exploration, searched.trace))
+    if flown_route is None:
+        return plan
+    known, cost_s = assess_route(exploration, flown_route), objective_between(objective, flown_route)
+    return beside_flown(exploration, plan, flown_route, known, cost_s)

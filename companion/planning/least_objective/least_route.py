@@ -1,37 +1,32 @@
-"""The search for the path with the least objective J, where nothing pursues the aircraft."""
+"""The search for the path with the least objective J."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.kernels.objective.best_first import (
-    UNFINISHED,
-    BestFirst,
-    Cells,
-    Nodes,
-    Rules,
-    grow_best_first,
-)
-from companion.kernels.objective.cost_to_go import CostField, Heap
-from companion.kernels.objective.row_costs import Objective, longest_seen
+from companion.kernels.objective.cost_to_go import CostField
+from companion.kernels.objective.row_costs import Objective
+from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.cost_field import cost_to_go_of
-from companion.planning.least_objective.prices import objective_between
-from companion.planning.optimise import short_cut
-from companion.planning.route import Route, assess_route, cost_between, visits_goals
+from companion.planning.least_objective.cost_field import (
+    MOST_DANGER,
+    cost_to_go_of,
+    field_before_pursuers,
+    least_s,
+)
+from companion.planning.least_objective.prices import objective_between, objective_of
+from companion.planning.least_objective.short_cuts import shortened_route
+from companion.planning.least_objective.tree_growth import ObjectiveTree
+from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
-GOAL_SHARE = 0.75  # of a goal's radius, within which it counts as passed: the rest is the autopilot's
-WEIGHTS = (1.15, 1.02, 1.5)  # of V: the first finds a path soon, the next a better one, the last is for mazes
-EXTENDED_MOST = 20_000  # nodes, by each weight
-BURST = 500  # nodes extended between two looks at the time
-LEAST_GAIN_S = 1e-9  # of J, below which a short cut gains nothing
-NODES, TABLE = 400_000, 2**20
-NODES_EACH = 100  # rows of the tree for each node that may be extended
+# Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal: a
+# keen one, one for narrow places, and one that takes what it comes to first. Then one more improves on it.
+FINDING, IMPROVING = ((1.15, 2_000), (1.02, 8_000), (2.5, 10_000)), (1.02, 2_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,185 +36,198 @@ class Searched:
     Parameters
     ----------
     route : Route
-        A path to the last goal.
-    bound_s : float
-        V at the start with its error taken off: no path costs less.
+        A path to the last goal, or the branch that came nearest to it.
+    reached : bool
+        Whether it leads to the last goal.
+    cost_s : float
+        J of the path; infinite where it does not lead to the last goal.
+    objective : Objective
+        J, with the limits of the airspeed at which it is flown.
     trace : SearchTrace
-        The last tree.
+        The tree that it comes from.
     num_nodes : int
         Nodes of all trees.
+    notes : tuple of str
+        What had to be given up, and how often the path was shortened.
     """
 
     route: Route
-    bound_s: float
+    reached: bool
+    cost_s: float
+    objective: Objective
     trace: SearchTrace
     num_nodes: int
+    notes: tuple[str, ...] = ()
 
 
-def best_first_route(
-    exploration: Exploration, objective: Objective, should_stop: Callable[[], bool]
-) -> Searched | None:
-    """Grow trees along V, each with a smaller weight of it, until time is over; the cheapest path of all.
+@dataclass(frozen=True, slots=True, eq=False)
+class _AtAirspeed:
+    """What is known of flights at one airspeed before any search.
 
-    None where V leads to no goal, or no tree comes to the last one.
+    Parameters
+    ----------
+    airspeed_m_s : float
+        Held throughout.
+    objective : Objective
+        J, and what can be flown.
+    bound_s : float
+        V at the start without pursuers, with its error taken off.
+    """
+
+    airspeed_m_s: float
+    objective: Objective
+    bound_s: float
+
+
+class LeastRouteSearch:
+    """One plan's search.
 
     Parameters
     ----------
     exploration : Exploration
-        Has the start, and counts the work.
-    objective : Objective
-        What a path costs.
+        Has the start, and counts the work. It is left at the airspeed of the path.
     should_stop : callable
         Asked between bursts whether the time is over.
-    """
-    cost_to_goals = cost_to_go_of(exploration.problem, objective)
-    bound_s = cost_to_goals.bound_s(exploration.problem.start.position_enu_m)
-    if math.isinf(bound_s):
-        return None
-    best: Route | None = None
-    cheapest, num_nodes = math.inf, 0
-    for weight in WEIGHTS:
-        if best is not None and weight > WEIGHTS[0]:
-            break
-        tree = _Tree(exploration, objective, cost_to_goals.fine, weight)
-        end = tree.grow(should_stop)
-        num_nodes += tree.num_nodes
-        if end >= 0 and tree.nodes.cost[end] < cheapest:
-            cheapest, best = float(tree.nodes.cost[end]), tree.route_to(end)
-        if should_stop():
-            break
-    if best is None:
-        exploration.stats[3] = 0  # The search by sub tasks has all its iterations.
-        return None
-    return Searched(best, bound_s, tree.trace(), num_nodes)
+    timer : callable
+        Seconds, for measures only.
 
-
-def _empty_nodes(num: int) -> Nodes:
-    """Room for so many nodes."""
-    return Nodes(
-        state=np.empty((num, 6)),
-        parent=np.empty(num, dtype=np.int64),
-        time=np.empty(num),
-        cost=np.empty(num),
-        turn=np.empty(num, dtype=np.int64),
-        straight=np.empty(num),
-        rate=np.empty((num, 2)),
-        pace=np.empty(num, dtype=np.int64),
-        stage=np.empty(num, dtype=np.int64),
-        seen=np.empty(num),
-        level=np.empty(num),
-    )
-
-
-class _Tree:
-    """One tree.
-
-    Parameters
+    Attributes
     ----------
-    exploration : Exploration
-        Has its root, and counts the work.
-    objective : Objective
-        What a path costs.
-    field : CostField
-        V.
-    weight : float
-        Times which V counts.
+    bound_s : float
+        No path costs less: V at the start without pursuers, with its error taken off.
+    shortening_s : float
+        How long paths were shortened, which is no search [s].
     """
 
     def __init__(
-        self, exploration: Exploration, objective: Objective, field: CostField, weight: float
+        self, exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float]
     ) -> None:
-        problem, root = exploration.problem, exploration.tree
-        self._iterations_most = problem.settings.max_iterations
-        num = min(NODES, NODES_EACH * self._iterations_most)
-        self.nodes = nodes = _empty_nodes(num)
-        nodes.state[0], nodes.time[0], nodes.rate[0] = root.state[0], root.time[0], 0.0
-        nodes.turn[0], nodes.straight[0], nodes.parent[0] = root.turn[0], root.straight[0], -1
-        nodes.cost[0], nodes.pace[0], nodes.stage[0], nodes.seen[0] = 0.0, 0, 0, 0.0
-        nodes.level[0] = root.level[0]
-        heap = Heap(np.zeros(num), np.zeros(num, dtype=np.int64))
-        goals = [[*goal.position_enu_m, GOAL_SHARE * goal.acceptance_radius_m] for goal in problem.goals]
-        self._search = BestFirst(
-            nodes=nodes,
-            cells=Cells(np.zeros(TABLE, dtype=np.int64), np.empty(TABLE), np.empty(TABLE)),
-            heap=heap,
-            sizes=np.ones(2, dtype=np.int64),
-            field=field,
-            objective=objective,
-            rules=Rules(
-                goals=np.array(goals, dtype=np.float64),
-                paces=np.array([exploration.limits.v_cruise]),
-                weight=weight,
-                seen_max=problem.settings.seen_max_s,
-            ),
-            scene=exploration.scene(),
-            work=exploration.work,
+        self._exploration, self._should_stop, self._timer = exploration, should_stop, timer
+        self._place = exploration.problem.start.position_enu_m
+        self._airspeeds = [self._at(airspeed) for airspeed in exploration.airspeeds_m_s]
+        self.bound_s = min(each.bound_s for each in self._airspeeds)
+        self.shortening_s = 0.0
+
+    def run(self) -> Searched:
+        """The cheapest path that is found, by J, or the branch that comes nearest to the last goal.
+
+        Before pursuers each airspeed has a V and trees of its own. A path that they cannot bar goes before
+        one that they can. Aircraft that only pass are avoided at cruise.
+        """
+        if math.isinf(self.bound_s):
+            return self._to_goals_before()
+        if not len(self._exploration.game.hunters):
+            return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
+        found = None
+        if self._exploration.is_hunted:
+            found = self._at_cheapest_airspeed(self._airspeeds, self._exploration.danger_max)
+        if found is None or not found.reached:
+            airspeeds = self._airspeeds if self._exploration.is_hunted else self._airspeeds[:1]
+            found = self._at_cheapest_airspeed(airspeeds, MOST_DANGER)
+            assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
+        self._exploration.start_afresh(found.objective.limits.v_cruise)
+        return found
+
+    def _to_goals_before(self) -> Searched:
+        """A path to as many goals as V leads to in their order; it does not lead to the last one."""
+        exploration, whole = self._exploration, self._exploration.problem
+        searched = Searched(
+            route_from_tree(exploration, 0), False, math.inf, self._airspeeds[0].objective, SearchTrace(), 1
         )
-
-    @property
-    def num_nodes(self) -> int:
-        """How many nodes it has."""
-        return int(self._search.sizes[0])
-
-    def grow(self, should_stop: Callable[[], bool]) -> int:
-        """Grow to the last goal; the node there, or a negative number."""
-        left, end = min(self._iterations_most, EXTENDED_MOST), UNFINISHED
-        while end == UNFINISHED and left > 0:
-            end = int(grow_best_first(self._search, min(BURST, left)))
-            left -= BURST
-            if should_stop():
+        for num in range(len(whole.goals) - 1, 0, -1):
+            exploration.problem = replace(whole, goals=whole.goals[:num])
+            if math.isfinite(least_s(self._field_alone(), self._place)):
+                found = self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
+                searched = replace(found, reached=False, cost_s=math.inf)
                 break
-        return end
+        exploration.problem = whole
+        return searched
 
-    def route_to(self, end: int) -> Route:
-        """The path from the root to a node."""
-        rows: list[int] = []
-        while end >= 0:
-            rows.append(end)
-            end = int(self.nodes.parent[end])
-        index = np.array(rows[::-1])
-        return Route(self.nodes.state[index], self.nodes.time[index], self.nodes.rate[index])
+    def _field_alone(self) -> CostField:
+        """V at cruise without pursuers."""
+        return cost_to_go_of(self._exploration.problem, self._airspeeds[0].objective).fine
 
-    def trace(self) -> SearchTrace:
-        """The tree for pictures."""
-        num = self.num_nodes
-        return SearchTrace(
-            tree_enu_m=self.nodes.state[:num, :3].copy(), tree_parents=self.nodes.parent[:num].copy()
-        )
+    def _at(self, airspeed_m_s: float) -> _AtAirspeed:
+        """What is known of flights at an airspeed; without pursuers only cruise is flown."""
+        self._exploration.start_afresh(airspeed_m_s)
+        objective = objective_of(self._exploration)
+        known = cost_to_go_of(self._exploration.problem, objective)
+        return _AtAirspeed(airspeed_m_s, objective, known.bound_s(self._place))
 
+    def _field(self, known: _AtAirspeed, danger_max: float, *, is_coarse: bool = False) -> CostField:
+        """V before pursuers."""
+        problem = self._exploration.problem
+        return field_before_pursuers(problem, known.objective, danger_max, is_coarse=is_coarse)
 
-def _keeps_limits(exploration: Exploration, objective: Objective, route: Route) -> bool:
-    """Whether a route keeps below the limits of time in sight, threat level and collisions."""
-    settings = exploration.problem.settings
-    if longest_seen(route.rows, len(route), objective.threats) > settings.seen_max_s:
-        return False
-    if settings.threat_level_max < 1.0 and math.isinf(cost_between(exploration, route)):
-        return False
-    if settings.quality_min == 0.0:
-        return True
-    return math.exp(-assess_route(exploration, route).log_risk()) >= settings.quality_min
+    def _at_cheapest_airspeed(self, airspeeds: Sequence[_AtAirspeed], danger_max: float) -> Searched | None:
+        """The cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
 
+        The others are left out once V, less what it falls by on the fine field, is no less than the cost of a
+        path that was found. None where pursuers bar all ways at the highest airspeed: whoever is slower comes
+        later everywhere.
+        """
+        best, share = None, 0.0
+        for coarse_s, known in self._in_order(airspeeds, danger_max):
+            likely_s = max(known.bound_s, share * coarse_s if math.isfinite(coarse_s) else 0.0)
+            if best is not None and (likely_s >= best.cost_s or self._should_stop()):
+                continue
+            field = self._field(known, danger_max)
+            fine_s = least_s(field, self._place)
+            if math.isinf(fine_s) and known is self._airspeeds[-1] and danger_max < MOST_DANGER:
+                break
+            share = max(share, min(1.0, fine_s / coarse_s) if math.isfinite(coarse_s) else 0.0)
+            found = self._search(known, field, danger_max)
+            best = min((best or found, found), key=lambda each: each.cost_s)
+        return best
 
-def shortened_route(
-    exploration: Exploration, objective: Objective, route: Route, should_stop: Callable[[], bool]
-) -> tuple[Route, int]:
-    """Replace stretches of a route by Dubins edges where that lowers J; the route, and how many were.
+    def _in_order(
+        self, airspeeds: Sequence[_AtAirspeed], danger_max: float
+    ) -> list[tuple[float, _AtAirspeed]]:
+        """Airspeeds with V at the start on coarse fields, the least first, of equal ones the fastest."""
+        known = [
+            (least_s(self._field(each, danger_max, is_coarse=True), self._place), each) for each in airspeeds
+        ]
+        return sorted(known, key=lambda entry: (entry[0], -entry[1].airspeed_m_s))
 
-    Stretches are drawn at random, wide ones first.
-    """
-    problem, kept = exploration.problem, 0
-    rounds = problem.settings.smooth_iterations
-    for iteration in range(rounds):
-        n = len(route)
-        if n < 4 or should_stop():
-            break
-        widest = max(4, int(n * (1.0 - iteration / rounds)))
-        i = int(exploration.rng.integers(0, n - 3))
-        j = min(n - 1, i + 3 + int(exploration.rng.integers(0, widest)))
-        cut = short_cut(exploration, route, i, j)
-        if cut is None or not visits_goals(cut[0].states, problem.goals):
-            continue
-        gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut[0], i + 1)
-        if gain_s > LEAST_GAIN_S and _keeps_limits(exploration, objective, cut[0]):
-            route, kept = Route.of(cut[0].rows, len(cut[0])), kept + 1
-    return route, kept
+    def _search(self, known: _AtAirspeed, field: CostField, danger_max: float) -> Searched:
+        """Trees at one airspeed; the cheapest path, shortened, or the branch that comes nearest."""
+        exploration, objective = self._exploration, known.objective
+        exploration.start_afresh(known.airspeed_m_s)
+        if math.isinf(least_s(field, self._place)):
+            return Searched(route_from_tree(exploration, 0), False, math.inf, objective, SearchTrace(), 1)
+        grown: list[ObjectiveTree] = []
+        for weight, most in (*FINDING, IMPROVING):
+            is_found = any(tree.end >= 0 for tree in grown)
+            if grown and (is_found != ((weight, most) == IMPROVING) or self._should_stop()):
+                continue
+            grown.append(
+                ObjectiveTree(exploration, objective, field, weight=weight, danger_max=danger_max, most=most)
+            )
+            grown[-1].grow(self._should_stop)
+        best, num_nodes = min(grown, key=lambda tree: tree.cost_s), sum(tree.num_nodes for tree in grown)
+        route = best.route()
+        if best.end < 0:
+            return Searched(route, False, math.inf, objective, best.trace(), num_nodes)
+        route, num_cuts = self._shortened(objective, route)
+        cost_s = objective_between(objective, route)
+        notes = (*self._given_up(known, danger_max), f"{num_cuts} short cuts")
+        return Searched(route, True, cost_s, objective, best.trace(), num_nodes, notes)
+
+    def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
+        """A path led to the goal's centre, and shortened; with how many short cuts."""
+        exploration, began = self._exploration, self._timer()
+        route = finished_route(exploration, route, np.array(exploration.problem.goals[-1].position_enu_m))
+        num_cuts = 0
+        if exploration.problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
+            route, num_cuts = shortened_route(exploration, objective, route, self._should_stop)
+        self.shortening_s += self._timer() - began
+        return route, num_cuts
+
+    def _given_up(self, known: _AtAirspeed, danger_max: float) -> tuple[str, ...]:
+        """What had to be given up before pursuers, in words."""
+        notes = []
+        if known.airspeed_m_s > self._airspeeds[0].airspeed_m_s:
+            notes.append(f"flown at {known.airspeed_m_s:.0f} m/s, ahead of pursuers")
+        if danger_max == MOST_DANGER and self._exploration.is_hunted:
+            notes.append("no path that pursuers could not bar was found")
+        return tuple(notes)

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from companion.frames import FloatArray
+from companion.kernels.objective.row_costs import Objective
 from companion.kernels.search.path_assessment import radar_memberships
 from companion.kernels.threat.fuzzy_threat import success_over_exposures
 from companion.planning.explore import Exploration
+from companion.planning.least_objective.prices import objective_between, seconds_seen
 from companion.planning.problem import GoalRegion, Problem
-from companion.planning.route import Assessment, Route, cost_between
-from companion.types.plan import Measures
+from companion.planning.route import (
+    FLOWN_SLACK_S,
+    Assessment,
+    Route,
+    cost_between,
+    path_from_route,
+    pursuit_risk,
+)
+from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
+from companion.world.pursuer_trees import grown_trees
 
 HIGH_THREAT = 0.5
 MIN_ROWS = 4  # of a path that is worth improving
@@ -88,3 +101,93 @@ def exposures(levels: FloatArray) -> FloatArray:
     begins = np.flatnonzero(threatened & ~np.append(False, threatened[:-1]))
     ends = np.flatnonzero(threatened & ~np.append(threatened[1:], False))
     return np.array([levels[first : last + 1].max() for first, last in zip(begins, ends, strict=True)])
+
+
+def trace_with_pursuers(exploration: Exploration, trace: SearchTrace) -> SearchTrace:
+    """What a search looked like, with the pursuers' trees and the circles from which they reach path nodes.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        Has the trees.
+    trace : SearchTrace
+        The path tree.
+    """
+    tree, n = exploration.tree, int(exploration.tree.count[0])
+    pursuers = exploration.pursuers
+    nodes, parents, offset = [], [], 0
+    for d, count in enumerate(pursuers.count):
+        nodes.append(pursuers.position[d, :count, :2])
+        up = pursuers.parent[d, :count]
+        parents.append(np.where(up >= 0, up + offset, -1))
+        offset += int(count)
+    known = tree.threat_point[:n, :, 3] > 0.0
+    rows, which = np.nonzero(known[:, : len(pursuers.count)])
+    circles = np.column_stack([tree.state[rows, 0], tree.state[rows, 1], pursuers.model[which, 1]])
+    return replace(
+        trace,
+        threat_tree_enu_m=np.concatenate(nodes) if nodes else np.empty((0, 2)),
+        threat_tree_parents=np.concatenate(parents) if parents else np.empty(0, dtype=np.int64),
+        reach_circles_enu_m=circles,
+    )
+
+
+def plan_along(
+    exploration: Exploration, route: Route, assessment: Assessment, objective: Objective, *, reached: bool,
+    searched_s: float, num_nodes: int, notes: Sequence[str],
+) -> Plan:  # fmt: skip
+    """The plan that a route is.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found it.
+    route : Route
+        A path.
+    assessment : Assessment
+        What is known along it.
+    objective : Objective
+        J.
+    reached : bool
+        Whether it leads to the last goal.
+    searched_s : float
+        How long the search took.
+    num_nodes : int
+        How many nodes it grew.
+    notes : sequence of str
+        What is to be said of it.
+    """
+    problem = exploration.problem
+    return Plan(
+        status=PlanStatus.EXACT if reached else PlanStatus.APPROXIMATE,
+        path=path_from_route(exploration, route, assessment),
+        measures=measures_of(exploration, route, assessment, searched_s, num_nodes),
+        seed=problem.seed,
+        method=problem.settings.method,
+        snapshot_number=problem.snapshot.number,
+        notes=tuple(notes),
+        pursuit=pursuit_risk(exploration, route, slack_s=FLOWN_SLACK_S),
+        threat_trees=grown_trees(exploration.pursuers, problem.snapshot.tracks),
+        objective_s=objective_between(objective, route),
+        seen_s=seconds_seen(objective, route),
+    )
+
+
+def beside_flown(exploration: Exploration, plan: Plan, flown: Route, known: Assessment, cost: float) -> Plan:
+    """The plan with what is known of the path being flown.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the plan.
+    plan : Plan
+        Its answer.
+    flown : Route
+        What is left of the path being flown.
+    known : Assessment
+        What is known along it.
+    cost : float
+        What it costs, as :attr:`~companion.types.plan.Plan.cost` counts.
+    """
+    risk = pursuit_risk(exploration, flown, slack_s=FLOWN_SLACK_S)
+    return replace(plan, flown_cost=cost, flown_threat=float(known.levels.max()), flown_pursuit=risk)

@@ -48,7 +48,7 @@ def objective_of(exploration: Exploration) -> Objective:
         prices=prices_of(problem),
         obstacles=problem.snapshot.obstacles,
         threats=problem.snapshot.threats,
-        game=exploration.chase.full,
+        game=exploration.game,
         pursuers=exploration.pursuers,
         limits=limits,
         deviations=_deviations(exploration),

@@ -57,7 +57,7 @@ def state(east, north, *, up=100.0, v=25.0):
 
 
 def test_a_second_costs_a_second_where_nothing_is_wrong():
-    assert row_cost(state(100.0, 100.0), 5.0, 1.5, objective(seen=3.0, near=3.0, energy=1.0)) == 1.5
+    assert row_cost(state(100.0, 100.0), 5.0, 1.5, 0.0, objective(seen=3.0, near=3.0, energy=1.0)) == 1.5
 
 
 def test_two_radars_are_one_less_the_product_of_what_each_leaves():
@@ -67,7 +67,7 @@ def test_two_radars_are_one_less_the_product_of_what_each_leaves():
     there = objective(radars=RADARS, seen=3.0)
     assert exposure(1100.0, 500.0, 100.0, there.threats) == pytest.approx(1.0 - (1.0 - mu) ** 2, rel=1e-12)
     expected = 2.0 * (1.0 + 3.0 * (1.0 - (1.0 - mu) ** 2))
-    assert row_cost(state(1100.0, 500.0), 0.0, 2.0, there) == pytest.approx(expected, rel=1e-12)
+    assert row_cost(state(1100.0, 500.0), 0.0, 2.0, 0.0, there) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_radar_that_is_not_known_or_that_is_hidden_counts_for_nothing():
@@ -87,14 +87,14 @@ def test_a_radar_that_is_not_known_or_that_is_hidden_counts_for_nothing():
 def test_what_of_the_wanted_clearance_is_lacking_is_paid_for():
     """30 m from the box with 60 m wanted: half is lacking."""
     there = objective(obstacles=[BOX], near=3.0, wanted=60.0)
-    assert row_cost(state(870.0, 1000.0), 0.0, 1.0, there) == pytest.approx(2.5)
-    assert row_cost(state(840.0, 1000.0), 0.0, 1.0, there) == pytest.approx(1.0)
+    assert row_cost(state(870.0, 1000.0), 0.0, 1.0, 0.0, there) == pytest.approx(2.5)
+    assert row_cost(state(840.0, 1000.0), 0.0, 1.0, 0.0, there) == pytest.approx(1.0)
 
 
 def test_power_grows_with_the_cube_of_the_airspeed():
     there = objective(energy=1.0)
-    assert row_cost(state(0.0, 0.0, v=50.0), 0.0, 1.0, there) == pytest.approx(1.0 + 8.0 - 1.0)
-    assert row_cost(state(0.0, 0.0, v=20.0), 0.0, 1.0, there) == 1.0
+    assert row_cost(state(0.0, 0.0, v=50.0), 0.0, 1.0, 0.0, there) == pytest.approx(1.0 + 8.0 - 1.0)
+    assert row_cost(state(0.0, 0.0, v=20.0), 0.0, 1.0, 0.0, there) == 1.0
 
 
 def test_a_row_pays_for_its_probability_of_a_collision():
@@ -102,7 +102,7 @@ def test_a_row_pays_for_its_probability_of_a_collision():
     there = objective(obstacles=[BOX], collision=20.0, deviation=10.0)
     p_c = math.erf(math.sqrt(2.0)) - 2.0 * math.sqrt(2.0 / math.pi) * math.exp(-2.0)
     expected = 1.0 - 20.0 * math.log(p_c)
-    assert row_cost(state(880.0, 1000.0), 0.0, 1.0, there) == pytest.approx(expected, rel=1e-9)
+    assert row_cost(state(880.0, 1000.0), 0.0, 1.0, 0.0, there) == pytest.approx(expected, rel=1e-9)
 
 
 def test_danger_rises_as_the_slack_before_a_pursuer_runs_out():
@@ -111,13 +111,13 @@ def test_danger_rises_as_the_slack_before_a_pursuer_runs_out():
     assert pursuit_danger(1000.0, 1000.0, 0.0, 20.0, there) == 0.0
     assert 0.0 < pursuit_danger(1000.0, 1000.0, 0.0, 28.0, there) < 1.0
     assert pursuit_danger(1000.0, 1000.0, 0.0, 31.0, there) == 1.0
-    assert row_cost(state(1000.0, 1000.0, up=0.0), 31.0, 1.0, there) == pytest.approx(4.0)
+    assert row_cost(state(1000.0, 1000.0, up=0.0), 31.0, 1.0, 0.5, there) == pytest.approx(2.5)
 
 
 def test_a_path_costs_what_its_rows_cost():
     there = objective(radars=RADARS, seen=3.0)
     states = np.array([state(900.0 + 25.0 * k, 500.0) for k in range(9)])
     rows = PathRows(states, np.arange(9.0), np.zeros((9, 2)))
-    each = sum(row_cost(states[k], float(k), 1.0, there) for k in range(1, 9))
+    each = sum(row_cost(states[k], float(k), 1.0, 0.0, there) for k in range(1, 9))
     assert rows_cost(rows, 0, 9, there) == pytest.approx(each, rel=1e-12)
     assert rows_cost(rows, 1, 5, there) + rows_cost(rows, 5, 9, there) == pytest.approx(each, rel=1e-12)

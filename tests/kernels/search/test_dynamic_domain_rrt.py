@@ -14,7 +14,6 @@ from companion.kernels.search import dynamic_domain_rrt as k
 from companion.kernels.workspace import Step, empty_nearest, threat_scene
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
-from companion.world.pursuit import Pursuit
 from companion.world.threats import packed_threats
 from tests.support.paths import box
 from tests.support.worlds import VEHICLE, packed, small_settings, threat_model
@@ -24,7 +23,7 @@ SPACE = VehicleModel().limits(3, BOUNDS, 15.0, 1.0)
 PLANE = VehicleModel().limits(2, BOUNDS, 15.0, 1.0)
 EMPTY = packed([], BOUNDS)
 THREATS = packed_threats([Radar("r", (200.0, 100.0, 0.0), 400.0)], EMPTY, BOUNDS)
-SEARCH = small_settings().search(PLANE, 25.0, 100.0, Pursuit.IGNORED)
+SEARCH = small_settings().search(PLANE, 25.0, 100.0, bars_pursued=False)
 UNIT = st.floats(0.0, 1.0, exclude_max=True)
 
 

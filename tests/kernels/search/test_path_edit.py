@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from companion.assurance.checker import Checker
 from companion.frames import course_from_direction
 from companion.kernels.aircraft import dubins
-from companion.kernels.aircraft.motion import STRAIGHT_RATE
 from companion.kernels.search import path_edit as s
 from companion.kernels.workspace import PathRows
 from companion.vehicle.vehicle_model import VehicleModel
@@ -302,46 +301,3 @@ def test_time_stamps_go_by_the_wind():
     assert status == s.JOINED
     assert room.times[n - 1] == pytest.approx(200.0 / 20.0)
     assert s.is_flyable(room, n, 1, windy)
-
-
-def test_an_edge_on_which_it_gets_faster_by_hand():
-    """25 m/s to 30 at 0.5 m/s²: 10 s and 275 m; then 225 m in 7.5 s: 18 equal steps of 17.5 / 18 s."""
-    path = rows()
-    goal = np.array((500.0, 0.0, 200.0, 0.0, 0.0, 99.0))
-    status, n = s.join_accelerated(path, 1, goal, 30.0, LIMITS)
-    assert (status, n) == (s.JOINED, 19)
-    dt = 17.5 / 18.0
-    times = dt * np.arange(1.0, 19.0)
-    assert path.times[1:19] == pytest.approx(10.0 + times)
-    assert path.states[1:19, 5] == pytest.approx(np.minimum(25.0 + 0.5 * times, 30.0))
-    assert path.states[1:19, 0] == pytest.approx(
-        np.where(times <= 10.0, 25.0 * times + 0.25 * times**2, 275.0 + 30.0 * (times - 10.0))
-    )
-    assert path.states[18, :3] == pytest.approx(goal[:3])
-
-
-def test_an_edge_too_short_for_its_speed_ends_at_what_is_reached():
-    """v² = 25² + 2 · 0.5 · 100."""
-    path = rows()
-    status, n = s.join_accelerated(path, 1, np.array((100.0, 0.0, 200.0, 0.0, 0.0, 0.0)), 37.0, LIMITS)
-    assert status == s.JOINED
-    assert path.states[n - 1, 5] == pytest.approx(math.sqrt(25.0**2 + 100.0))
-    climbing = np.array((500.0, 0.0, 210.0, 0.0, 0.0, 30.0))
-    assert s.join_accelerated(path, 1, climbing, 30.0, LIMITS) == (s.NOT_FLYABLE, 1)
-
-
-@given(COORDINATE, COORDINATE, ANGLE, st.floats(15.0, 37.0))
-def test_an_accelerated_edge_keeps_the_limits(east, north, direction, target):
-    assume(abs(target - 25.0) > 0.05)
-    path = rows()
-    status, n = s.join_accelerated(
-        path, 1, np.array((east, north, 200.0, direction, 0.0, 25.0)), target, LIMITS
-    )
-    assume(status == s.JOINED)
-    assert path.states[n - 1, :2] == pytest.approx((east, north), abs=1e-6)
-    assert math.cos(path.states[n - 1, 3] - direction) == pytest.approx(1.0, abs=1e-9)
-    turned = np.abs(path.rates[1:n, 0]) * np.diff(path.times[:n])
-    is_a_turn_or_straight = (turned <= 0.25 * STRAIGHT_RATE) | (turned > STRAIGHT_RATE)
-    assert all(s.keeps_limits(path, k, LIMITS) for k in range(1, n) if is_a_turn_or_straight[k - 1])
-    steps, speeds = np.diff(path.times[:n]), path.states[:n, 5]
-    assert np.abs(np.diff(speeds) / steps).max() <= LIMITS.a_max + 1e-9

@@ -12,9 +12,9 @@ from companion.kernels.search import branches as below_root
 from companion.kernels.search import rrt_star as k
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
+from companion.planning.printed.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
+from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import assess_route, finished_route, path_from_route, route_from_tree
-from companion.planning.solver import _found
 from companion.types.threat import Radar
 from tests.planning.test_solver import checker_for
 from tests.support.paths import box
@@ -27,7 +27,7 @@ RADARS = [Radar("r", (900.0, 1000.0, 0.0), 400.0)]
 def searched(seed, dimension=2, tracks=(), **changes):
     asked = problem(WALLS, RADARS, tracks, dimension=dimension, seed=seed, **changes)
     exploration = Exploration(asked, np.random.default_rng(seed))
-    reached, route, end = _found(exploration, lambda: False)
+    reached, route, end = SubTasks(exploration).through_goals(lambda: False)
     assert reached
     return exploration, finished_route(exploration, route, np.array(asked.goals[-1].position_enu_m)), end
 
@@ -98,7 +98,7 @@ def test_no_edge_gains_airspeed_faster_than_the_aircraft_can(seed):
     asked = problem(WALLS, RADARS, seed=seed)
     asked = replace(asked, start=replace(asked.start, airspeed_m_s=23.3))
     exploration = Exploration(asked, np.random.default_rng(seed))
-    _, route, end = _found(exploration, lambda: False)
+    _, route, end = SubTasks(exploration).through_goals(lambda: False)
     goal = _with_last_edge(exploration, exploration.scene(), route, end)
     tree, branches, star = exploration.tree, branches_below(exploration, 0), exploration.star_work
     draws = np.random.default_rng(seed).random((400, k.STAR_DRAWS))

@@ -13,7 +13,6 @@ from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable, join
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.room import price_of_room
 from companion.planning.route import Route, assess_route, cost_between
 from tests.support.paths import box
 from tests.support.worlds import VEHICLE, problem
@@ -26,13 +25,13 @@ LAST = len(POSES) - 1
 DRAWS = np.full(k.STAR_DRAWS, 0.5)
 
 
-def exploration_of(noise, cost_collision, wanted=0.0):
-    """A search among the poses, by an aircraft that strays so many times the usual and wants such room."""
+def exploration_of(noise, cost_collision):
+    """A search among the poses, by an aircraft that strays so many times the usual."""
     keys = ("acceleration_std_m_s2", "course_rate_std_rad_s", "position_std_m", "course_std_rad")
     vehicle = replace(VEHICLE, **{key: noise * getattr(VEHICLE, key) for key in keys})
     asked = problem(
         WALL, start=START, goal=GOAL, direction=0.0, bounds=(0.0, 1500.0, -300.0, 800.0, 50.0, 250.0),
-        clearance_min_m=1.0, cost_collision=cost_collision, clearance_wanted_m=wanted,
+        clearance_min_m=1.0, cost_collision=cost_collision,
     )  # fmt: skip
     return Exploration(replace(asked, vehicle=vehicle), np.random.default_rng(1))
 
@@ -54,7 +53,7 @@ def route_over(exploration, chosen):
 
 
 def every_path(exploration):
-    """What each path costs that flies over any of the poses eastwards: (9), -log Q with its weight, room."""
+    """What each path costs that flies over any of the poses eastwards: (9), and -log Q with its weight."""
     found = {}
     for number in range(len(PLACES) + 1):
         for chosen in itertools.combinations(range(len(PLACES)), number):
@@ -65,7 +64,6 @@ def every_path(exploration):
                 risk = assess_route(exploration, route).log_risk(1)
                 weight = exploration.problem.settings.weight_collision
                 found[chosen] = cost_between(exploration, route) + weight * risk
-                found[chosen] += price_of_room(exploration, route, 1)
     return found
 
 
@@ -98,17 +96,13 @@ def rewired(exploration):
 
 
 @pytest.mark.parametrize(
-    ("noise", "weight", "wanted"),
-    [
-        (1.0, 10.0, 0.0), (2.0, 10.0, 0.0), (3.0, 10.0, 0.0), (3.0, 1.0, 0.0), (4.0, 30.0, 0.0),
-        (1.0, 0.0, 30.0), (1.0, 10.0, 40.0), (1.0, 0.0, 80.0),
-    ],
-)  # fmt: skip
-def test_rewiring_ends_in_the_best_of_all_paths(noise, weight, wanted):
-    found = every_path(exploration_of(noise, weight, wanted))
+    ("noise", "weight"), [(1.0, 10.0), (2.0, 10.0), (3.0, 10.0), (3.0, 1.0), (4.0, 30.0)]
+)
+def test_rewiring_ends_in_the_best_of_all_paths(noise, weight):
+    found = every_path(exploration_of(noise, weight))
     assert len(found) > len(PLACES)
     best = min(found, key=found.get)
-    chosen, cost = rewired(exploration_of(noise, weight, wanted))
+    chosen, cost = rewired(exploration_of(noise, weight))
     assert chosen == best
     # Each edge is weighed with the covariance of its own beginning: a path's whole sum differs a little.
     assert cost == pytest.approx(found[best], rel=0.01)
@@ -120,11 +114,3 @@ def test_the_larger_the_noise_the_wider_the_way_round_and_without_its_weight_str
     assert south == sorted(south, reverse=True)
     assert south[0] > south[-1]
     assert rewired(exploration_of(3.0, 0.0))[0] == ()
-
-
-def test_the_more_room_is_wanted_the_wider_the_way_round():
-    south = [min((POSES[pose, 1] for pose in rewired(exploration_of(1.0, 0.0, wanted))[0]), default=100.0)
-             for wanted in (0.0, 20.0, 40.0, 80.0)]  # fmt: skip
-    assert south == sorted(south, reverse=True)
-    assert south[0] == 100.0
-    assert south[-1] < 60.0

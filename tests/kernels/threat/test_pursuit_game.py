@@ -159,31 +159,6 @@ def test_lines_of_sight_lead_where_a_dt_can_be_in_time():
     assert k._bearings_to(made, 0, 1000.0, 1000.0, 450.0, 60.0)[1] >= 2.0 * math.pi
 
 
-def test_ways_before_a_dt_leave_out_what_it_bars():
-    """A DT half way reaches the line between start and goal first; the detour far from it stays."""
-    made = game(track(1000.0, 1000.0, speed=5.0, radius=150.0))
-    free = np.ones((67, 67))
-    k.fill_ways_free(free, np.zeros(2), 30.0, made, (30.0, 1000.0, 100.0, 0.0), 25.0, 0.0)
-    assert free[33, 33] == 0.0
-    assert free[33, 2] == 1.0
-    assert free[1, 33] == 1.0
-
-
-def test_weighed_what_it_bars_is_dear_and_the_rest_as_before():
-    made = game(track(1000.0, 1000.0, speed=5.0, radius=150.0))
-    begin = (30.0, 1000.0, 100.0, 0.0)
-    barred, dear = np.ones((67, 67)), np.ones((67, 67))
-    dear[:, 60] = barred[:, 60] = 0.0  # a wall
-    k.fill_ways_free(barred, np.zeros(2), 30.0, made, begin, 25.0, 0.0)
-    k.fill_ways_free(dear, np.zeros(2), 30.0, made, begin, 25.0, 5.0)
-    assert set(np.unique(dear)) == {0.0, 1.0, 5.0}
-    assert (dear[barred == 1.0] == 1.0).all()
-    assert (dear[:, 60] == 0.0).all()
-    for i, j in np.argwhere(dear == 5.0):  # however straight the way there
-        soonest = math.hypot(30.0 * i - 30.0, 30.0 * j - 1000.0) / 25.0
-        assert k.is_caught(made, 30.0 * i, 30.0 * j, 100.0, 1.1 * soonest + 4.0)
-
-
 def test_the_heap_gives_back_the_least_first():
     rng = np.random.default_rng(1)
     keys, values, size = np.empty(200), np.empty(200, dtype=np.int64), 0

@@ -12,29 +12,24 @@ from companion.frames import FloatArray
 from companion.kernels.arrays import Branches, Scene, empty_branches
 from companion.kernels.search.branches import enter_below
 from companion.kernels.search.growth import grow
-from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable, splice
+from companion.kernels.search.path_edit import air_time
 from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
-from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
+from companion.planning.least_objective.short_cuts import short_cut
 from companion.planning.problem import GoalRegion
-from companion.planning.room import price_of_room
 from companion.planning.route import (
     Assessment,
     Route,
     assess_route,
     branch_to,
     cost_between,
-    pursuit_risk,
     route_from_tree,
     visits_goals,
 )
 
-SPARE_ROWS = 64
 LEAST_GAIN = 0.002  # of the path's cost, below which a burst of RRT* has gained nothing
 PATIENCE = 200  # iterations without gain after which it ends
 RISK_SPARE = 1e-3  # of -log Q, which no optimising takes more of
-SPEED_SPARE_M_S = 0.1  # by which a short cut may be faster than the row that it leads to
-NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +138,8 @@ def smoothed_route(
     """Smooth a path by Dubins curves: short cuts between its waypoints, until the iterations are used up.
 
     Rewiring on the path alone, judged by the cost with the DTs where they can be when a row is passed.
-    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps. None is
-    kept that a DT could threaten for longer, and all of them together cost next to nothing of Q.
+    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps. All of
+    them together cost next to nothing of Q.
 
     Returns
     -------
@@ -158,7 +153,6 @@ def smoothed_route(
     problem, settings = exploration.problem, exploration.problem.settings
     kept, weight = 0, settings.weight_collision
     spare = RISK_SPARE if weight > 0.0 else math.inf
-    caught_weight = settings.weight_caught(exploration.chase.pursuit)
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
@@ -172,15 +166,10 @@ def smoothed_route(
         shorter, at = cut
         if not visits_goals(shorter.states, problem.goals):
             continue
-        # Rows after j keep their shape; passed sooner, they are within reach of the DTs no more than before.
-        before_s = pursuit_risk(exploration, route, i + 1, j + 1).total_s
-        after_s = pursuit_risk(exploration, shorter, i + 1, at + 1).total_s
         gain = cost_between(exploration, route, i + 1, j + 1) - cost_between(
             exploration, shorter, i + 1, at + 1
         )
-        gain += caught_weight * (before_s - after_s)
-        gain += price_of_room(exploration, route, i + 1, j) - price_of_room(exploration, shorter, i + 1, at)
-        if after_s > before_s or gain <= 1e-9:
+        if gain <= 1e-9:
             continue
         laid = assess_route(exploration, shorter.until(at), known, i + 1)
         more = laid.log_risk(i + 1, at) - known.log_risk(i + 1, j)
@@ -192,40 +181,16 @@ def smoothed_route(
     return route, known, kept
 
 
-def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:
-    """The route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
-
-    With it the row that ``j`` has become.
-    """
-    limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
-    n, states = len(route), route.states
-    if states[i, 5] > states[j, 5] + SPEED_SPARE_M_S:  # it would be as fast to its end
-        return None
-    rows = empty_rows(n + SPARE_ROWS)
-    status, m, at = splice(route.rows, n, i, NOWHERE, False, j, limits, rows)
-    if status != JOINED or rows.times[at] >= route.times[j]:
-        return None
-    if not is_flyable(rows, m, i + 1, limits):
-        return None
-    if not is_clear(rows, i + 1, at + 1, obstacles, limits):
-        return None
-    return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at
-
-
-def is_no_worse(exploration: Exploration, route: Route, known: Assessment, risk: tuple[float, float]) -> bool:
-    """Whether a route costs neither Q, where that counts, nor seconds under threat.
+def is_no_worse(exploration: Exploration, known: Assessment, log_risk: float) -> bool:
+    """Whether a route costs no Q, where that counts.
 
     Parameters
     ----------
     exploration : Exploration
         The search that found it.
-    route : Route
-        A path.
     known : Assessment
         What is known along it.
-    risk : tuple of float
-        -log Q, and the seconds that a DT could threaten, of the path that it is compared with.
+    log_risk : float
+        -log Q of the path that it is compared with.
     """
-    is_counted = exploration.problem.settings.weight_collision > 0.0
-    keeps_quality = not is_counted or known.log_risk() <= risk[0] + RISK_SPARE
-    return keeps_quality and pursuit_risk(exploration, route).total_s <= risk[1]
+    return exploration.problem.settings.weight_collision == 0.0 or known.log_risk() <= log_risk + RISK_SPARE

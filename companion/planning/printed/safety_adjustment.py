@@ -9,7 +9,7 @@ from companion.kernels.aircraft.lqg_mp import position_factor
 from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.route import Assessment, Route, assess_route, pursuit_risk, visits_goals
+from companion.planning.route import Assessment, Route, assess_route, visits_goals
 
 REACHES = (
     (8, 8),
@@ -61,18 +61,12 @@ def adjusted_route(
                     trial.clear.min() >= 1.0 - collision_max
                     and _threat(relaid, trial, first, end) < was
                     and trial.log_risk(first, end) <= assessment.log_risk(first, k + after) + RISK_SAME
-                    and _caught_s(exploration, candidate) <= _caught_s(exploration, route)
                 ):
                     assessment = assess_route(exploration, candidate, trial, end + 1)
                     route, moved = candidate, moved + 1
                     break
         k += EVERY
     return route, moved, assessment
-
-
-def _caught_s(exploration: Exploration, route: Route) -> float:
-    """For how long DTs could threaten a route [s]."""
-    return pursuit_risk(exploration, route).total_s
 
 
 def _threat(route: Route, assessment: Assessment, first: int, last: int) -> float:

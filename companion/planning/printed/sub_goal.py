@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Guide, Limits, Scene
@@ -19,14 +18,11 @@ from companion.kernels.search.sub_goals import (
     SubGoalWeights,
     score,
 )
-from companion.kernels.threat.pursuit_game import caught_rows
 from companion.planning.comparators import SubGoalRule
 from companion.planning.settings import PlannerSettings
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the distance to go by
-REST_ROWS = 13  # of the way from a sub goal to the goal at which DTs are looked for
-REST_CLIMB = 0.6  # of the climb angle that this way climbs with: walls lie between
 REPEATED_SHARE = 0.25  # of the horizon: candidates this near to a sub goal used before come last
 
 
@@ -89,7 +85,6 @@ def choose_sub_goal(
     *,
     end: FloatArray,
     goal: FloatArray,
-    stamp_s: float,
     elapsed_s: float,
     scene: Scene,
     settings: PlannerSettings,
@@ -102,9 +97,6 @@ def choose_sub_goal(
     the path's end by more than ``DETOUR_SHARE`` of the horizon. They lead into dead ends, which the
     straight line of (6) does not see.
 
-    In space also points where a DT could be in time, as those at high risk, and :func:`caught_on_the_rest` is
-    paid for: who has to be high by then begins to climb in time.
-
     Points near one that was chosen before come last: the formula alone would lead back into a trap.
     Where every point is removed, the least-cost one clear of obstacles is taken and said so.
 
@@ -114,8 +106,6 @@ def choose_sub_goal(
         State in which the path ends so far.
     goal : ndarray, shape (3,)
         Centre of the goal region [m].
-    stamp_s : float
-        When the path's end is passed [s].
     elapsed_s : float
         Time from the plan's start to the path's end.
     scene : Scene
@@ -139,10 +129,6 @@ def choose_sub_goal(
     reasons = np.empty(len(points), dtype=np.int64)
     rule = SubGoalWeights(np.array(gamma), np.array(weights), settings.sub_goal_level_max)
     score(Candidates(points, costs, reasons), end, goal, elapsed_s, rule, scene)
-    if limits.dimension == 3 and scene.search.pursuit > 0:
-        at_once, seconds = caught_on_the_rest(points, end, goal, stamp_s, scene)
-        reasons[(reasons == FREE) & at_once] = HIGH_RISK
-        costs += settings.weight_sub_goal_caught * seconds
     to_go = np.array([distance_to_go(home, x, y) for x, y, _ in points])
     limit = distance_to_go(home, end[0], end[1]) + DETOUR_SHARE * radius
     reasons[(reasons == FREE) & (to_go > limit)] = CONSTRAINED
@@ -155,49 +141,3 @@ def choose_sub_goal(
     if risky.any():
         return SubGoal(points[np.argmin(np.where(risky, costs, np.inf))], "every sub goal is at high risk")
     return SubGoal(points[np.argmin(costs)], "no sub goal is free of obstacles and constraints")
-
-
-def caught_on_the_rest(
-    points: FloatArray, end: FloatArray, goal: FloatArray, stamp_s: float, scene: Scene
-) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Where a DT could be in time at sub goals, and for how long on the way from there to the goal.
-
-    The way is a straight one that climbs as it may, and comes down to the goal in time: what is under
-    threat on it can hardly be escaped from that sub goal. The goal itself counts for none: all lead there.
-
-    Parameters
-    ----------
-    points : ndarray, shape (S, 3)
-        Sub goals [m].
-    end : ndarray, shape (6,)
-        State in which the path ends so far.
-    goal : ndarray, shape (3,)
-        Centre of the goal region [m].
-    stamp_s : float
-        When the path's end is passed [s].
-    scene : Scene
-        The game, and the limits.
-
-    Returns
-    -------
-    ndarray of bool, shape (S,)
-        Whether a DT could threaten a sub goal when it is passed.
-    ndarray, shape (S,)
-        Seconds that it could do so after it.
-    """
-    limits, share = scene.limits, np.linspace(0.0, 1.0, REST_ROWS)
-    up, down = math.tan(REST_CLIMB * limits.climb_max), math.tan(REST_CLIMB * limits.descent_max)
-    at_once, seconds = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points))
-    states, due_s = (
-        np.zeros((REST_ROWS, 6)),
-        stamp_s + np.linalg.norm(points - end[:3], axis=1) / limits.v_cruise,
-    )
-    for s, point in enumerate(points):
-        length = math.hypot(*(goal[:2] - point[:2]))
-        states[:, :2] = point[:2] + share[:, None] * (goal[:2] - point[:2])
-        from_goal = np.maximum(point[2], goal[2] + (1.0 - share) * length * down)
-        states[:, 2] = np.minimum(point[2] + share * length * up, from_goal)
-        times = due_s[s] + share * length / limits.v_cruise
-        first_s, seconds[s] = caught_rows(states, times, 0, REST_ROWS - 1, scene.game)  # not the goal
-        at_once[s] = first_s == times[0]
-    return at_once, seconds

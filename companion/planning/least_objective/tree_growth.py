@@ -1,0 +1,144 @@
+"""One tree that grows best first along V."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from companion.kernels.objective.best_first import (
+    UNFINISHED,
+    BestFirst,
+    Cells,
+    Nodes,
+    Rules,
+    grow_best_first,
+    node_nearest_to_goal,
+)
+from companion.kernels.objective.cost_to_go import CostField, Heap
+from companion.kernels.objective.row_costs import Objective
+from companion.planning.explore import Exploration
+from companion.planning.route import Route
+from companion.types.plan import SearchTrace
+
+GOAL_SHARE = 0.75  # of a goal's radius, within which it counts as passed: the rest is the autopilot's
+BURST = 500  # nodes extended between two looks at the time
+TABLE = 2**17  # of cells; some times as many as a tree comes to
+ROWS_EACH = 12  # of the tree, at most, for each node that is extended
+
+
+class ObjectiveTree:
+    """One tree.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        Has its root, and counts the work; left at the airspeed that is flown.
+    objective : Objective
+        What a path costs.
+    field : CostField
+        V.
+    weight : float
+        Times which V counts.
+    danger_max : float
+        Most danger from pursuers at which a place may be passed.
+    most : int
+        How many nodes may be extended.
+
+    Attributes
+    ----------
+    end : int
+        The node at the last goal; negative while there is none.
+    """
+
+    def __init__(
+        self,
+        exploration: Exploration,
+        objective: Objective,
+        field: CostField,
+        *,
+        weight: float,
+        danger_max: float,
+        most: int,
+    ) -> None:
+        problem, root = exploration.problem, exploration.tree
+        self._most = min(most, problem.settings.max_iterations)
+        self.end = UNFINISHED
+        num = ROWS_EACH * self._most + ROWS_EACH
+        self.nodes = nodes = _empty_nodes(num)
+        nodes.state[0], nodes.time[0], nodes.rate[0] = root.state[0], root.time[0], 0.0
+        nodes.turn[0], nodes.straight[0], nodes.parent[0] = root.turn[0], root.straight[0], -1
+        nodes.cost[0], nodes.pace[0], nodes.stage[0], nodes.seen[0] = 0.0, 0, 0, 0.0
+        nodes.level[0] = root.level[0]
+        goals = [[*goal.position_enu_m, GOAL_SHARE * goal.acceptance_radius_m] for goal in problem.goals]
+        self._search = BestFirst(
+            nodes=nodes,
+            cells=Cells(np.zeros(TABLE, dtype=np.int64), np.empty(TABLE), np.empty(TABLE)),
+            heap=Heap(np.zeros(num), np.zeros(num, dtype=np.int64)),
+            sizes=np.ones(2, dtype=np.int64),
+            field=field,
+            objective=objective,
+            rules=Rules(
+                goals=np.array(goals, dtype=np.float64),
+                paces=np.array([exploration.limits.v_cruise]),
+                weight=weight,
+                seen_max=problem.settings.seen_max_s,
+                danger_max=danger_max,
+            ),
+            scene=exploration.scene(),
+            work=exploration.work,
+        )
+
+    @property
+    def num_nodes(self) -> int:
+        """How many nodes it has."""
+        return int(self._search.sizes[0])
+
+    @property
+    def cost_s(self) -> float:
+        """J of the path; infinite where none was found."""
+        return float(self.nodes.cost[self.end]) if self.end >= 0 else math.inf
+
+    def grow(self, should_stop: Callable[[], bool]) -> None:
+        """Grow to the last goal."""
+        left = self._most
+        while self.end == UNFINISHED and left > 0:
+            self.end = int(grow_best_first(self._search, min(BURST, left)))
+            left -= BURST
+            if should_stop():
+                break
+
+    def route(self) -> Route:
+        """The path to the last goal, or to the node with the least V."""
+        node = self.end if self.end >= 0 else int(node_nearest_to_goal(self._search))
+        rows: list[int] = []
+        while node >= 0:
+            rows.append(node)
+            node = int(self.nodes.parent[node])
+        index = np.array(rows[::-1])
+        return Route(self.nodes.state[index], self.nodes.time[index], self.nodes.rate[index])
+
+    def trace(self) -> SearchTrace:
+        """The tree for pictures."""
+        num = self.num_nodes
+        return SearchTrace(
+            tree_enu_m=self.nodes.state[:num, :3].copy(), tree_parents=self.nodes.parent[:num].copy()
+        )
+
+
+def _empty_nodes(num: int) -> Nodes:
+    """Room for so many nodes."""
+    return Nodes(
+        state=np.empty((num, 6)),
+        parent=np.empty(num, dtype=np.int64),
+        time=np.empty(num),
+        cost=np.empty(num),
+        turn=np.empty(num, dtype=np.int64),
+        straight=np.empty(num),
+        rate=np.empty((num, 2)),
+        pace=np.empty(num, dtype=np.int64),
+        stage=np.empty(num, dtype=np.int64),
+        seen=np.empty(num),
+        level=np.empty(num),
+    )
