@@ -12,7 +12,7 @@ from companion.planning.comparators import METHODS, Certainty
 from companion.planning.settings import settings_for
 from companion.planning.solver import solve
 from companion.types.threat import Radar
-from tests.support.exact_paths import memberships
+from tests.support.exact_paths import ExactGrid, memberships
 from tests.support.paths import box
 from tests.support.random_maps import BOUNDS, RandomMap
 from tests.support.worlds import problem
@@ -155,3 +155,25 @@ def test_nearness_has_a_price_where_the_objective_decides(method):
         max_iterations=1000, clearance_wanted_m=60.0,
     )  # fmt: skip
     assert chosen.room_wanted_m == (60.0 if METHODS[method].by_objective else 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "spacing", "rise"), [("paper-2d", 25.0, None), ("paper-3d", 75.0, 12.0)])
+def test_the_papers_maps_without_pursuers_are_flown_nearly_as_cheaply_as_can_be(name, spacing, rise):
+    """All their radars known."""
+    mission = load_mission(f"mission_configs/{name}.yaml").model_copy(update={"dynamic_threats": ()})
+    world = offline_world(mission)
+    asked = offline_problem(mission, world.with_known(np.ones_like(world.threats.known)), None, 1)
+    settings = asked.settings
+    exact = ExactGrid(
+        mission.obstacle_list, mission.radar_list, asked.snapshot.bounds, start=asked.start.position_enu_m,
+        goal=asked.goals[0].position_enu_m, margin=settings.clearance_min_m, spacing=spacing,
+        speed=asked.vehicle.airspeed_cruise_m_s,
+        prices=(settings.price_seen, settings.price_near, settings.room_wanted_m), rise=rise,
+    )  # fmt: skip
+    plan = solve(asked)
+    assert plan.objective_s <= 1.10 * exact.least_s
+    places = plan.path.positions_enu_m
+    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    seen_m = lengths @ memberships(places, mission.radar_list, mission.obstacle_list, rise is None)[1:]
+    assert seen_m <= SEEN_TIMES * exact.seen_m() + SEEN_MORE_M

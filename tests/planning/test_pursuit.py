@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission, mission_from_text
+from companion.planning.comparators import Strategies
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
 from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game
 from tests.games.oracle import first_caught_s, game_of
+from tests.support.exact_pursuit import Pursued
 from tests.support.worlds import problem, track
 
 pytestmark = pytest.mark.compiled
@@ -117,3 +119,29 @@ def test_shortening_never_leads_into_a_threat(seed):
     plan = solve(asked)
     assert plan.objective_s <= plain.objective_s + 1e-6
     assert plan.pursuit.total_s <= plain.pursuit.total_s + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "speed", "radius"),
+    [
+        (1300.0, 1300.0, 20.0, 200.0),  # it can wait at the goal: no way is safe
+        (725.0, 725.0, 0.0, 200.0),  # it stands on the straight way
+        (900.0, 500.0, 8.0, 250.0),
+        (1300.0, 700.0, 15.0, 150.0),
+    ],
+)
+def test_before_a_pursuer_j_is_nearly_the_least_of_an_exact_search(east, north, speed, radius):
+    """In open country, at cruise; the exact search knows no turns, and danger of 5/6 bars no way there."""
+    pursuer = track(east, north, speed=speed, radius=radius)
+    asked = problem(tracks=[pursuer], strategies=replace(Strategies(), may_hurry=False))
+    plan = solve(asked)
+    exact = Pursued(
+        side=1500.0, spacing=62.5, speed=25.0, pursuer=(east, north), pursuer_speed=speed, reach=radius,
+        price=3.0, slack=3.0,
+    ).least((125.0, 125.0), (1312.5, 1312.5))  # fmt: skip
+    ends_s = (
+        math.dist((100.0, 100.0), (125.0, 125.0)) + math.dist((1350.0, 1350.0), (1312.5, 1312.5))
+    ) / 25.0
+    assert plan.reaches_goal
+    assert plan.objective_s <= 1.15 * (exact + 4.0 * ends_s)
+    assert plan.objective_s >= 0.9 * exact

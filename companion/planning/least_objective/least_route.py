@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,7 +104,8 @@ class LeastRouteSearch:
     ) -> None:
         self._exploration, self._should_stop, self._timer = exploration, should_stop, timer
         self._place = exploration.problem.start.position_enu_m
-        self._airspeeds = [self._at(airspeed) for airspeed in exploration.airspeeds_m_s]
+        tried = exploration.airspeeds_m_s if exploration.is_hunted else exploration.airspeeds_m_s[:1]
+        self._airspeeds = [self._at(airspeed) for airspeed in tried]
         self.bound_s = min(each.bound_s for each in self._airspeeds)
         self.shortening_s = 0.0
 
@@ -112,7 +113,7 @@ class LeastRouteSearch:
         """The cheapest path that is found, by J, or the branch that comes nearest to the last goal.
 
         Before pursuers each airspeed has a V and trees of its own. A path that they cannot bar goes before
-        one that they can. Aircraft that only pass are avoided at cruise.
+        one that they can. Where nothing pursues, only cruise is flown; aircraft that pass are foreseen in V.
         """
         if math.isinf(self.bound_s):
             return self._to_goals_before()
@@ -120,10 +121,9 @@ class LeastRouteSearch:
             return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
         found = None
         if self._exploration.is_hunted:
-            found = self._at_cheapest_airspeed(self._airspeeds, self._exploration.danger_max)
+            found = self._at_cheapest_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
-            airspeeds = self._airspeeds if self._exploration.is_hunted else self._airspeeds[:1]
-            found = self._at_cheapest_airspeed(airspeeds, MOST_DANGER)
+            found = self._at_cheapest_airspeed(MOST_DANGER)
             assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
@@ -148,7 +148,7 @@ class LeastRouteSearch:
         return cost_to_go_of(self._exploration.problem, self._airspeeds[0].objective).fine
 
     def _at(self, airspeed_m_s: float) -> _AtAirspeed:
-        """What is known of flights at an airspeed; without pursuers only cruise is flown."""
+        """What is known of flights at an airspeed."""
         self._exploration.start_afresh(airspeed_m_s)
         objective = objective_of(self._exploration)
         known = cost_to_go_of(self._exploration.problem, objective)
@@ -159,15 +159,15 @@ class LeastRouteSearch:
         problem = self._exploration.problem
         return field_before_pursuers(problem, known.objective, danger_max, is_coarse=is_coarse)
 
-    def _at_cheapest_airspeed(self, airspeeds: Sequence[_AtAirspeed], danger_max: float) -> Searched | None:
+    def _at_cheapest_airspeed(self, danger_max: float) -> Searched | None:
         """The cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
 
         The others are left out once V, less what it falls by on the fine field, is no less than the cost of a
-        path that was found. None where pursuers bar all ways at the highest airspeed: whoever is slower comes
-        later everywhere.
+        path that was found. None where pursuers bar all ways, at the highest airspeed on the fine field, at
+        the others on coarse ones: whoever is slower comes later, but for a tighter first turn.
         """
         best, share = None, 0.0
-        for coarse_s, known in self._in_order(airspeeds, danger_max):
+        for coarse_s, known in self._in_order(danger_max):
             likely_s = max(known.bound_s, share * coarse_s if math.isfinite(coarse_s) else 0.0)
             if best is not None and (likely_s >= best.cost_s or self._should_stop()):
                 continue
@@ -180,12 +180,11 @@ class LeastRouteSearch:
             best = min((best or found, found), key=lambda each: each.cost_s)
         return best
 
-    def _in_order(
-        self, airspeeds: Sequence[_AtAirspeed], danger_max: float
-    ) -> list[tuple[float, _AtAirspeed]]:
+    def _in_order(self, danger_max: float) -> list[tuple[float, _AtAirspeed]]:
         """Airspeeds with V at the start on coarse fields, the least first, of equal ones the fastest."""
         known = [
-            (least_s(self._field(each, danger_max, is_coarse=True), self._place), each) for each in airspeeds
+            (least_s(self._field(each, danger_max, is_coarse=True), self._place), each)
+            for each in self._airspeeds
         ]
         return sorted(known, key=lambda entry: (entry[0], -entry[1].airspeed_m_s))
 
@@ -196,9 +195,10 @@ class LeastRouteSearch:
         if math.isinf(least_s(field, self._place)):
             return Searched(route_from_tree(exploration, 0), False, math.inf, objective, SearchTrace(), 1)
         grown: list[ObjectiveTree] = []
-        for weight, most in (*FINDING, IMPROVING):
-            is_found = any(tree.end >= 0 for tree in grown)
-            if grown and (is_found != ((weight, most) == IMPROVING) or self._should_stop()):
+        finding = (FINDING[0], FINDING[-1]) if self._should_stop() else FINDING
+        for weight, most in (*finding, IMPROVING):
+            is_last, is_found = (weight, most) == IMPROVING, any(tree.end >= 0 for tree in grown)
+            if is_found != is_last or (is_last and self._should_stop()):
                 continue
             grown.append(
                 ObjectiveTree(exploration, objective, field, weight=weight, danger_max=danger_max, most=most)

@@ -23,6 +23,7 @@ from companion.planning.route import Route
 from companion.types.plan import SearchTrace
 
 GOAL_SHARE = 0.75  # of a goal's radius, within which it counts as passed: the rest is the autopilot's
+LEAST_EXTENDED = 2_000  # nodes, however late it is: some 10 ms
 BURST = 500  # nodes extended between two looks at the time
 TABLE = 2**17  # of cells; some times as many as a tree comes to
 ROWS_EACH = 12  # of the tree, at most, for each node that is extended
@@ -101,12 +102,12 @@ class ObjectiveTree:
         return float(self.nodes.cost[self.end]) if self.end >= 0 else math.inf
 
     def grow(self, should_stop: Callable[[], bool]) -> None:
-        """Grow to the last goal."""
-        left = self._most
-        while self.end == UNFINISHED and left > 0:
-            self.end = int(grow_best_first(self._search, min(BURST, left)))
-            left -= BURST
-            if should_stop():
+        """Grow to the last goal, or until time is over, but not before the tree has had a chance."""
+        extended = 0
+        while self.end == UNFINISHED and extended < self._most:
+            self.end = int(grow_best_first(self._search, min(BURST, self._most - extended)))
+            extended += BURST
+            if extended >= LEAST_EXTENDED and should_stop():
                 break
 
     def route(self) -> Route:
