@@ -10,8 +10,9 @@ from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.kernels.search.growth import collision_cost
 from companion.planning.explore import Exploration
+from companion.planning.printed.printed_plan import worth
 from companion.planning.route import assess_route, cost_between, route_from_path
-from companion.planning.solver import solve, worth
+from companion.planning.solver import solve
 from tests.proofs.test_uncertainty_pays import noisy
 from tests.sim.client import CONFIGS
 

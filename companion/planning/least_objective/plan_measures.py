@@ -181,7 +181,7 @@ def beside_flown(exploration: Exploration, plan: Plan, flown: Route, known: Asse
     exploration : Exploration
         The search that found the plan.
     plan : Plan
-        Its answer.
+        The new one.
     flown : Route
         What is left of the path being flown.
     known : Assessment

@@ -118,7 +118,15 @@ class SubTasks:
         return -1
 
     def _scene_to(self, sub_goal: FloatArray, tolerance_m: float) -> Scene:
-        """What the kernels read, with the distance field of a sub goal, reached within a tolerance [m]."""
+        """What the kernels read, with the distance field of a sub goal.
+
+        Parameters
+        ----------
+        sub_goal : ndarray, shape (3,)
+            Where a sub task leads to [m].
+        tolerance_m : float
+            Distance at which it is reached.
+        """
         scene = self.exploration.scene()
         search = scene.search._replace(tolerance=tolerance_m)
         return scene._replace(search=search, guide=self.guide_to(sub_goal))
