@@ -11,8 +11,8 @@ from tests.sim.client import CONFIGS
 
 CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))
 NUM_RUNS = {
-    "ablations": 3000, "anytime": 100, "faults": 120, "flights": 640, "ideas": 300, "paper": 6000, "prices": 120,
-    "small": 72, "wind": 180,
+    "ablations": 3000, "anytime": 100, "faults": 120, "flights": 640, "ideas": 300, "paper": 6000,
+    "prices": 120, "small": 72, "wind": 180,
 }  # fmt: skip
 METHOD = "edbm"
 
