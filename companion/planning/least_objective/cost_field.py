@@ -25,7 +25,7 @@ from companion.kernels.objective.cost_to_go import (
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective
 from companion.planning.problem import Problem
 
-CELLS_2D, CELLS_3D = 150, 50  # along the longer side of the bounds
+CELLS_2D, CELLS_3D = 150, 60  # along the longer side of the bounds
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
 HEAP_SHARE = 8  # of the nodes: how often each may wait to be settled

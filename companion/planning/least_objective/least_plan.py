@@ -55,7 +55,9 @@ def plan_by_objective(
         exploration, route, assess_route(exploration, route), objective, reached=reached,
         searched_s=searched_s, num_nodes=searched.num_nodes, notes=notes,
     )  # fmt: skip
-    plan = replace(plan, bound_s=search.bound_s, trace=trace_with_pursuers(exploration, searched.trace))
+    # A passage narrower than the field's spacing may be closed in V, which then is no bound.
+    bound_s = min(search.bound_s, plan.objective_s)
+    plan = replace(plan, bound_s=bound_s, trace=trace_with_pursuers(exploration, searched.trace))
     if flown_route is None:
         return plan
     known, cost_s = assess_route(exploration, flown_route), objective_between(objective, flown_route)
