@@ -24,9 +24,10 @@ from companion.planning.least_objective.tree_growth import ObjectiveTree
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
-# Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal: a
-# keen one, one for narrow places, and one that takes what it comes to first. Then one more improves on it.
-FINDING, IMPROVING = ((1.15, 2_000), (1.02, 8_000), (2.5, 10_000)), (1.02, 2_000)
+# Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal, each
+# less particular about its cost. Then one more is to find a cheaper path.
+FINDING = ((1.15, 2_000), (2.0, 2_000), (4.0, 10_000))
+IMPROVING, IMPROVING_PURSUED = (1.02, 8_000), (1.02, 2_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,8 +197,9 @@ class LeastRouteSearch:
             return Searched(route_from_tree(exploration, 0), False, math.inf, objective, SearchTrace(), 1)
         grown: list[ObjectiveTree] = []
         finding = (FINDING[0], FINDING[-1]) if self._should_stop() else FINDING
-        for weight, most in (*finding, IMPROVING):
-            is_last, is_found = (weight, most) == IMPROVING, any(tree.end >= 0 for tree in grown)
+        improving = IMPROVING_PURSUED if exploration.is_hunted else IMPROVING
+        for weight, most in (*finding, improving):
+            is_last, is_found = weight == improving[0], any(tree.end >= 0 for tree in grown)
             if is_found != is_last or (is_last and self._should_stop()):
                 continue
             grown.append(

@@ -25,7 +25,8 @@ def shortened_route(
 ) -> tuple[Route, int]:
     """Replace stretches of a route by Dubins edges where that lowers J; the route, and how many were.
 
-    Stretches are drawn at random, wide ones first. None is replaced by one that breaks a limit.
+    Stretches are drawn at random, wide ones first. A route that keeps the limits is not replaced by one that
+    breaks any.
 
     Parameters
     ----------
@@ -34,12 +35,13 @@ def shortened_route(
     objective : Objective
         J.
     route : Route
-        A path that keeps the limits.
+        A path.
     should_stop : callable
         Asked before each short cut whether the time is over.
     """
     problem, kept = exploration.problem, 0
     rounds, risk_s = problem.settings.smooth_iterations, pursuit_risk(exploration, route).total_s
+    keeps_limits = _keeps_limits(exploration, objective, route)
     for iteration in range(rounds):
         n = len(route)
         if n < 4 or should_stop():
@@ -51,7 +53,7 @@ def shortened_route(
         if cut is None or not visits_goals(cut[0].states, problem.goals):
             continue
         gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut[0], i + 1)
-        if gain_s <= LEAST_GAIN_S or not _keeps_limits(exploration, objective, cut[0]):
+        if gain_s <= LEAST_GAIN_S or (keeps_limits and not _keeps_limits(exploration, objective, cut[0])):
             continue
         other_s = pursuit_risk(exploration, cut[0]).total_s
         if other_s <= risk_s:
