@@ -8,7 +8,7 @@ import yaml
 from tests.games.flights import PLANNERS, played
 
 pytestmark = pytest.mark.compiled
-GAME = ("route", 19)  # its pursuer threatens whoever flies the shortest way
+GAME = ("route", 13)  # its pursuer threatens whoever flies the shortest way
 
 
 def test_the_aircraft_that_knows_its_pursuer_is_never_threatened_and_the_others_are():

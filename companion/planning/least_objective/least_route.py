@@ -27,6 +27,10 @@ from companion.types.plan import SearchTrace
 # Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal, each
 # less particular about its cost. Then one more is to find a cheaper path.
 FINDING = ((1.15, 2_000), (2.0, 2_000), (4.0, 10_000))
+FINDING_ALONE = (
+    *FINDING,
+    (1.02, 20_000),
+)  # Where nothing pursues, one more that is patient in narrow places.
 IMPROVING, IMPROVING_PURSUED = (1.02, 8_000), (1.02, 2_000)
 
 
@@ -196,12 +200,14 @@ class LeastRouteSearch:
         if math.isinf(least_s(field, self._place)):
             return Searched(route_from_tree(exploration, 0), False, math.inf, objective, SearchTrace(), 1)
         grown: list[ObjectiveTree] = []
-        finding = (FINDING[0], FINDING[-1]) if self._should_stop() else FINDING
-        improving = IMPROVING_PURSUED if exploration.is_hunted else IMPROVING
-        for weight, most in (*finding, improving):
-            is_last, is_found = weight == improving[0], any(tree.end >= 0 for tree in grown)
+        is_late, is_hunted = self._should_stop(), exploration.is_hunted
+        finding = (FINDING[0], FINDING[-1]) if is_late else FINDING if is_hunted else FINDING_ALONE
+        improving = IMPROVING_PURSUED if is_hunted else IMPROVING
+        for asked in (*finding, improving):
+            is_last, is_found = asked is improving, any(tree.end >= 0 for tree in grown)
             if is_found != is_last or (is_last and self._should_stop()):
                 continue
+            weight, most = asked
             grown.append(
                 ObjectiveTree(exploration, objective, field, weight=weight, danger_max=danger_max, most=most)
             )

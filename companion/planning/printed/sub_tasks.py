@@ -97,7 +97,7 @@ class SubTasks:
             Asked between bursts of iterations.
         """
         settings = self._problem.settings
-        scene = self._scene_to(sub_goal, tolerance_m)
+        scene = self.scene_to(sub_goal, tolerance_m)
         left, stalled, nearest = settings.sub_task_iterations, 0, np.inf
         while left > 0 and stalled < settings.stall_iterations and not self.is_spent(should_stop):
             burst = min(settings.burst, left)
@@ -117,7 +117,7 @@ class SubTasks:
             nearest = min(nearest, away)
         return -1
 
-    def _scene_to(self, sub_goal: FloatArray, tolerance_m: float) -> Scene:
+    def scene_to(self, sub_goal: FloatArray, tolerance_m: float) -> Scene:
         """What the kernels read, with the distance field of a sub goal.
 
         Parameters

@@ -9,6 +9,7 @@ from companion.kernels.arrays import Guide, empty_tree
 from companion.kernels.geometry import distance_field as k
 from companion.kernels.search.dynamic_domain_rrt import DRAWS, greedy_connect
 from companion.planning.explore import Exploration
+from companion.planning.printed.sub_tasks import SubTasks
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
@@ -79,10 +80,10 @@ def laid(obstacles=(), radars=(), goal=(1350.0, 1350.0, 150.0), **changes):
     exploration = Exploration(problem(obstacles, radars, goal=goal, **changes), np.random.default_rng(1))
     straight, stats = exploration.work.straight, exploration.stats
     sub_goal = np.array(goal)
+    scene = SubTasks(exploration).scene_to(sub_goal, 60.0)
     steps = greedy_connect(
-        exploration.tree, exploration.scene(sub_goal, 60.0), 0, exploration.tree.state[0, :3].copy(), 1e4,
-        sub_goal, straight, stats,
-    )  # fmt: skip
+        exploration.tree, scene, 0, exploration.tree.state[0, :3].copy(), 1e4, sub_goal, straight, stats
+    )
     return steps, straight.states, stats
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from companion.kernels.arrays import Bool2D, Float1D, Float2D, Float3D, Int1D
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.kernels.arrays import Float1D, Float2D, Float3D, Int1D
 from companion.kernels.native.kernel import (
     inlined,
     kernel,
@@ -14,9 +17,11 @@ from companion.kernels.native.kernel import (
     local_ints,
     local_table,
 )
+from companion.kernels.native.kinds import Array
 from companion.kernels.native.struct import Struct
 
 HALF = 0.5
+Bool2D = Annotated[NDArray[np.bool_], Array("b", 2)]
 
 
 class Pair(NamedTuple):
