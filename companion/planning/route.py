@@ -242,14 +242,8 @@ def cost_between(exploration: Exploration, route: Route, first: int = 1, end: in
     return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
-def pursuit_risk(
-    exploration: Exploration,
-    route: Route,
-    first: int = 0,
-    end: int | None = None,
-    slack_s: float | None = None,
-) -> PursuitRisk:
-    """What DTs that know the path could do on rows ``first`` to ``end - 1``.
+def pursuit_risk(exploration: Exploration, route: Route, slack_s: float | None = None) -> PursuitRisk:
+    """What DTs that know the path could do.
 
     Parameters
     ----------
@@ -257,15 +251,15 @@ def pursuit_risk(
         The search that found the route, or one in the same world.
     route : Route
         A path.
-    first, end : int
-        Rows that count; by default all.
     slack_s : float, optional
         By which a place has to be passed before it is under threat; by default what is planned with.
     """
-    last, game = len(route) if end is None else end, exploration.game
+    game = exploration.game
     if slack_s is not None:
         game = game._replace(slack=slack_s)
-    return PursuitRisk(*(float(value) for value in caught_rows(route.states, route.times, first, last, game)))
+    return PursuitRisk(
+        *(float(value) for value in caught_rows(route.states, route.times, 0, len(route), game))
+    )
 
 
 def path_from_route(exploration: Exploration, route: Route, assessment: Assessment) -> Path:

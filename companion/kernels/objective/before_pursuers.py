@@ -23,14 +23,14 @@ from companion.kernels.objective.cost_to_go import (
     Heap,
     beside,
     is_inside,
+    place_of,
     renewed,
 )
 from companion.kernels.objective.row_costs import Objective, pursuit_danger
 from companion.kernels.threat.pursuit_game import pop_least, push
 
-BEGUN_RADII = 4.0
+BEGUN_RADII = 4.0  # about the start, where the wave begins with exact times
 EARLY = 0.98  # Upwind differences find ways too long, by less than this.
-
 NO_TURN = 1e-6  # rad
 
 
@@ -143,8 +143,7 @@ def fill_before_pursuers(wave: Wave, field: CostField, objective: Objective, hea
     while size > 0:
         key, node = heap.keys[0], heap.nodes[0]
         size = pop_least(heap.keys, heap.nodes, size)
-        row, k = node // p, node % p
-        i, j = row // m, row % m
+        i, j, k = place_of(value, node)
         if key > value[i, j, k] + SETTLED_S:
             continue
         due = wave.start[3] + time_to_fly(wave.time[i, j, k] * limits.v_cruise, wave.start[4], limits)
@@ -181,7 +180,7 @@ def spread(
     [s]; ``pace`` (4,) as in :func:`renewed`; ``grid`` (6,) is the field's.
     """
     value, time, m, p = wave.value, wave.time, wave.value.shape[1], wave.value.shape[2]
-    i, j, k = node // p // m, node // p % m, node % p
+    i, j, k = place_of(value, node)
     for side in range(6 if p > 1 else 4):
         a, b, c = beside(i, j, k, side)
         if not is_inside(value, a, b, c):

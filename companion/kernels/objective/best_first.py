@@ -1,11 +1,11 @@
 """Safe-RRT's tree, grown best first along the cost-to-go field.
 
 A node is a state with its time and the objective J so far. The node with the least ``J + weight·V`` is
-extended by a few motions: a turn either way or straight flight, in space with three climb angles, at the
-airspeed that is held or at the next one. Of nodes in the same cell of place, direction, turn and airspeed one
-that is neither cheaper nor earlier than another is dropped. V knows no limits on turns. With ``weight`` 1 the
-first node at the goal is the best of the tree but for the cells and for V's error. With more it is found
-sooner and costs at most so many times as much.
+extended by a few motions: a turn either way or straight flight, in space with three climb angles, at cruise
+or going to it. Of nodes in the same cell of place, direction and turn one that is neither cheaper nor earlier
+than another is dropped. V knows no limits on turns. With ``weight`` 1 the first node at the goal is the best
+of the tree but for the cells and for V's error. With more it is found sooner and costs at most so many times
+as much.
 
 Symbols: ``at`` the node that is extended, ``v`` airspeed, ``w`` turn rate, ``wp`` climb rate.
 
@@ -41,10 +41,9 @@ from companion.kernels.threat.reachability import passes_by
 from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import Workspace
 
-DIRECTIONS, TURNS, PACES = 16, 3, 4
+DIRECTIONS, TURNS = 16, 3
 STRAIGHT_STEPS = 2  # A straight motion is at least so long, so that fewer nodes are looked at.
 HEIGHT_CELLS = 0.5  # of a step, the height of a cell
-SAME_SPEED_M_S = 0.05
 EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is so much earlier.
 PRIME = 1_048_573  # the largest prime below 2^20: a cell's place in the table is its number modulo this
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
@@ -55,9 +54,8 @@ class Nodes(Struct):
 
     ``state`` (N, 6) x y z theta phi v; ``parent`` (N,) -1 at the root; ``time`` (N,) [s]; ``cost`` (N,) J
     from the root [s]; ``turn``, ``straight`` (N,) the turn flown last and the straight length since [m];
-    ``rate`` (N, 2) turn and climb rate of the edge before it [rad/s]; ``pace`` (N,) number of the airspeed
-    that is gone to; ``stage`` (N,) goals passed; ``seen`` (N,) unbroken time in radars' sight [s];
-    ``level`` (N,) TI, where that is limited.
+    ``rate`` (N, 2) turn and climb rate of the edge before it [rad/s]; ``stage`` (N,) goals passed; ``seen``
+    (N,) unbroken time in radars' sight [s]; ``level`` (N,) TI, where that is limited.
     """
 
     state: Float2D
@@ -67,7 +65,6 @@ class Nodes(Struct):
     turn: Int1D
     straight: Float1D
     rate: Float2D
-    pace: Int1D
     stage: Int1D
     seen: Float1D
     level: Float1D
@@ -87,13 +84,12 @@ class Cells(Struct):
 class Rules(Struct):
     """How the tree is grown.
 
-    ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``paces`` (S,) airspeeds
-    that may be held, cruise first [m/s]; ``weight`` times which V counts; ``seen_max`` longest unbroken time
-    in radars' sight [s]; ``danger_max`` most danger from pursuers (g of J) at which a place may be passed.
+    ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
+    counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
+    (g of J) at which a place may be passed.
     """
 
     goals: Float2D
-    paces: Float1D
     weight: float
     seen_max: float
     danger_max: float
@@ -126,7 +122,7 @@ def _cell(nodes: Nodes, i: int, limits: Limits) -> int:
     z = int((state[2] - b[4]) / (HEIGHT_CELLS * side)) if limits.dimension == 3 else 0
     theta = int(math.floor((state[3] / (2.0 * math.pi) + 1.0) * DIRECTIONS)) % DIRECTIONS
     place = ((x * 4096 + y) * 1024 + z) * DIRECTIONS + theta
-    return ((place * TURNS + nodes.turn[i] + 1) * PACES + nodes.pace[i]) * 16 + nodes.stage[i] + 1
+    return (place * TURNS + nodes.turn[i] + 1) * 16 + nodes.stage[i] + 1
 
 
 @inlined
@@ -140,9 +136,7 @@ def _slot(cells: Cells, key: int) -> int:
 
 
 @kernel
-def fly_on(
-    nodes: Nodes, first: int, at: int, way: int, phi: float, pace: int, limits: Limits, rules: Rules
-) -> int:
+def fly_on(nodes: Nodes, first: int, at: int, way: int, phi: float, limits: Limits, rules: Rules) -> int:
     """Rows of one motion from node ``at`` from row ``first`` on; the last one, or -1 where it breaks a limit.
 
     ``way`` turns left (1), right (-1) or flies straight (0); ``phi`` is the climb angle that is gone to
@@ -160,7 +154,7 @@ def fly_on(
     before = at
     for n in range(first, first + steps):
         here, out = nodes.state[before], nodes.state[n]
-        a = min(limits.a_max, max(-limits.a_max, (rules.paces[pace] - here[5]) / tau))
+        a = min(limits.a_max, max(-limits.a_max, (limits.v_cruise - here[5]) / tau))
         slow, fast = min(here[5], here[5] + a * tau), max(here[5], here[5] + a * tau)
         w = way * slow * math.cos(here[4]) / turn_radius(fast, limits)
         wp = 0.0
@@ -173,7 +167,7 @@ def fly_on(
         nodes.turn[n], nodes.straight[n] = straight_after(
             nodes.turn[before], nodes.straight[before], w, tau * 0.5 * (out[5] + here[5])
         )
-        nodes.pace[n], nodes.stage[n] = pace, next_stage(stage, out[0], out[1], out[2], rules.goals)
+        nodes.stage[n] = next_stage(stage, out[0], out[1], out[2], rules.goals)
         before = n
         if nodes.stage[n] > stage:
             break
@@ -246,8 +240,8 @@ def enter(search: BestFirst, last: int) -> bool:
 
 
 @kernel
-def extend_by_one(search: BestFirst, at: int, way: int, pace: int) -> int:
-    """Extend node ``at`` one way at one airspeed, with each climb angle; as :func:`grow_best_first`."""
+def extend_by_one(search: BestFirst, at: int, way: int) -> int:
+    """Extend node ``at`` one way, with each climb angle; as :func:`grow_best_first`."""
     nodes, sizes, limits, goals = search.nodes, search.sizes, search.objective.limits, search.rules.goals
     longest = STRAIGHT_STEPS + 2 + int(limits.straight_min / (limits.v_min * limits.tau))
     for c in range(3 if limits.dimension == 3 else 1):
@@ -255,7 +249,7 @@ def extend_by_one(search: BestFirst, at: int, way: int, pace: int) -> int:
         first = sizes[0]
         if first + longest >= nodes.parent.shape[0] or sizes[1] >= search.heap.keys.shape[0] - 1:
             return FULL
-        last = fly_on(nodes, first, at, way, phi, pace, limits, search.rules)
+        last = fly_on(nodes, first, at, way, phi, limits, search.rules)
         if last < 0 or not judge(search, first, last, at):
             continue
         if nodes.stage[last] == goals.shape[0]:
@@ -273,21 +267,17 @@ def grow_best_first(search: BestFirst, most: int) -> int:
     :data:`EXHAUSTED` where no way leads there, :data:`FULL` where there is no room for more nodes,
     :data:`UNFINISHED` after ``most`` nodes were extended: then it goes on if it is called again.
     """
-    nodes, heap, sizes, paces = search.nodes, search.heap, search.sizes, search.rules.paces
+    heap, sizes = search.heap, search.sizes
     for _ in range(most):
         if sizes[1] == 0:
             return EXHAUSTED
         at = heap.nodes[0]
         sizes[1] = pop_least(heap.keys, heap.nodes, sizes[1])
         search.work.stats[3] += 1
-        slowest, fastest = nodes.pace[at], nodes.pace[at]
-        if abs(nodes.state[at, 5] - paces[slowest]) < SAME_SPEED_M_S:
-            slowest, fastest = max(0, slowest - 1), min(paces.shape[0] - 1, fastest + 1)
-        for pace in range(slowest, fastest + 1):
-            for way in range(-1, 2):
-                end = extend_by_one(search, at, way, pace)
-                if end != UNFINISHED:
-                    return end
+        for way in range(-1, 2):
+            end = extend_by_one(search, at, way)
+            if end != UNFINISHED:
+                return end
     return UNFINISHED
 
 

@@ -187,7 +187,6 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
     ``goal`` (≥ 3,) is its centre [m].
     """
     value, grid, pace = field.values[g], field.grid, local_floats(4)
-    m, p = value.shape[1], value.shape[2]
     slope, crossing = grid[3] / grid[5], grid[3] / limits.v_cruise
     pace[0], pace[1] = limits.wind_x / limits.v_cruise, limits.wind_y / limits.v_cruise
     pace[2], pace[3] = math.tan(limits.climb_max) * slope, math.tan(limits.descent_max) * slope
@@ -195,13 +194,20 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
     while size > 0:
         key, node = heap.keys[0], heap.nodes[0]
         size = pop_least(heap.keys, heap.nodes, size)
-        row, k = node // p, node % p
-        i, j = row // m, row % m
+        i, j, k = place_of(value, node)
         if key > value[i, j, k] + SETTLED_S:
             continue
         num += 1
         size = offer(value, field.rate, node, crossing, pace, heap, size)
     return num
+
+
+@inlined
+def place_of(value: Float3D, node: int) -> tuple[int, int, int]:
+    """The node of a number in the grid of ``value`` (NX, NY, NZ)."""
+    m, p = value.shape[1], value.shape[2]
+    row = node // p
+    return row // m, row % m, node % p
 
 
 @inlined
@@ -232,7 +238,7 @@ def offer(
     is the time that crossing the spacing takes [s]; ``pace`` (4,) as in :func:`renewed`.
     """
     m, p = value.shape[1], value.shape[2]
-    a, b, c = node // p // m, node // p % m, node % p
+    a, b, c = place_of(value, node)
     settled = value[a, b, c]
     for side in range(6 if p > 1 else 4):
         i, j, k = beside(a, b, c, side)

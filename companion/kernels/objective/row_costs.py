@@ -113,7 +113,7 @@ def passing_membership(pursuers: Pursuers, d: int, x: float, y: float, z: float,
     return membership(max(0.0, math.sqrt(dx * dx + dy * dy) - spread), 0.0, 0.0, model[1], 0.0)
 
 
-@inlined
+@kernel
 def energy_excess(v: float, prices: Prices) -> float:
     """e: power beyond cruise's as a share of it; drag makes power grow with the cube of the airspeed."""
     ratio = v / prices.cruise

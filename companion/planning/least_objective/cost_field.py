@@ -6,7 +6,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
+from threading import RLock
 from typing import TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from companion.kernels.objective.cost_to_go import (
     fill_cost_to_go,
     fill_rate,
 )
-from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective
+from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
 from companion.planning.problem import Problem
 
 CELLS_2D, CELLS_3D = 150, 60  # along the longer side of the bounds
@@ -40,7 +40,7 @@ _Made = TypeVar("_Made")
 
 _worlds: OrderedDict[_Key, tuple[CostField, CostField]] = OrderedDict()
 _fields: OrderedDict[_Key, CostToGo] = OrderedDict()
-_lock = Lock()
+_lock = RLock()  # a field is made of a world, which is kept by the same function
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +84,12 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
     objective : Objective
         What V adds up.
     """
-    world = _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))
-    key = _key(problem, objective)
-    return _kept(_fields, key, lambda: CostToGo(*(_filled(field, problem, objective) for field in world)))
+
+    def make() -> CostToGo:
+        fields = (_at_airspeed(field, objective) for field in _world(problem, objective))
+        return CostToGo(*(_with_values(field, problem, objective.limits) for field in fields))
+
+    return _kept(_fields, _key(problem, objective), make)
 
 
 def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
@@ -162,22 +165,21 @@ def _rated(problem: Problem, objective: Objective) -> tuple[CostField, CostField
     return fields
 
 
-def _energy_price(objective: Objective) -> float:
-    """What a second costs more than at cruise, since power grows with the cube of the airspeed."""
-    prices = objective.prices
-    return prices.energy * max(0.0, (objective.limits.v_cruise / prices.cruise) ** 3 - 1.0)
+def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
+    """What a second costs at cruise without pursuers, kept from plan to plan."""
+    return _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))
+
+
+def _at_airspeed(world: CostField, objective: Objective) -> CostField:
+    """What a second costs at the airspeed of ``objective``: the energy beyond cruise's is added."""
+    excess = energy_excess(objective.limits.v_cruise, objective.prices)
+    return world._replace(rate=world.rate + objective.prices.energy * excess)
 
 
 def _heap(field: CostField) -> Heap:
     """Room for the nodes that wait to be settled."""
     room = HEAP_SHARE * field.free.size + 1
     return Heap(np.empty(room), np.empty(room, dtype=np.int64))
-
-
-def _filled(world: CostField, problem: Problem, objective: Objective) -> CostField:
-    """V of all goals, where a second costs as much as in ``world`` and the energy at this airspeed."""
-    field = world._replace(rate=world.rate + _energy_price(objective))
-    return _with_values(field, problem, objective.limits)
 
 
 def field_before_pursuers(
@@ -196,16 +198,15 @@ def field_before_pursuers(
     is_coarse : bool
         Whether twice the usual spacing is enough.
     """
-    world = _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))[is_coarse]
     start, prices, limits = problem.start, objective.prices, objective.limits
-    field = world._replace(rate=world.rate + _energy_price(objective))
+    field = _at_airspeed(_world(problem, objective)[is_coarse], objective)
     is_barred = danger_max < MOST_DANGER
     wave = Wave(
         start=np.array([*start.position_enu_m, start.stamp_s, start.airspeed_m_s, start.direction_rad]),
-        rate=np.where(np.isinf(world.rate), np.inf, 1.0) if is_barred else field.rate.copy(),
-        value=np.empty_like(world.rate),
-        time=np.empty_like(world.rate),
-        danger=np.empty_like(world.rate),
+        rate=np.where(np.isinf(field.rate), np.inf, 1.0) if is_barred else field.rate.copy(),
+        value=np.empty_like(field.rate),
+        time=np.empty_like(field.rate),
+        danger=np.empty_like(field.rate),
         danger_max=danger_max,
         price=0.0 if is_barred else prices.pursued,
         radius=turn_radius(min(start.airspeed_m_s, limits.v_cruise), limits),

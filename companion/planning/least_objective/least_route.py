@@ -27,10 +27,8 @@ from companion.types.plan import SearchTrace
 # Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal, each
 # less particular about its cost. Then one more is to find a cheaper path.
 FINDING = ((1.15, 2_000), (2.0, 2_000), (4.0, 10_000))
-FINDING_ALONE = (
-    *FINDING,
-    (1.02, 20_000),
-)  # Where nothing pursues, one more that is patient in narrow places.
+# Where nothing pursues, one more is patient in narrow places.
+FINDING_ALONE = (*FINDING, (1.02, 20_000))
 IMPROVING, IMPROVING_PURSUED = (1.02, 8_000), (1.02, 2_000)
 
 
@@ -42,8 +40,6 @@ class Searched:
     ----------
     route : Route
         A path to the last goal, or the branch that came nearest to it.
-    reached : bool
-        Whether it leads to the last goal.
     cost_s : float
         J of the path; infinite where it does not lead to the last goal.
     objective : Objective
@@ -57,15 +53,19 @@ class Searched:
     """
 
     route: Route
-    reached: bool
     cost_s: float
     objective: Objective
     trace: SearchTrace
     num_nodes: int
     notes: tuple[str, ...] = ()
 
+    @property
+    def reached(self) -> bool:
+        """Whether the route leads to the last goal."""
+        return math.isfinite(self.cost_s)
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, slots=True)
 class _AtAirspeed:
     """What is known of flights at one airspeed before any search.
 
@@ -137,13 +137,13 @@ class LeastRouteSearch:
         """A path to as many goals as V leads to in their order; it does not lead to the last one."""
         exploration, whole = self._exploration, self._exploration.problem
         searched = Searched(
-            route_from_tree(exploration, 0), False, math.inf, self._airspeeds[0].objective, SearchTrace(), 1
+            route_from_tree(exploration, 0), math.inf, self._airspeeds[0].objective, SearchTrace(), 1
         )
         for num in range(len(whole.goals) - 1, 0, -1):
             exploration.problem = replace(whole, goals=whole.goals[:num])
             if math.isfinite(least_s(self._field_alone(), self._place)):
                 found = self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
-                searched = replace(found, reached=False, cost_s=math.inf)
+                searched = replace(found, cost_s=math.inf)
                 break
         exploration.problem = whole
         return searched
@@ -198,7 +198,7 @@ class LeastRouteSearch:
         exploration, objective = self._exploration, known.objective
         exploration.start_afresh(known.airspeed_m_s)
         if math.isinf(least_s(field, self._place)):
-            return Searched(route_from_tree(exploration, 0), False, math.inf, objective, SearchTrace(), 1)
+            return Searched(route_from_tree(exploration, 0), math.inf, objective, SearchTrace(), 1)
         grown: list[ObjectiveTree] = []
         is_late, is_hunted = self._should_stop(), exploration.is_hunted
         finding = (FINDING[0], FINDING[-1]) if is_late else FINDING if is_hunted else FINDING_ALONE
@@ -215,11 +215,11 @@ class LeastRouteSearch:
         best, num_nodes = min(grown, key=lambda tree: tree.cost_s), sum(tree.num_nodes for tree in grown)
         route = best.route()
         if best.end < 0:
-            return Searched(route, False, math.inf, objective, best.trace(), num_nodes)
+            return Searched(route, math.inf, objective, best.trace(), num_nodes)
         route, num_cuts = self._shortened(objective, route)
         cost_s = objective_between(objective, route)
         notes = (*self._given_up(known, danger_max), f"{num_cuts} short cuts")
-        return Searched(route, True, cost_s, objective, best.trace(), num_nodes, notes)
+        return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """A path led to the goal's centre, and shortened; with how many short cuts."""

@@ -46,9 +46,7 @@ def shortened_route(
         n = len(route)
         if n < 4 or should_stop():
             break
-        widest = max(4, int(n * (1.0 - iteration / rounds)))
-        i = int(exploration.rng.integers(0, n - 3))
-        j = min(n - 1, i + 3 + int(exploration.rng.integers(0, widest)))
+        i, j = drawn_stretch(exploration.rng, n, 1.0 - iteration / rounds)
         cut = short_cut(exploration, route, i, j)
         if cut is None or not visits_goals(cut[0].states, problem.goals):
             continue
@@ -59,6 +57,13 @@ def shortened_route(
         if other_s <= risk_s:
             route, risk_s, kept = Route.of(cut[0].rows, len(cut[0])), other_s, kept + 1
     return route, kept
+
+
+def drawn_stretch(rng: np.random.Generator, num_rows: int, share: float) -> tuple[int, int]:
+    """First and last row of a random stretch of a route, which is as long as a share of it at most."""
+    widest = max(4, int(num_rows * share))
+    first = int(rng.integers(0, num_rows - 3))
+    return first, min(num_rows - 1, first + 3 + int(rng.integers(0, widest)))
 
 
 def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:

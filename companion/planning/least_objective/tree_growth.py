@@ -70,7 +70,7 @@ class ObjectiveTree:
         self.nodes = nodes = _empty_nodes(num)
         nodes.state[0], nodes.time[0], nodes.rate[0] = root.state[0], root.time[0], 0.0
         nodes.turn[0], nodes.straight[0], nodes.parent[0] = root.turn[0], root.straight[0], -1
-        nodes.cost[0], nodes.pace[0], nodes.stage[0], nodes.seen[0] = 0.0, 0, 0, 0.0
+        nodes.cost[0], nodes.stage[0], nodes.seen[0] = 0.0, 0, 0.0
         nodes.level[0] = root.level[0]
         goals = [[*goal.position_enu_m, GOAL_SHARE * goal.acceptance_radius_m] for goal in problem.goals]
         self._search = BestFirst(
@@ -82,7 +82,6 @@ class ObjectiveTree:
             objective=objective,
             rules=Rules(
                 goals=np.array(goals, dtype=np.float64),
-                paces=np.array([exploration.limits.v_cruise]),
                 weight=weight,
                 seen_max=problem.settings.seen_max_s,
                 danger_max=danger_max,
@@ -138,7 +137,6 @@ def _empty_nodes(num: int) -> Nodes:
         turn=np.empty(num, dtype=np.int64),
         straight=np.empty(num),
         rate=np.empty((num, 2)),
-        pace=np.empty(num, dtype=np.int64),
         stage=np.empty(num, dtype=np.int64),
         seen=np.empty(num),
         level=np.empty(num),

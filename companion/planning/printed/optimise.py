@@ -15,7 +15,7 @@ from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import air_time
 from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.short_cuts import short_cut
+from companion.planning.least_objective.short_cuts import drawn_stretch, short_cut
 from companion.planning.problem import GoalRegion
 from companion.planning.route import (
     Assessment,
@@ -156,10 +156,7 @@ def smoothed_route(
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
-        n = len(route)
-        widest = max(4, int(n * (1.0 - iteration / settings.smooth_iterations)))
-        i = int(exploration.rng.integers(0, n - 3))
-        j = min(n - 1, i + 3 + int(exploration.rng.integers(0, widest)))
+        i, j = drawn_stretch(exploration.rng, len(route), 1.0 - iteration / settings.smooth_iterations)
         cut = short_cut(exploration, route, i, j)
         if cut is None:
             continue

@@ -53,7 +53,7 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
     nodes = Nodes(
         *(np.zeros((room, 6)), np.zeros(room, dtype=np.int64), np.zeros(room), np.zeros(room)),
         *(np.zeros(room, dtype=np.int64), np.full(room, limits.straight_min), np.zeros((room, 2))),
-        *(np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room), np.zeros(room)),
+        *(np.zeros(room, dtype=np.int64), np.zeros(room), np.zeros(room)),
     )
     nodes.state[0], nodes.parent[0] = (*START, 0.0, 0.0, 25.0), -1
     heap.keys[0], heap.nodes[0] = 0.0, 0
@@ -61,7 +61,7 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
         nodes=nodes, heap=heap,
         cells=Cells(np.zeros(2**14, dtype=np.int64), np.empty(2**14), np.empty(2**14)),
         sizes=np.ones(2, dtype=np.int64), field=field, objective=objective,
-        rules=Rules(np.array([[*goal, 45.0]]), np.array([25.0]), weight, math.inf, 1.0),
+        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0),
         scene=scene, work=work_for(10),
     )  # fmt: skip
 
