@@ -182,11 +182,10 @@ class PlanningConfig(Section):
     under threat. By so much may a position be wrong before anything is touched. Narrower gaps are flown all
     the same; where it is no more than `clearance_min_m`, as `0`, nothing is asked for."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """No place of a path may be above this threat level, and a flown path that comes above it is replaced;
-    where no path keeps below it, one of least threat is flown. `1` is no limit: threats cost, and a detour
-    is flown as long as it is worth it; a standing vehicle and one that can be outrun are passed out of
-    their reach in the plane all the same. A low limit among vehicles that could drive replaces missions
-    many times."""
+    """No place of a path may be above this threat level, and a flown path that comes above it is replaced.
+    Where no path keeps below it, the one that costs least is flown all the same. `1` is no limit: threats
+    cost, and a detour is flown as long as it is worth it. A low limit among vehicles that could drive
+    replaces missions many times."""
     price_seen: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
     """A second in the sight of radars counts like this many seconds of detour. At `0` radars are not avoided;
     a path that is seen less and takes longer is flown as long as the price is worth it. A second is seen in

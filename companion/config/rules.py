@@ -17,7 +17,6 @@ from companion.vehicle.vehicle_model import VehicleModel
 
 REPLAN_SHARE = 0.3  # of a first plan's iterations
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
-LEAST_THREAT_PRICE = 10.0  # at least, of a second seen or pursued in an emergency
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ class Rules:
         How to make a plan beside a flown path: a search that finds nothing better is not worth the whole
         budget.
     least_threat_settings : PlannerSettings
-        How to make an emergency plan: threats weigh most, and have no limit.
+        How to make an emergency plan: threats have no limit, and in (9) they weigh most.
     checker : Checker
         The independent check.
     exposure : Exposure
@@ -107,8 +106,6 @@ def rules_of(
             threat_level_max=1.0,
             seen_max_s=math.inf,
             weights_cost=LEAST_THREAT_WEIGHTS,
-            price_seen=max(LEAST_THREAT_PRICE, settings.price_seen),
-            price_pursued=max(LEAST_THREAT_PRICE, settings.price_pursued),
         ),
         checker=Checker(obstacles, limits, exposure),
         exposure=exposure,

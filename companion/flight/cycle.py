@@ -8,11 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from companion.assurance.emergency import EmergencyOptions, EmergencyStep, keeps_hard_constraints
 from companion.assurance.violation import Violation
-from companion.flight.decision import Verdict, carried_min_s, carried_s, is_caught_far_less
+from companion.flight.decision import Verdict, carried_min_s, carried_s, gain_of
 from companion.flight.fallback import Response, flown_violations, respond, respond_by_rally_point
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s
@@ -23,8 +21,7 @@ from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
 
-AS_GOOD = "what is flown threatens no more"
-THREAT_SHARE = 0.8  # of the flown path's threat: what has less is flown instead
+AS_GOOD = "what is flown costs no more"
 RALLY_POINTS_TRIED = 2  # each is a plan, while nothing that passes is flown
 
 
@@ -55,7 +52,7 @@ def conclude_emergency(
     start: Start,
     way_home: tuple[Violation, ...] | None,
     *,
-    may_keep: bool = False,
+    least_gain: float = 0.0,
 ) -> EmergencyConclusion:
     """Choose the step of the emergency strategy, and shape what is to be flown by it.
 
@@ -71,8 +68,8 @@ def conclude_emergency(
         From where a new mission would be flown.
     way_home : tuple of Violation or None
         What the way home breaks; None where that is not known.
-    may_keep : bool
-        Whether a flown least-threat path is kept where the new one is hardly better.
+    least_gain : float
+        A flown path that keeps the hard constraints is kept unless the new one costs less by this share.
     """
     response = respond(
         state, start, least_threat, (refused,), state.mission_list.max_waypoints,
@@ -80,29 +77,23 @@ def conclude_emergency(
     )  # fmt: skip
     decision, route = response.decision, response.route
     is_way_on = route is not None and decision.step is EmergencyStep.LEAST_THREAT
-    if may_keep and is_way_on and _flown_is_as_good(state, start, least_threat, response.options):
+    if is_way_on and _flown_is_as_good(state, start, least_threat, response.options, least_gain):
         return EmergencyConclusion(decision.step, AS_GOOD, response.options, None)
-    return _shaped(state, start, response)
+    return _shaped(state, start, response, least_threat.cost)
 
 
-def _flown_is_as_good(state: FlightState, start: Start, plan: Plan, options: EmergencyOptions) -> bool:
-    """Whether what is flown leads as far, and threatens hardly more than a least-threat plan.
+def _flown_is_as_good(
+    state: FlightState, start: Start, plan: Plan, options: EmergencyOptions, least_gain: float
+) -> bool:
+    """Whether what is flown leads as far, and costs hardly more than a least-threat plan.
 
     A mission handed over for nothing is an exchange in the way of the next surprise.
     """
-    rest, risk, path = start.rest, start.risk, plan.path
-    if rest is None or risk is None or path is None or not state.flies_to_goal:
+    if start.rest is None or plan.flown_cost is None or not state.flies_to_goal:
         return False
     if options.flown is None or not keeps_hard_constraints(options.flown):
         return False
-    if carried_s(state, start) < carried_min_s(state):
-        return False
-    return not is_caught_far_less(plan.pursuit, risk) and _threat_s(path) > THREAT_SHARE * _threat_s(rest)
-
-
-def _threat_s(path: Path) -> float:
-    """The threat level over a path's time [s]."""
-    return float(np.trapezoid(path.threat_levels, path.times_s))
+    return carried_s(state, start) >= carried_min_s(state) and gain_of(plan) <= least_gain
 
 
 def conclude_rally(
@@ -110,7 +101,7 @@ def conclude_rally(
 ) -> EmergencyConclusion:
     """Choose the step anew once a plan to a rally point was made, and shape what is to be flown by it."""
     response = respond_by_rally_point(state, found.options, plan, place, state.mission_list.max_waypoints)
-    return _shaped(state, start, response)
+    return _shaped(state, start, response, plan.cost)
 
 
 def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
@@ -120,7 +111,7 @@ def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
     return [state.region_at(place) for place in nearest[:RALLY_POINTS_TRIED]]
 
 
-def _shaped(state: FlightState, start: Start, response: Response) -> EmergencyConclusion:
+def _shaped(state: FlightState, start: Start, response: Response, cost: float) -> EmergencyConclusion:
     """What a response comes to as a mission."""
     step, reason = response.decision
     route = response.route
@@ -128,6 +119,14 @@ def _shaped(state: FlightState, start: Start, response: Response) -> EmergencyCo
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
-        route.path, route.waypoints, part, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {}
+        route.path,
+        route.waypoints,
+        part,
+        route.carried_until_s,
+        start,
+        Verdict.EMERGENCY,
+        step.value,
+        {},
+        cost,
     )
     return EmergencyConclusion(step, reason, response.options, shaped)

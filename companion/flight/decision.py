@@ -14,17 +14,17 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
+from companion.assurance.emergency import keeps_hard_constraints
 from companion.assurance.violation import Violation
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.types.mavlink_enums import Severity
 from companion.types.path import Path
-from companion.types.plan import Plan, PursuitRisk
+from companion.types.plan import Plan
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
-SAFE_TIMES = 3.0  # swap_gain: by so much is cheaper for what one that is safe from moving threats is left
-CAUGHT_SHARE, CAUGHT_S = 0.75, 1.0  # of the flown path's seconds that a DT could threaten, and less
+SAFE_TIMES = 5.0  # swap_gain: what a path that is held has to be more costly by, to be left
 
 
 class DecisionKind(Enum):
@@ -71,7 +71,6 @@ class Verdict(Enum):
 
     FIRST_PLAN = "first plan"
     UNSAFE = "unsafe"
-    THREAT = "threat"
     BETTER = "better"
     EXTEND = "extend"
     EMERGENCY = "emergency"
@@ -104,12 +103,27 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class SwapDecision:
-    """What is said of a plan, in words why, the numbers that led to it; whether the flown path is held."""
+    """What is said of a plan.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        What is said.
+    text : str
+        Why, in words.
+    why : mapping
+        The numbers that led to it.
+    holds_flown : bool
+        Whether the flown path is held: out of pursuers' reach, and as good as when it was chosen.
+    is_flyable_anyway : bool
+        Whether a refused path leads to the goal and breaks no limit but those of threat and quality.
+    """
 
     verdict: Verdict
     text: str
     why: Mapping[str, object] = field(default_factory=dict)
     holds_flown: bool = False
+    is_flyable_anyway: bool = False
 
 
 def carried_s(state: FlightState, start: Start) -> float:
@@ -125,9 +139,16 @@ def carried_min_s(state: FlightState) -> float:
     return EXTENDED_HORIZONS * state.rules.time_horizon_s
 
 
-def is_caught_far_less(risk: PursuitRisk, flown: PursuitRisk) -> bool:
-    """Whether moving threats could threaten a path so much less long that the flown one is left for it."""
-    return risk.total_s <= CAUGHT_SHARE * flown.total_s - CAUGHT_S
+def gain_of(plan: Plan) -> float:
+    """The share of the flown path's cost that a plan saves; 0 where either is not known, or endless.
+
+    That no pursuer that knows the path can reach it goes before cost, as in the search: a path that one can
+    reach saves nothing beside one that none can, and the other way round everything.
+    """
+    flown_cost, is_reached = plan.flown_cost or 0.0, plan.pursuit.total_s > 0.0
+    if plan.flown_pursuit is not None and is_reached != (plan.flown_pursuit.total_s > 0.0):
+        return 0.0 if is_reached else 1.0
+    return 1.0 - plan.cost / flown_cost if flown_cost > 0.0 and plan.cost < math.inf else 0.0
 
 
 @dataclass(frozen=True)
@@ -149,26 +170,34 @@ class _Case:
         """The plan's highest threat level."""
         return float(self.path.threat_levels.max())
 
-    @property
-    def flown_risk(self) -> PursuitRisk:
-        """What moving threats could do to what is flown."""
-        return self.plan.flown_pursuit or PursuitRisk()
-
     @cached_property
     def holds_flown(self) -> bool:
-        """Whether the flown path leads to the goal, safe from moving threats that know it."""
-        rest, flown = self.start.rest, self.plan.flown_pursuit
-        if rest is None or flown is None or flown.total_s > 0.0 or not self.state.goals:
+        """Whether the flown path is held.
+
+        It leads to the goal, no pursuer that knows it can reach it, and it costs no more than when it was
+        chosen. A path put together of the beginnings of several such paths need not be safe itself.
+        """
+        rest, risk, flown = self.start.rest, self.plan.flown_pursuit, self.state.flown
+        if rest is None or risk is None or flown is None or risk.total_s > 0.0 or not self.state.goals:
             return False
         goal = self.state.goals[-1]
         away = math.dist(rest.positions_enu_m[-1], goal.position_enu_m)
         is_hunted = any(not track.flies_on for track in self.state.picture.tracks)
-        return is_hunted and away <= goal.acceptance_radius_m
+        is_as_promised = (self.plan.flown_cost or 0.0) <= flown.cost
+        return is_hunted and away <= goal.acceptance_radius_m and is_as_promised
 
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
         """What the rest of the flown path breaks."""
         return () if self.start.rest is None else self.state.violations_of(self.start.rest)
+
+    @cached_property
+    def violations(self) -> tuple[Violation, ...]:
+        """What the plan's path breaks, but for the threat that the aircraft is already under."""
+        found = self.state.violations_of(self.path)
+        if self.path.threat_levels[0] > self.state.rules.checker.limits.threat_level_max:
+            return tuple(entry for entry in found if entry.rule != "threat")
+        return found
 
     @cached_property
     def carried_s(self) -> float:
@@ -188,11 +217,8 @@ def _no_plan(case: _Case, _why: _Facts) -> _Answer:
 
 
 def _rejected(case: _Case, why: _Facts) -> _Answer:
-    """A path that the checker refuses, but for the threat that the aircraft is already under."""
-    why["threat"] = case.threat
-    violations = case.state.violations_of(case.path)
-    if case.path.threat_levels[0] > case.state.rules.checker.limits.threat_level_max:
-        violations = tuple(entry for entry in violations if entry.rule != "threat")
+    """A path that the checker refuses."""
+    why["threat"], violations = case.threat, case.violations
     if not violations:
         return None
     why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_TOLD]]
@@ -214,36 +240,17 @@ def _nothing_is_flown(case: _Case, _why: _Facts) -> _Answer:
     return Verdict.FIRST_PLAN, f"cost {case.plan.cost:.1f}"
 
 
-def _flown_is_threatened(case: _Case, _why: _Facts) -> _Answer:
-    """The flown path's threat level passes the limit, and the new one's is lower."""
-    level = case.plan.flown_threat or 0.0
-    if level > float(case.state.mission.planning.threat_level_max) and case.threat < level:
-        return Verdict.THREAT, f"level {level:.2f} on the flown plan"
-    return None
-
-
-def _flown_is_caught(case: _Case, why: _Facts) -> _Answer:
-    """Moving threats that knew the flown path could threaten it, and the new one less long by far."""
-    risk, flown = case.plan.pursuit, case.flown_risk
-    why |= {"caught_s": risk.total_s, "flown_caught_s": flown.total_s}
-    if not is_caught_far_less(risk, flown):
-        return None
-    return Verdict.THREAT, f"a moving threat could reach the flown plan, {flown.total_s:.0f} s of it"
-
-
 def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Cheaper by ``swap_gain``; (9) counts a path that passes the threat limit as endlessly dear."""
-    flown_cost, cost = case.plan.flown_cost or 0.0, case.plan.cost
-    gain = 1.0 - cost / flown_cost if flown_cost > 0.0 and cost < math.inf else 0.0
+    gain = gain_of(case.plan)
     why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
-    is_riskier = case.plan.pursuit.total_s > case.flown_risk.total_s + CAUGHT_S
-    swap_gain = float(case.state.mission.planning.swap_gain)
-    if gain < swap_gain * (SAFE_TIMES if case.holds_flown else 1.0) or is_riskier:
+    if gain < float(case.state.mission.planning.swap_gain) * (SAFE_TIMES if case.holds_flown else 1.0):
         return None
+    flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
     if flown_cost == math.inf:
         instead = ", and the flown path passes threat_level_max"
-    return Verdict.BETTER, f"cost {cost:.1f}{instead}"
+    return Verdict.BETTER, f"cost {case.plan.cost:.1f}{instead}"
 
 
 def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
@@ -258,8 +265,6 @@ _RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
     _rejected,
     _flown_is_unsafe,
     _nothing_is_flown,
-    _flown_is_threatened,
-    _flown_is_caught,
     _is_better,
     _is_short_or_kept,
 )
@@ -291,5 +296,6 @@ def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
     for rule in _RULES:
         answer = rule(case, why)
         if answer is not None:
-            return SwapDecision(*answer, why, case.holds_flown)
+            is_flyable = answer[0] is Verdict.REJECTED and keeps_hard_constraints(case.violations)
+            return SwapDecision(*answer, why, case.holds_flown, is_flyable)
     raise AssertionError("the table's last row always answers")

@@ -52,12 +52,15 @@ class FlownPath:
         The path's time at the end of what the mission carries [s].
     row : int
         The path's row that the aircraft has passed last.
+    cost : float
+        What it was to cost when it was chosen; infinite where that is not known.
     """
 
     path: Path
     mission: Mission
     carried_until_s: float
     row: int = 0
+    cost: float = math.inf
 
     def carried_s(self, row: int) -> float:
         """How long the mission carries on from a row of the path [s]; endless where it does to its end."""

@@ -20,7 +20,7 @@ from companion.world.snapshot import Snapshot
 
 OFF_TRACK_MAX_M = 80.0
 LAST_LEG_S = 10.0
-URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.7  # at most, of a plan that answers a surprise
+URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3  # at most, of a plan that answers a surprise
 
 
 @dataclass(frozen=True, slots=True)

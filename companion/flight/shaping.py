@@ -82,6 +82,8 @@ class ShapedPath:
         The same in words.
     why : mapping
         The numbers that led to it.
+    cost : float
+        What the path costs.
     """
 
     path: Path
@@ -92,6 +94,7 @@ class ShapedPath:
     verdict: Verdict
     text: str
     why: Mapping[str, object]
+    cost: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +135,13 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     decision = judge(state, plan, start)
     if not decision.verdict.is_swap or plan.path is None:
         return Conclusion(decision)
-    path = plan.path
+    path, cost, max_waypoints = plan.path, plan.cost, state.mission_list.max_waypoints
+    waypoints, carried_s, violations = waypoints_of(state, path, max_waypoints)
     if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
-        path = start.rest
-    waypoints, carried_s, violations = waypoints_of(state, path, state.mission_list.max_waypoints)
+        held = waypoints_of(state, start.rest, max_waypoints)
+        if violations or not held[2]:
+            path, cost = start.rest, plan.flown_cost or plan.cost
+            waypoints, carried_s, violations = held
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
@@ -148,8 +154,9 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
             return Conclusion(decision)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
-        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why
-    )
+        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why,
+        cost,
+    )  # fmt: skip
     return Conclusion(decision, shaped)
 
 

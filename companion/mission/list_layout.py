@@ -65,8 +65,8 @@ class TwoBankLayout:
 
     @property
     def num_items(self) -> int:
-        """Length of the list."""
-        return len(self.prefix) + 2 * self.size
+        """Length of the list with the next mission in it; the first one may leave the idle bank out."""
+        return len(self.prefix) + (1 if self.flown is None else 2) * self.size
 
     @property
     def flown_span(self) -> tuple[int, int]:

@@ -172,8 +172,11 @@ class Handover:
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        is_urgent = is_urgent or self._flight.state.flown is None  # nothing checked is left too early then
-        order = order_for(shaped, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent)
+        is_first = self._flight.state.flown is None  # nothing checked is left too early then
+        order = order_for(
+            shaped, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent or is_first,
+            is_short=is_urgent,
+        )  # fmt: skip
         self._offered = order.flown.mission
         self._flight.apply_to_list(after_swap_begun)
         try:

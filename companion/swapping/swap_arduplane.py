@@ -6,8 +6,16 @@ ArduPlane acknowledges an upload it then stores differently, and goes on with th
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from companion.errors import CompanionError, LinkError
-from companion.flight.list_state import after_asked, after_stored, after_suspicion, after_writing_begun
+from companion.flight.list_state import (
+    ListState,
+    after_asked,
+    after_stored,
+    after_suspicion,
+    after_writing_begun,
+)
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, two_bank_layout_of
 from companion.mission.operator import Operator, banks_in, without_banks
@@ -66,9 +74,8 @@ class ArduPlaneSwap:
             if not flight.listed.is_as_left(read):
                 flight.apply_to_list(after_suspicion, "another list")
                 return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
-        listed = flight.apply_to_list(after_writing_begun)
-        # Of a list as long as this one, as it was found, only the idle bank is to be changed.
-        part = slice(first, end) if listed.num_read == len(mission.items) else None
+        part = _part_to_write(flight.listed, mission, slice(first, end))
+        flight.apply_to_list(after_writing_begun)
         outcome, reason = await store(link, mission, part)
         if outcome is not None:
             return outcome, reason
@@ -77,6 +84,21 @@ class ArduPlaneSwap:
         flight.apply_to_list(after_asked, order.pending(clock.now_s(), 0))
         entry = Entry(self._parts, order, late_s=LATE_S)
         return await enter(link, mission, entry.sequence, self._parts.may_act)
+
+
+def _part_to_write(listed: ListState, mission: Mission, bank: slice) -> slice | None:
+    """What is written of a list that was found as it was left; None for all of one of another length.
+
+    Of the idle bank only what differs is written: an ArduPlane takes 20 ms an item.
+    """
+    if listed.num_read != len(mission.items):
+        return None
+    if listed.is_mixed:
+        return bank
+    stored, items = listed.stored[bank], mission.items[bank]
+    is_new = [replace(old, is_current=new.is_current) != new for old, new in zip(stored, items, strict=True)]
+    differing = [bank.start + number for number, differs in enumerate(is_new) if differs] or [bank.start]
+    return slice(differing[0], differing[-1] + 1)
 
 
 async def store(

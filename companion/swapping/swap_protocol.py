@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -57,7 +57,13 @@ class SwapOrder:
 
 
 def order_for(
-    shaped: ShapedPath, layout: Layout, *, plan_number: int, enter_s: float, is_urgent: bool = False
+    shaped: ShapedPath,
+    layout: Layout,
+    *,
+    plan_number: int,
+    enter_s: float,
+    is_urgent: bool = False,
+    is_short: bool = False,
 ) -> SwapOrder:
     """Put a path into the list as it is laid out.
 
@@ -73,9 +79,15 @@ def order_for(
         When the aircraft is where the path begins, by the clock [s].
     is_urgent : bool
         Whether it is to be flown as soon as may be.
+    is_short : bool
+        Whether a first mission on an ArduPlane leaves the idle bank out. With it the upload takes longer, and
+        the next mission is a part of the list.
     """
-    mission, after = layout.with_new(layout.items_for(shaped.part), plan_number)
-    flown = FlownPath(shaped.path, mission, shaped.carried_until_s)
+    items = layout.items_for(shaped.part)
+    if isinstance(layout, TwoBankLayout) and layout.flown is None and not is_short:
+        layout = replace(layout, flown=items)
+    mission, after = layout.with_new(items, plan_number)
+    flown = FlownPath(shaped.path, mission, shaped.carried_until_s, cost=shaped.cost)
     return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from companion.assurance.emergency import keeps_hard_constraints
 from companion.clock import Clock
 from companion.comms.observer import Observer
 from companion.config.rules import Rules
@@ -49,7 +50,7 @@ class PlanRequest:
     start : Start
         Where it begins.
     improves : bool
-        Whether the rest of the flown path is worth improving on.
+        Whether the rest of the flown path keeps the hard constraints, so that it is compared with.
     snapshot : Snapshot
         The world.
     is_urgent : bool
@@ -69,16 +70,23 @@ def plan_request(
     state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
 ) -> PlanRequest:
     """What is asked of the planner in the ordinary course of a flight."""
-    # A flown path that fails the check, since the world has changed, is nothing to improve on.
-    improves = start.rest is not None and not state.violations_of(start.rest)
-    return PlanRequest(PLAN, state.rules, state.goals_left, start, improves, snapshot, is_urgent)
+    return _request(PLAN, state, start, snapshot, is_urgent=is_urgent)
 
 
 def least_threat_request(
     state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
 ) -> PlanRequest:
-    """What is asked in an emergency: threats weigh most, and have no limit."""
-    return PlanRequest(LEAST_THREAT, state.rules, state.goals_left, start, False, snapshot, is_urgent)
+    """What is asked in an emergency: threats have no limit."""
+    return _request(LEAST_THREAT, state, start, snapshot, is_urgent=is_urgent)
+
+
+def _request(
+    purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
+) -> PlanRequest:
+    """What is asked on the way to the goals that are left."""
+    rest = start.rest
+    improves = rest is not None and keeps_hard_constraints(state.violations_of(rest))
+    return PlanRequest(purpose, state.rules, state.goals_left, start, improves, snapshot, is_urgent)
 
 
 def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:

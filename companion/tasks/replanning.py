@@ -20,7 +20,7 @@ from companion.flight.cycle import (
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.modes import ModeEvent
 from companion.flight.progress import as_of_now, lead_s
-from companion.flight.shaping import ShapedPath, conclude
+from companion.flight.shaping import Conclusion, ShapedPath, conclude
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
 from companion.tasks.plan_maker import (
@@ -34,8 +34,10 @@ from companion.tasks.plan_maker import (
 from companion.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
 from companion.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.tasks.surprise_watch import SurpriseWatch
+from companion.types.plan import Plan
 from companion.world.snapshot import Snapshot
 
+WITHOUT_ANOTHER_PLAN = frozenset({EmergencyStep.KEEP_FLOWN, EmergencyStep.LEAST_THREAT})
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
 SHUT_MEANWHILE = "the way home does not keep clear any more"
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
@@ -169,16 +171,10 @@ class Replanning:
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
-            self._surprises.judged(start.rest, is_failing=start.rest is not None and not request.improves)
-            await self._answer(request, track_s)
-        return None
-
-    async def _answer(self, request: PlanRequest, track_s: float) -> None:
-        """Plan; where nothing passed before what is flown became worse, by the emergency strategy at once."""
-        if self._schedule.is_urgent and self.emergency is EmergencyStep.LEAST_THREAT:
-            await self._respond(None, request, track_s)
-        else:
+            is_failing = start.rest is not None and bool(state.violations_of(start.rest))
+            self._surprises.judged(start.rest, is_failing=is_failing)
             await self._plan(request, track_s)
+        return None
 
     def _is_urgent(self, snapshot: Snapshot) -> bool:
         """Whether the plan is to be flown as soon as may be.
@@ -211,11 +207,16 @@ class Replanning:
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
-        state = self._flight.state
-        run, found = await self._maker.make(
-            request,
-            lambda plan: conclude(state, plan, request.start, request.snapshot),
-            may_break_off=not request.is_urgent,
+        state, least_gain = self._flight.state, self._least_gain(is_urgent=self._schedule.is_urgent)
+
+        def concluded(plan: Plan) -> tuple[Conclusion, EmergencyConclusion | None]:
+            found = conclude(state, plan, request.start, request.snapshot)
+            if not found.decision.is_flyable_anyway:
+                return found, None
+            return found, conclude_emergency(state, plan, None, request.start, None, least_gain=least_gain)
+
+        run, (found, least_threat) = await self._maker.make(
+            request, concluded, may_break_off=not request.is_urgent
         )
         if self._is_outdated(request):
             return
@@ -227,10 +228,17 @@ class Replanning:
         decision = found.decision
         facts = {"occasion": self._schedule.occasion, **decision.why}
         self._announcer.decide(decision.verdict.kind, decision.text, run.plan_ms, why=facts)
-        if decision.verdict.is_emergency:
+        if least_threat is not None and least_threat.step in WITHOUT_ANOTHER_PLAN:
+            is_urgent = request.is_urgent or request.start.rest is not None
+            await self._take(run, least_threat, track_s, is_urgent=is_urgent)
+        elif decision.verdict.is_emergency:
             await self._respond(run, request, track_s)
         else:
             self.emergency = None
+
+    def _least_gain(self, *, is_urgent: bool) -> float:
+        """By what share a path has to cost less than the flown one, where neither passes, to be flown."""
+        return 0.0 if is_urgent else float(self._flight.state.mission.planning.swap_gain)
 
     def _is_outdated(self, request: PlanRequest) -> bool:
         """Whether what was asked for is of no use any more; where other rules hold, plan by them."""
@@ -241,7 +249,7 @@ class Replanning:
             self._schedule.plan_at_once("the rules changed meanwhile")
         return state.rules is not request.rules
 
-    async def _respond(self, failed: PlanRun | None, request: PlanRequest, track_s: float) -> None:
+    async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
         """No plan passes: take the first step of the emergency strategy that can be taken, and say so.
 
         In a hurry where a path of ours is flown: it does not pass.
@@ -250,10 +258,11 @@ class Replanning:
         ownship = self._situation.ownship.state(now)
         if ownship is None:
             return
-        may_keep = not (self._schedule.is_urgent or self._surprises.look(now, at_once=True))
+        is_surprised = self._schedule.is_urgent or bool(self._surprises.look(now, at_once=True))
+        least_gain = self._least_gain(is_urgent=is_surprised)
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
-        self._surprises.knows(snapshot.picture.tracks, now, is_answer=not may_keep)
+        self._surprises.knows(snapshot.picture.tracks, now, is_answer=is_surprised)
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
         start = as_of_now(state, start, snapshot)
@@ -261,10 +270,11 @@ class Replanning:
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
         home = way_home(state, ownship) if state.mission.authority.allow_rtl else None
-        refused = None if failed is None else failed.plan.path
         run, found = await self._maker.make(
             least_threat_request(state, start, snapshot, is_urgent=is_urgent),
-            lambda plan: conclude_emergency(state, plan, refused, start, home, may_keep=may_keep),
+            lambda plan: conclude_emergency(
+                state, plan, failed.plan.path, start, home, least_gain=least_gain
+            ),
         )
         if found.step in LAST_RESORTS and state.rally_points:
             run, found = await self._by_rally_point(run, found, snapshot)

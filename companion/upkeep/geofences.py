@@ -17,7 +17,8 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.fences import FenceError, FenceLimits, fence_obstacles, fences_of
 from companion.types.mission import MissionItem
 
-AGAIN_S = 1.0  # between two readings of a list that has no name
+# Between two readings of a list that has no name. A PX4 that is being read denies uploads meanwhile.
+AGAIN_S, AGAIN_BUSY_S = 0.25, 1.0
 NAMED_AGAIN_S = 30.0  # of one whose name the autopilot tells, and that is the same
 OUTDATED_S = 60.0  # from then on a plan waits for a reading: nobody has kept them up, between two flights say
 READING_SHARE = 10.0  # times as long as a reading took is waited for the next: others need the link, too
@@ -67,7 +68,8 @@ class Geofences:
     async def keep_up(self) -> None:
         """Read the fences where they are others, or may be; not while a mission is exchanged."""
         since_s, name = self._clock.now_s() - self._read_s, self._name_told()
-        wanted_s = AGAIN_S
+        dialect = self._link.dialect
+        wanted_s = AGAIN_BUSY_S if dialect is None or dialect.stays_busy else AGAIN_S
         if name and name == self._name:
             wanted_s = NAMED_AGAIN_S
         elif name != self._name and not self._has_failed:

@@ -1,9 +1,10 @@
 """How long it takes from what changes the picture to the new mission that is flown, in real time.
 
 The service is a process of its own, as on board, and flies the simulator over TCP. In flight, at a moment
-that has nothing to do with its plans, a vehicle pops up 600 m ahead, a known one turns towards the aircraft,
-or a fence is put across the path. The clock stops when the autopilot steers for a place that was in none of
-its items before, nor in an upload that was under way.
+that has nothing to do with its plans, a vehicle on the ground pops up 600 m ahead, an aircraft that flew
+beside ours turns towards it, or a fence is put across the path. A known vehicle on the ground that turns is
+no surprise: each plan assumes that it may. The clock stops when the autopilot steers for a place that was in
+none of its items before, nor in an upload that was under way.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ PERIOD_S = 0.5  # between two sightings
 SETTLED_S = 12.0  # after the first mission is flown
 PATIENCE_S = 20.0  # longer an answer is not waited for
 LIMIT_S = 120.0
+GROUND_MM, AIRBORNE_MM = 584_000, 684_000  # above mean sea level: home's height, and 100 m above it
 SOURCE = (200, mavlink.MAV_COMP_ID_ADSB)
 MISSION = """
 name: reaction
@@ -147,15 +149,16 @@ class _Reaction:
         autopilot = self.simulator.autopilot
         latitude, longitude = autopilot.projection.degrees(*self._vehicle)
         course = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+        flies = self.change == "turn"
         report = mavlink.MAVLink_adsb_vehicle_message(
-            0xABC, round(latitude * 1e7), round(longitude * 1e7), 0, 584_000, round(100.0 * course),
-            round(100.0 * math.hypot(east_m_s, north_m_s)), 0, b"TRUCK",
-            mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, 0, 63, 0,
+            0xABC, round(latitude * 1e7), round(longitude * 1e7), 0, AIRBORNE_MM if flies else GROUND_MM,
+            round(100.0 * course), round(100.0 * math.hypot(east_m_s, north_m_s)), 0, b"OTHER",
+            mavlink.ADSB_EMITTER_TYPE_LIGHT if flies else mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, 0, 63, 0,
         )  # fmt: skip
         autopilot.relay_traffic(report, SOURCE)
 
     def _velocity(self) -> Place:
-        """How the vehicle drives: one that is known away from the path, then towards the aircraft's way."""
+        """How it moves: where it is known, along our course at first, then towards a place ahead of us."""
         if self.change != "turn" or self._vehicle is None:
             return 0.0, 0.0
         _, course = self._here()

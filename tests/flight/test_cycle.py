@@ -24,6 +24,7 @@ from companion.tasks.plan_maker import Planner, plan_request
 from companion.types.mission import Command, Mission
 from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk
 from companion.types.state import Ownship
+from companion.types.threat import ThreatPicture, TrackState
 from companion.vehicle.guidance import track_of_legs
 from tests.mission.made import item, path_along, waypoints
 from tests.sim.client import PLAIN
@@ -36,6 +37,12 @@ OPEN = PLAIN.replace(
 CORNERS = "[[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]"
 BLOCK = "  - {{name: {0}, polygon_enu_m: " + CORNERS + ", base_m: 0, top_m: 300}}\n"
 WALL = "obstacles:\n" + BLOCK.format("wall", 700, -100, 750, 100)
+
+
+FAR_OFF = TrackState(
+    0.0, "truck", (0.0, 9000.0, 0.0), (0.0, 0.0, 0.0), np.eye(4), 1.0, 100.0, 15.0, is_airborne=False,
+    observed_s=0.0,
+)  # fmt: skip
 
 
 def begun(extra="", text=OPEN):
@@ -65,8 +72,8 @@ def state(east=0.0, north=0.0, up=100.0, course=EAST, speed=25.0, stamp=50.0):
     return Ownship(stamp, (east, north, up), course, 0.0, 25.0, speed)
 
 
-def flying(made, path, carried_until_s=math.inf, row=0):
-    return replace(made, flown=FlownPath(path, Mission((), 1, 1), carried_until_s, row))
+def flying(made, path, carried_until_s=math.inf, row=0, cost=math.inf):
+    return replace(made, flown=FlownPath(path, Mission((), 1, 1), carried_until_s, row, cost))
 
 
 # --- judging
@@ -126,46 +133,52 @@ def test_the_flown_path_has_become_unsafe():
     assert "clearance" in judged.text
 
 
-def test_the_flown_path_has_come_under_threat():
-    found = plan(straight(levels=0.1), 500.0, 100.0, flown_threat=0.5)
-    judged = judge(begun(), found, start(straight()))
-    assert (judged.verdict.is_swap, judged.verdict) == (True, Verdict.THREAT)
-    assert "0.50" in judged.text
-
-
-def test_a_threatened_path_is_not_left_for_a_worse_one():
-    made = flying(begun(), straight())
-    judged = judge(made, plan(straight(levels=0.5), 500.0, 100.0, flown_threat=0.5), start(straight()))
-    assert (judged.verdict.is_swap, judged.verdict) == (False, Verdict.KEEP)
+def test_what_breaks_only_a_threat_limit_can_be_flown_where_nothing_better_is():
+    soft = judge(begun(), plan(threatened(0.1, 0.3)), start())
+    hard = judge(begun(WALL), plan(threatened(0.1, 0.3)), start())
+    assert (soft.verdict, soft.is_flyable_anyway) == (Verdict.REJECTED, True)
+    assert (hard.verdict, hard.is_flyable_anyway) == (Verdict.REJECTED, False)
+    assert not judge(begun(), plan(straight()), start()).is_flyable_anyway
 
 
 @pytest.mark.parametrize(
-    ("caught_s", "flown_s", "verdict"),
+    ("caught_s", "flown_s", "cost", "verdict"),
     [
-        (0.0, 12.0, Verdict.THREAT),
-        (40.0, 60.0, Verdict.THREAT),
-        (50.0, 60.0, Verdict.KEEP),  # less by too little: no dithering
-        (0.0, 0.5, Verdict.KEEP),
-        (0.0, 0.0, Verdict.KEEP),
+        (0.0, 12.0, 110.0, Verdict.BETTER),
+        (0.0, 0.5, 110.0, Verdict.BETTER),
+        (40.0, 60.0, 110.0, Verdict.KEEP),  # how long both could be reached is in their costs
+        (40.0, 60.0, 90.0, Verdict.BETTER),
+        (0.0, 0.0, 110.0, Verdict.KEEP),
+        (8.0, 0.0, 50.0, Verdict.KEEP),
     ],
 )
-def test_what_moving_threats_could_reach_is_left_for_what_they_cannot(caught_s, flown_s, verdict):
+def test_a_path_that_no_pursuer_can_reach_goes_before_one_that_costs_less(caught_s, flown_s, cost, verdict):
     found = replace(
-        plan(straight(), 110.0, 100.0),
+        plan(straight(), cost, 100.0),
         pursuit=PursuitRisk(70.0, caught_s),
         flown_pursuit=PursuitRisk(70.0, flown_s),
     )
-    judged = judge(flying(begun(), straight()), found, start(straight()))
-    assert judged.verdict is verdict
-    assert (judged.why["caught_s"], judged.why["flown_caught_s"]) == (caught_s, flown_s)
+    assert judge(flying(begun(), straight()), found, start(straight())).verdict is verdict
 
 
-def test_a_cheaper_plan_that_moving_threats_could_reach_is_not_taken():
-    cheap = replace(
-        plan(straight(), 50.0, 100.0), pursuit=PursuitRisk(70.0, 8.0), flown_pursuit=PursuitRisk()
-    )
-    judged = judge(flying(begun(), straight()), cheap, start(straight()))
-    assert judged.verdict is Verdict.KEEP
+@pytest.mark.parametrize(
+    ("cost", "promised", "is_pursued", "kind"),
+    [
+        (76.0, 100.0, True, "keep"),
+        (74.0, 100.0, True, "better"),
+        (94.0, 99.0, True, "better"),
+        (94.0, 100.0, False, "better"),
+    ],
+)
+def test_a_safe_path_as_good_as_promised_is_left_for_a_quarter_less(cost, promised, is_pursued, kind):
+    """The flown path costs 100 now. Where that is more than promised, or nobody pursues, 5 % are enough."""
+    found = replace(plan(straight(), cost, 100.0), flown_pursuit=PursuitRisk())
+    made = flying(begun(), straight(), cost=promised)
+    if is_pursued:
+        made = replace(made, picture=ThreatPicture(tracks=(FAR_OFF,)))
+    judged = judge(made, found, start(straight()))
+    assert judged.verdict.value == kind
+    assert judged.holds_flown is (is_pursued and promised == 100.0)
 
 
 @pytest.mark.parametrize(("cost", "kind"), [(94.9, "better"), (95.1, "keep"), (120.0, "keep")])
@@ -233,11 +246,11 @@ def test_lead_by_hand():
     made = begun()
     expected_s = made.mission_list.exchange_s
     assert lead_s(made) == pytest.approx(1.0 + 2.0 + expected_s)
-    assert lead_s(made, is_urgent=True) == pytest.approx(0.2 + 0.7 + expected_s)
+    assert lead_s(made, is_urgent=True) == pytest.approx(0.2 + 0.3 + expected_s)
     for lasted_s, exchange_s in (((0.1,), 0.3), ((2.0, 1.0), 2.6)):
         measured = replace(made, mission_list=replace(made.mission_list, lasted_s=lasted_s))
         assert lead_s(measured) == pytest.approx(1.0 + 2.0 + exchange_s)
-        assert lead_s(measured, is_urgent=True) == pytest.approx(0.2 + 0.7 + exchange_s)
+        assert lead_s(measured, is_urgent=True) == pytest.approx(0.2 + 0.3 + exchange_s)
 
 
 @pytest.mark.parametrize(("east", "is_last"), [(1100.0, False), (1150.0, True)])

@@ -34,7 +34,7 @@ def circled(dialect, north):
         (Dialect.ARDUPILOT, -520.0),
         (Dialect.ARDUPILOT, -560.0),
         (Dialect.PX4, 580.0),
-        (Dialect.PX4, 560.0),
+        (Dialect.PX4, 600.0),
     ],
 )
 def test_should_the_service_fall_silent_it_circles_out_of_the_radar(dialect, north, monkeypatch):

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.aircraft.motion import (
     OK,
     advance,
@@ -44,6 +45,7 @@ from companion.kernels.workspace import Workspace
 DIRECTIONS, TURNS = 16, 3
 STRAIGHT_STEPS = 2  # A straight motion is at least so long, so that fewer nodes are looked at.
 HEIGHT_CELLS = 0.5  # of a step, the height of a cell
+NEAR_RADII = 6.0  # So many turning radii from a goal turns count.
 EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is so much earlier.
 PRIME = 1_048_573  # the largest prime below 2^20: a cell's place in the table is its number modulo this
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
@@ -86,13 +88,14 @@ class Rules(Struct):
 
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
     counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
-    (g of J) at which a place may be passed.
+    (g of J) at which a place may be passed; ``cost_max`` a path that costs as much is not worth finding [s].
     """
 
     goals: Float2D
     weight: float
     seen_max: float
     danger_max: float
+    cost_max: float
 
 
 class BestFirst(Struct):
@@ -218,6 +221,25 @@ def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
 
 
 @kernel
+def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
+    """How many times as long as the straight way one with turns is to a goal near by, from 1 on.
+
+    ``state`` (6,); ``goal`` (4,) x y z and the radius [m]. V knows no turns: without this the tree tries all
+    ways past the goal, and back, that V takes for cheap. The way leads to the nearest of three places: the
+    centre, and those beside it on the goal's rim.
+    """
+    x, y, rho = goal[0] - state[0], goal[1] - state[1], turn_radius(state[5], limits)
+    flat = math.hypot(x, y)
+    if flat <= goal[3] or flat > NEAR_RADII * rho:
+        return 1.0
+    aside, least = goal[3] / flat, math.inf
+    for side in range(-1, 2):
+        gx, gy = goal[0] - side * aside * y, goal[1] + side * aside * x
+        least = min(least, distance_to_point(state[0], state[1], state[3], gx, gy, rho))
+    return max(1.0, least / flat)
+
+
+@kernel
 def enter(search: BestFirst, last: int) -> bool:
     """Queue node ``last`` unless its cell has one that is as good; whether it was queued."""
     nodes, cells, field, heap, sizes = search.nodes, search.cells, search.field, search.heap, search.sizes
@@ -229,12 +251,13 @@ def enter(search: BestFirst, last: int) -> bool:
     if is_later and nodes.cost[last] >= cells.cost[slot]:
         return False
     left = cost_to_go(field, stage, state[0], state[1], state[2])
-    if left == math.inf:
+    left = left * turning_share(state, search.rules.goals[stage], search.objective.limits) + field.rest[stage]
+    if nodes.cost[last] + left >= search.rules.cost_max:
         return False
     cells.cost[slot] = min(cells.cost[slot], nodes.cost[last]) if is_known else nodes.cost[last]
     cells.time[slot] = min(cells.time[slot], nodes.time[last]) if is_known else nodes.time[last]
     cells.keys[slot] = key
-    order = nodes.cost[last] + search.rules.weight * (left + field.rest[stage])
+    order = nodes.cost[last] + search.rules.weight * left
     sizes[1] = push(heap.keys, heap.nodes, sizes[1], order, last)
     return True
 

@@ -4,8 +4,9 @@ V solves ``v·|∇V| − W·∇V + climbing = c`` on a grid, ``v`` the airspeed,
 a second. An aircraft that climbs at most by the angle γ gains at most ``d·tan γ`` of height on ``d`` metres
 of ground. In the norm ``max(flat distance, height / tan γ)`` a climb is free as long as there is way for it,
 and beyond that a spiral. The dual of that norm gives the scheme below. Nodes are settled in the order of V,
-each from its upwind neighbours (Sethian, "A fast marching level set method", PNAS 93, 1996). Upwind
-differences make V too large by a share of the spacing. That a climb makes the way longer is left out.
+each from its upwind neighbours by differences of the first or the second order (Sethian, "A fast marching
+level set method", PNAS 93, 1996; "Fast marching methods", SIAM Review 41, 1999). V is too large by a share
+of the spacing. That a climb makes the way longer is left out.
 
 Symbols: ``i, j, k`` a node east, north, up; ``a, b, d`` V of its neighbours in these directions; ``s`` what
 crossing the spacing costs [s]; ``w`` wind over airspeed.
@@ -30,7 +31,8 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 
 SETTLED_S = 1e-6  # A smaller change of V is none.
 LEAST_PART = 1e-6  # Each node counts at least so much, so that a point on a blocked node has a value.
-GOAL_CELLS = 1.5  # V begins at the nodes so many spacings about the goal.
+BENT_CELLS = 4.0  # From so many spacings on the front is straight enough for differences of the second order.
+GOAL_CELLS = 1.5
 
 
 class CostField(Struct):
@@ -138,24 +140,46 @@ def solved_flat(
     return best
 
 
+@inlined_numpy_errors
+def _of_second_order(near: float, far: float, least: float) -> float:
+    """What stands for two neighbours in a difference of the second order; infinite where there is none.
+
+    ``(3·V − 4·near + far) / 2`` is ``3/2`` times ``V`` less this. Where ``far`` is below ``least`` the front
+    is too bent for it, so close to where V begins.
+    """
+    return near + (near - far) / 3.0 if least <= far <= near < math.inf else math.inf
+
+
 @kernel_numpy_errors
 def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> float:
-    """V of a node from its neighbours as they are.
+    """V of a node from its neighbours as they are, by differences of the first or the second order.
 
     ``value`` (NX, NY, NZ) V so far [s]; ``s`` what crossing the spacing costs there [s]; ``pace`` (4,) the
-    wind east and north over the airspeed, and the spacings climbed and sunk on the way of one.
+    wind east and north over the airspeed, and the spacings climbed and sunk on the way of one. The lesser of
+    the two is taken: those of the second order need two nodes on each side from which V comes.
     """
-    wx, wy = pace[0], pace[1]
+    wx, wy, least = pace[0], pace[1], BENT_CELLS * s
     west, east = _upwind(value, i - 1, j, k), _upwind(value, i + 1, j, k)
     south, north = _upwind(value, i, j - 1, k), _upwind(value, i, j + 1, k)
     below, above = _upwind(value, i, j, k - 1), _upwind(value, i, j, k + 1)
     vertical, climb = (below, pace[3]) if below <= above else (above, pace[2])
+    beyond = _upwind(value, i, j, k - 2) if below <= above else _upwind(value, i, j, k + 2)
+    beyond = _of_second_order(vertical, beyond, least)
+    west_2 = _of_second_order(west, _upwind(value, i - 2, j, k), least)
+    east_2 = _of_second_order(east, _upwind(value, i + 2, j, k), least)
+    south_2 = _of_second_order(south, _upwind(value, i, j - 2, k), least)
+    north_2 = _of_second_order(north, _upwind(value, i, j + 2, k), least)
     if wx == 0.0 and wy == 0.0:
-        return solved(min(west, east), min(south, north), vertical, 0.0, 0.0, climb, s)
-    best = solved(west, south, vertical, -wx, -wy, climb, s)
-    best = min(best, solved(east, south, vertical, wx, -wy, climb, s))
-    best = min(best, solved(west, north, vertical, -wx, wy, climb, s))
-    return min(best, solved(east, north, vertical, wx, wy, climb, s))
+        best = solved(min(west, east), min(south, north), vertical, 0.0, 0.0, climb, s)
+        a, b = west_2 if west <= east else east_2, south_2 if south <= north else north_2
+        return min(best, solved(a, b, beyond, 0.0, 0.0, climb, s / 1.5))
+    best = math.inf
+    for side in range(4):
+        a, a_2, wa = (west, west_2, -wx) if side % 2 == 0 else (east, east_2, wx)
+        b, b_2, wb = (south, south_2, -wy) if side < 2 else (north, north_2, wy)
+        best = min(best, solved(a, b, vertical, wa, wb, climb, s))
+        best = min(best, solved(a_2, b_2, beyond, wa, wb, climb, s / 1.5))
+    return best
 
 
 @kernel_numpy_errors

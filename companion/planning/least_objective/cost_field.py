@@ -25,12 +25,11 @@ from companion.kernels.objective.cost_to_go import (
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
 from companion.planning.problem import Problem
 
-CELLS_2D, CELLS_3D = 150, 60  # along the longer side of the bounds
+CELLS_2D, CELLS_3D = 120, 50  # along the longer side of the bounds
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
 HEAP_SHARE = 8  # of the nodes: how often each may wait to be settled
 ERROR_UNKNOWN = 0.1  # of V, where the coarse field says nothing
-ERROR_TIMES = 2.0  # what V falls by when the spacing is halved, to be taken off
 DEVIATION_STEP_M = 0.5
 KEPT = 8  # of each sort, a megabyte each
 MOST_DANGER = 1.0  # g of J is never more
@@ -59,9 +58,9 @@ class CostToGo:
     def bound_s(self, position_enu_m: tuple[float, float, float]) -> float:
         """A lower bound of J from a place through all goals [s]; infinite where no way leads to them.
 
-        Upwind differences make V too large by an error of the order of ``h·log(1/h)``, ``h`` the spacing.
-        Across a hundred nodes that is 1.4 times what V falls by when the spacing is halved. Twice as much is
-        taken off. Where no way leads through the coarse field the error is not known; a tenth is taken off.
+        V is too large by an error that halves at least when the spacing is halved. So it is at most what V
+        falls by from the coarse field to the fine one, and that is taken off. Where no way leads through the
+        coarse field the error is not known; a tenth is taken off.
 
         Parameters
         ----------
@@ -71,7 +70,7 @@ class CostToGo:
         fine, coarse = (least_s(field, position_enu_m) for field in (self.fine, self.coarse))
         if math.isinf(coarse):
             return (1.0 - ERROR_UNKNOWN) * fine
-        return max(0.0, fine - ERROR_TIMES * max(0.0, coarse - fine))
+        return max(0.0, fine - max(0.0, coarse - fine))
 
 
 def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:

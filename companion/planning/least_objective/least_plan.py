@@ -16,7 +16,7 @@ from companion.planning.least_objective.plan_measures import (
     trace_with_pursuers,
 )
 from companion.planning.least_objective.prices import objective_between
-from companion.planning.least_objective.short_cuts import shortened_route
+from companion.planning.least_objective.short_cuts import keeps_limits, shortened_route
 from companion.planning.route import assess_route, grow_pursuers_along, route_from_path
 from companion.types.path import Path
 from companion.types.plan import Plan
@@ -36,7 +36,8 @@ def plan_by_objective(
     timer : callable
         Seconds, for the measure PST only.
     flown : Path or None
-        What is left of the path being flown; it is the plan where it can be made cheaper than the new one.
+        What is left of the path being flown. Where it keeps the limits and can be made cheaper than the new
+        one, it is the plan.
     """
     problem, began = exploration.problem, timer()
     search = LeastRouteSearch(exploration, should_stop, timer)
@@ -47,7 +48,9 @@ def plan_by_objective(
     if exploration.is_hunted:
         grow_pursuers_along(exploration, route)
     flown_route = None if flown is None or len(flown) < MIN_ROWS else route_from_path(exploration, flown)
-    if flown_route is not None:
+    if flown_route is not None and (
+        keeps_limits(exploration, objective, flown_route) or not keeps_limits(exploration, objective, route)
+    ):
         improved, kept = shortened_route(exploration, objective, flown_route, should_stop)
         if objective_between(objective, improved) < cost_s and ends_at(improved, problem.goals[-1]):
             route, reached, notes = improved, True, (f"the flown path, {kept} short cuts",)

@@ -20,13 +20,13 @@ from companion.planning.least_objective.cost_field import (
 )
 from companion.planning.least_objective.prices import objective_between, objective_of
 from companion.planning.least_objective.short_cuts import shortened_route
-from companion.planning.least_objective.tree_growth import ObjectiveTree
+from companion.planning.least_objective.tree_growth import GrowthRules, ObjectiveTree
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
 # Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal, each
 # less particular about its cost. Then one more is to find a cheaper path.
-FINDING = ((1.15, 2_000), (2.0, 2_000), (4.0, 10_000))
+FINDING = ((1.15, 2_000), (2.0, 8_000), (4.0, 10_000))
 # Where nothing pursues, one more is patient in narrow places.
 FINDING_ALONE = (*FINDING, (1.02, 20_000))
 IMPROVING, IMPROVING_PURSUED = (1.02, 8_000), (1.02, 2_000)
@@ -208,9 +208,9 @@ class LeastRouteSearch:
             if is_found != is_last or (is_last and self._should_stop()):
                 continue
             weight, most = asked
-            grown.append(
-                ObjectiveTree(exploration, objective, field, weight=weight, danger_max=danger_max, most=most)
-            )
+            cost_max = min((tree.cost_s for tree in grown), default=math.inf)
+            rules = GrowthRules(weight=weight, danger_max=danger_max, most=most, cost_max=cost_max)
+            grown.append(ObjectiveTree(exploration, objective, field, rules))
             grown[-1].grow(self._should_stop)
         best, num_nodes = min(grown, key=lambda tree: tree.cost_s), sum(tree.num_nodes for tree in grown)
         route = best.route()

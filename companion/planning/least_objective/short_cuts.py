@@ -41,7 +41,7 @@ def shortened_route(
     """
     problem, kept = exploration.problem, 0
     rounds, risk_s = problem.settings.smooth_iterations, pursuit_risk(exploration, route).total_s
-    keeps_limits = _keeps_limits(exploration, objective, route)
+    is_within_limits = keeps_limits(exploration, objective, route)
     for iteration in range(rounds):
         n = len(route)
         if n < 4 or should_stop():
@@ -51,7 +51,7 @@ def shortened_route(
         if cut is None or not visits_goals(cut[0].states, problem.goals):
             continue
         gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut[0], i + 1)
-        if gain_s <= LEAST_GAIN_S or (keeps_limits and not _keeps_limits(exploration, objective, cut[0])):
+        if gain_s <= LEAST_GAIN_S or (is_within_limits and not keeps_limits(exploration, objective, cut[0])):
             continue
         other_s = pursuit_risk(exploration, cut[0]).total_s
         if other_s <= risk_s:
@@ -86,8 +86,18 @@ def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[R
     return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at
 
 
-def _keeps_limits(exploration: Exploration, objective: Objective, route: Route) -> bool:
-    """Whether a route keeps below the limits of time in sight, threat level and collisions."""
+def keeps_limits(exploration: Exploration, objective: Objective, route: Route) -> bool:
+    """Whether a route keeps below the limits of time in sight, threat level and collisions.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        Has the limits.
+    objective : Objective
+        Has the radars.
+    route : Route
+        A path.
+    """
     settings = exploration.problem.settings
     if longest_seen(route.rows, len(route), objective.threats) > settings.seen_max_s:
         return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,6 +30,28 @@ TABLE = 2**17  # of cells; some times as many as a tree comes to
 ROWS_EACH = 12  # of the tree, at most, for each node that is extended
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthRules:
+    """How a tree is grown.
+
+    Parameters
+    ----------
+    weight : float
+        Times which V counts.
+    danger_max : float
+        Most danger from pursuers at which a place may be passed.
+    most : int
+        How many nodes may be extended.
+    cost_max : float
+        A path that costs as much is not worth finding [s].
+    """
+
+    weight: float
+    danger_max: float
+    most: int
+    cost_max: float = math.inf
+
+
 class ObjectiveTree:
     """One tree.
 
@@ -40,12 +63,8 @@ class ObjectiveTree:
         What a path costs.
     field : CostField
         V.
-    weight : float
-        Times which V counts.
-    danger_max : float
-        Most danger from pursuers at which a place may be passed.
-    most : int
-        How many nodes may be extended.
+    rules : GrowthRules
+        How it is grown.
 
     Attributes
     ----------
@@ -58,13 +77,10 @@ class ObjectiveTree:
         exploration: Exploration,
         objective: Objective,
         field: CostField,
-        *,
-        weight: float,
-        danger_max: float,
-        most: int,
+        rules: GrowthRules,
     ) -> None:
         problem, root = exploration.problem, exploration.tree
-        self._most = min(most, problem.settings.max_iterations)
+        self._most = min(rules.most, problem.settings.max_iterations)
         self.end = UNFINISHED
         num = ROWS_EACH * self._most + ROWS_EACH
         self.nodes = nodes = _empty_nodes(num)
@@ -82,9 +98,10 @@ class ObjectiveTree:
             objective=objective,
             rules=Rules(
                 goals=np.array(goals, dtype=np.float64),
-                weight=weight,
+                weight=rules.weight,
                 seen_max=problem.settings.seen_max_s,
-                danger_max=danger_max,
+                danger_max=rules.danger_max,
+                cost_max=rules.cost_max,
             ),
             scene=exploration.scene(),
             work=exploration.work,

@@ -61,7 +61,7 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
         nodes=nodes, heap=heap,
         cells=Cells(np.zeros(2**14, dtype=np.int64), np.empty(2**14), np.empty(2**14)),
         sizes=np.ones(2, dtype=np.int64), field=field, objective=objective,
-        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0),
+        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf),
         scene=scene, work=work_for(10),
     )  # fmt: skip
 
