@@ -22,9 +22,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from companion.assurance.violation import Violation
-
-SOFT_RULES = frozenset({"threat", "quality"})
+from companion.assurance.violation import SOFT_RULES, Violation, keeps_hard_constraints
 
 
 class EmergencyStep(Enum):
@@ -71,11 +69,6 @@ class EmergencyDecision(NamedTuple):
 
     step: EmergencyStep
     reason: str
-
-
-def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:
-    """Whether only threat level or quality are past their limits."""
-    return all(violation.rule in SOFT_RULES for violation in violations)
 
 
 def _passes(violations: Sequence[Violation] | None) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from companion.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]
+
+SOFT_RULES = frozenset({"threat", "quality"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +91,8 @@ def outside(
     low, high = limits
     yield from listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
     yield from listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
+
+
+def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:
+    """Whether only threat level or quality are past their limits."""
+    return all(violation.rule in SOFT_RULES for violation in violations)

@@ -6,23 +6,53 @@ Synchronous and without a clock, so that a replay decides the same.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from companion.assurance.emergency import EmergencyOptions, EmergencyStep, keeps_hard_constraints
-from companion.assurance.violation import Violation
-from companion.flight.decision import Verdict, carried_min_s, carried_s, gain_of
+import numpy as np
+
+from companion.assurance.emergency import EmergencyOptions, EmergencyStep
+from companion.assurance.violation import Violation, keeps_hard_constraints
+from companion.flight.decision import (
+    SwapDecision,
+    Verdict,
+    carried_min_s,
+    carried_s,
+    gain_of,
+    judge,
+)
 from companion.flight.fallback import Response, flown_violations, respond, respond_by_rally_point
 from companion.flight.flight_state import FlightState
-from companion.flight.progress import Start, is_on_last_leg, lead_s
-from companion.flight.shaping import ShapedPath
+from companion.flight.progress import Start, is_on_last_leg, lead_s, problem_at
+from companion.flight.shaping import ShapedPath, waypoints_of
 from companion.mission.waypoints import mission_part
 from companion.planning.problem import GoalRegion
-from companion.types.path import Path
+from companion.planning.route import reassessed
+from companion.types.path import Path, slowed_path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
 
 AS_GOOD = "what is flown costs no more"
 RALLY_POINTS_TRIED = 2  # each is a plan, while nothing that passes is flown
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """What a plan comes to.
+
+    Parameters
+    ----------
+    decision : SwapDecision
+        What is said of it.
+    shaped : ShapedPath or None
+        What is to be handed over; None where nothing is.
+    is_unflyable : bool
+        Whether it would be flown, but no mission can carry it.
+    """
+
+    decision: SwapDecision
+    shaped: ShapedPath | None = None
+    is_unflyable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +73,77 @@ def is_over(state: FlightState, ownship: Ownship) -> bool:
 def flown_passes(state: FlightState, start: Start) -> bool:
     """Whether something of ours is flown, and the rest of it passes the check."""
     return flown_violations(state, start) == ()
+
+
+def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
+    """Judge a plan, and shape what is to be flown of it.
+
+    One that a mission can only carry slower is judged once more: it will be everywhere later.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals and rules.
+    plan : Plan
+        The planner's answer.
+    start : Start
+        Where it begins.
+    snapshot : Snapshot
+        The world that it was made in.
+    """
+    decision = judge(state, plan, start)
+    if not decision.verdict.is_swap or plan.path is None:
+        return Conclusion(decision)
+    held = _held(state, decision, start)
+    path, cost = (plan.path, plan.cost) if held is None else (held, plan.flown_cost or plan.cost)
+    waypoints, carried_s, violations = waypoints_of(state, path, state.mission_list.max_waypoints)
+    if violations:
+        refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
+        return Conclusion(refused, is_unflyable=True)
+    slower = slowed_path(path, waypoints.airspeed_m_s)
+    if slower is not path:
+        carried_s = float(slower.times_s[np.searchsorted(path.times_s, carried_s)])
+        path, risk = reassessed(problem_at(state, start, snapshot), slower)
+        decision = judge(state, replace(plan, path=path, pursuit=risk), start)
+        if not decision.verdict.is_swap:
+            return Conclusion(decision)
+    part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
+    shaped = ShapedPath(
+        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why, cost
+    )
+    return Conclusion(decision, shaped)
+
+
+def _held(state: FlightState, decision: SwapDecision, start: Start) -> Path | None:
+    """What is left of the flown path, where that is held and a mission can carry it on."""
+    rest = start.rest
+    if rest is None or decision.verdict is not Verdict.EXTEND or not decision.holds_flown:
+        return None
+    return None if waypoints_of(state, rest, state.mission_list.max_waypoints)[2] else rest
+
+
+def conclude_either(
+    state: FlightState, plan: Plan, start: Start, snapshot: Snapshot, *, least_gain: float
+) -> tuple[Conclusion, EmergencyConclusion | None]:
+    """What a plan comes to; where it is refused for its threat or quality alone, as an emergency plan, too.
+
+    Parameters
+    ----------
+    state : FlightState
+        What is flown, and by which rules.
+    plan : Plan
+        The planner's answer.
+    start : Start
+        Where it begins.
+    snapshot : Snapshot
+        The world that it was made in.
+    least_gain : float
+        As in :func:`conclude_emergency`.
+    """
+    found = conclude(state, plan, start, snapshot)
+    if not found.decision.is_flyable_anyway:
+        return found, None
+    return found, conclude_emergency(state, plan, None, start, None, least_gain=least_gain)
 
 
 def conclude_emergency(

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from companion.assurance.emergency import keeps_hard_constraints
-from companion.assurance.violation import Violation
+from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.types.mavlink_enums import Severity
@@ -24,6 +23,7 @@ from companion.types.plan import Plan
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
+REACHED_S = 1.0  # A flown path that pursuers can reach for no longer is not left for that alone.
 SAFE_TIMES = 5.0  # swap_gain: what a path that is held has to be more costly by, to be left
 
 
@@ -145,10 +145,18 @@ def gain_of(plan: Plan) -> float:
     That no pursuer that knows the path can reach it goes before cost, as in the search: a path that one can
     reach saves nothing beside one that none can, and the other way round everything.
     """
-    flown_cost, is_reached = plan.flown_cost or 0.0, plan.pursuit.total_s > 0.0
-    if plan.flown_pursuit is not None and is_reached != (plan.flown_pursuit.total_s > 0.0):
-        return 0.0 if is_reached else 1.0
+    flown_cost, flown, reached_s = plan.flown_cost or 0.0, plan.flown_pursuit, plan.pursuit.total_s
+    if flown is not None and flown.total_s == 0.0 < reached_s:
+        return 0.0
+    if _is_out_of_reach(plan):
+        return 1.0
     return 1.0 - plan.cost / flown_cost if flown_cost > 0.0 and plan.cost < math.inf else 0.0
+
+
+def _is_out_of_reach(plan: Plan) -> bool:
+    """Whether no pursuer can reach a plan, and one can reach the flown path for more than a moment."""
+    flown = plan.flown_pursuit
+    return flown is not None and flown.total_s > REACHED_S and plan.pursuit.total_s == 0.0
 
 
 @dataclass(frozen=True)
@@ -248,7 +256,9 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
-    if flown_cost == math.inf:
+    if _is_out_of_reach(case.plan):
+        instead = ", and no moving threat can reach it"
+    elif flown_cost == math.inf:
         instead = ", and the flown path passes threat_level_max"
     return Verdict.BETTER, f"cost {case.plan.cost:.1f}{instead}"
 

@@ -17,8 +17,8 @@ from companion.assurance.emergency import (
     EmergencyOptions,
     EmergencyStep,
     emergency_decision,
-    keeps_hard_constraints,
 )
+from companion.assurance.violation import keeps_hard_constraints
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start
 from companion.flight.shaping import carried, waypoints_of

@@ -33,7 +33,7 @@ from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from companion.assurance.violation import Violation
+from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.config import MissionConfig
 from companion.config.rules import Rules, rules_of
 from companion.flight.flight_phase import (
@@ -198,6 +198,10 @@ class FlightState:
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path that should reach the last goal."""
         return self.violations_to(self.goals[-1], path)
+
+    def keeps_hard_constraints(self, path: Path) -> bool:
+        """Whether a path that should reach the last goal breaks no limit but those of threat and quality."""
+        return keeps_hard_constraints(self.violations_of(path))
 
     def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path in the wind there is, that should reach a goal if one is given."""

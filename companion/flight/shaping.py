@@ -10,7 +10,7 @@ from itertools import chain, islice, product
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.flight.decision import SwapDecision, Verdict, judge
+from companion.flight.decision import Verdict
 from companion.flight.flight_state import FlightState
 from companion.flight.flown_track import (
     airspeed_at_end,
@@ -22,7 +22,7 @@ from companion.flight.flown_track import (
     is_circle_met,
     track_over,
 )
-from companion.flight.progress import Start, problem_at
+from companion.flight.progress import Start
 from companion.frames import FloatArray
 from companion.mission.loiter import Circle, circles_beside
 from companion.mission.waypoints import (
@@ -32,14 +32,10 @@ from companion.mission.waypoints import (
     TurnStyle,
     Waypoints,
     merge_close_waypoints,
-    mission_part,
     waypoints_from_path,
 )
-from companion.planning.route import reassessed
 from companion.types.mission import MissionItem
-from companion.types.path import FASTER_M_S, Path, run_on, slowed_path
-from companion.types.plan import Plan
-from companion.world.snapshot import Snapshot
+from companion.types.path import FASTER_M_S, Path, run_on
 
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
@@ -95,69 +91,6 @@ class ShapedPath:
     text: str
     why: Mapping[str, object]
     cost: float
-
-
-@dataclass(frozen=True, slots=True)
-class Conclusion:
-    """What a plan comes to.
-
-    Parameters
-    ----------
-    decision : SwapDecision
-        What is said of it.
-    shaped : ShapedPath or None
-        What is to be handed over; None where nothing is.
-    is_unflyable : bool
-        Whether it would be flown, but no mission can carry it.
-    """
-
-    decision: SwapDecision
-    shaped: ShapedPath | None = None
-    is_unflyable: bool = False
-
-
-def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
-    """Judge a plan, and shape what is to be flown of it.
-
-    One that a mission can only carry slower is judged once more: it will be everywhere later.
-
-    Parameters
-    ----------
-    state : FlightState
-        Goals and rules.
-    plan : Plan
-        The planner's answer.
-    start : Start
-        Where it begins.
-    snapshot : Snapshot
-        The world that it was made in.
-    """
-    decision = judge(state, plan, start)
-    if not decision.verdict.is_swap or plan.path is None:
-        return Conclusion(decision)
-    path, cost, max_waypoints = plan.path, plan.cost, state.mission_list.max_waypoints
-    waypoints, carried_s, violations = waypoints_of(state, path, max_waypoints)
-    if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
-        held = waypoints_of(state, start.rest, max_waypoints)
-        if violations or not held[2]:
-            path, cost = start.rest, plan.flown_cost or plan.cost
-            waypoints, carried_s, violations = held
-    if violations:
-        refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
-        return Conclusion(refused, is_unflyable=True)
-    slower = slowed_path(path, waypoints.airspeed_m_s)
-    if slower is not path:
-        carried_s = float(slower.times_s[np.searchsorted(path.times_s, carried_s)])
-        path, risk = reassessed(problem_at(state, start, snapshot), slower)
-        decision = judge(state, replace(plan, path=path, pursuit=risk), start)
-        if not decision.verdict.is_swap:
-            return Conclusion(decision)
-    part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ShapedPath(
-        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why,
-        cost,
-    )  # fmt: skip
-    return Conclusion(decision, shaped)
 
 
 def waypoints_of(

@@ -89,9 +89,11 @@ class ArduPlaneSwap:
 def _part_to_write(listed: ListState, mission: Mission, bank: slice) -> slice | None:
     """What is written of a list that was found as it was left; None for all of one of another length.
 
-    Of the idle bank only what differs is written: an ArduPlane takes 20 ms an item.
+    Of the idle bank only what differs is written: an ArduPlane takes 20 ms an item. Before a first mission
+    neither bank is known.
     """
-    if listed.num_read != len(mission.items):
+    is_first = listed.layout is None or listed.layout.flown is None
+    if is_first or listed.num_read != len(mission.items):
         return None
     if listed.is_mixed:
         return bank

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from companion.departure.foresight import start_at_takeover
 from companion.departure.way_back import way_back
+from companion.flight.cycle import conclude
 from companion.flight.decision import DecisionKind
 from companion.flight.modes import Mode
 from companion.flight.progress import Start, lead_s, start_by_motion
-from companion.flight.shaping import ShapedPath, conclude
+from companion.flight.shaping import ShapedPath
 from companion.mission.swap import SwapOutcome
 from companion.tasks.plan_maker import plan_request
 from companion.tasks.replanning_parts import ReplanningParts, known_threats

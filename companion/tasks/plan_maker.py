@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from companion.assurance.emergency import keeps_hard_constraints
 from companion.clock import Clock
 from companion.comms.observer import Observer
 from companion.config.rules import Rules
@@ -84,8 +83,7 @@ def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
     """What is asked on the way to the goals that are left."""
-    rest = start.rest
-    improves = rest is not None and keeps_hard_constraints(state.violations_of(rest))
+    improves = start.rest is not None and state.keeps_hard_constraints(start.rest)
     return PlanRequest(purpose, state.rules, state.goals_left, start, improves, snapshot, is_urgent)
 
 

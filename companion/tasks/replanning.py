@@ -11,6 +11,7 @@ from companion.departure.way_home import way_home
 from companion.flight.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
+    conclude_either,
     conclude_emergency,
     conclude_rally,
     flown_passes,
@@ -20,7 +21,7 @@ from companion.flight.cycle import (
 from companion.flight.decision import DecisionKind, Verdict
 from companion.flight.modes import ModeEvent
 from companion.flight.progress import as_of_now, lead_s
-from companion.flight.shaping import Conclusion, ShapedPath, conclude
+from companion.flight.shaping import ShapedPath
 from companion.swapping.handover import SwapOutcome
 from companion.tasks.look_ahead import LookAhead
 from companion.tasks.plan_maker import (
@@ -34,7 +35,6 @@ from companion.tasks.plan_maker import (
 from companion.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
 from companion.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.tasks.surprise_watch import SurpriseWatch
-from companion.types.plan import Plan
 from companion.world.snapshot import Snapshot
 
 WITHOUT_ANOTHER_PLAN = frozenset({EmergencyStep.KEEP_FLOWN, EmergencyStep.LEAST_THREAT})
@@ -208,15 +208,10 @@ class Replanning:
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
         """Make a plan, and carry out what comes of it."""
         state, least_gain = self._flight.state, self._least_gain(is_urgent=self._schedule.is_urgent)
-
-        def concluded(plan: Plan) -> tuple[Conclusion, EmergencyConclusion | None]:
-            found = conclude(state, plan, request.start, request.snapshot)
-            if not found.decision.is_flyable_anyway:
-                return found, None
-            return found, conclude_emergency(state, plan, None, request.start, None, least_gain=least_gain)
-
         run, (found, least_threat) = await self._maker.make(
-            request, concluded, may_break_off=not request.is_urgent
+            request,
+            lambda plan: conclude_either(state, plan, request.start, request.snapshot, least_gain=least_gain),
+            may_break_off=not request.is_urgent,
         )
         if self._is_outdated(request):
             return

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
+from companion.flight.cycle import conclude
 from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.flown_track import at_row, guidance_of
 from companion.flight.list_state import FlownPath
 from companion.flight.progress import Start, is_on_last_leg, lead_s, start_after, start_at
-from companion.flight.shaping import carried, conclude, waypoints_of
+from companion.flight.shaping import carried, waypoints_of
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
 from companion.planning.plan_runner import StopRule
@@ -145,7 +146,7 @@ def test_what_breaks_only_a_threat_limit_can_be_flown_where_nothing_better_is():
     ("caught_s", "flown_s", "cost", "verdict"),
     [
         (0.0, 12.0, 110.0, Verdict.BETTER),
-        (0.0, 0.5, 110.0, Verdict.BETTER),
+        (0.0, 0.5, 110.0, Verdict.KEEP),
         (40.0, 60.0, 110.0, Verdict.KEEP),  # how long both could be reached is in their costs
         (40.0, 60.0, 90.0, Verdict.BETTER),
         (0.0, 0.0, 110.0, Verdict.KEEP),
@@ -535,14 +536,14 @@ def test_a_hurried_plan_is_judged_as_it_is_carried(monkeypatch):
         seen.append(found)
         return judge(made, found, begin)
 
-    monkeypatch.setattr("companion.flight.shaping.judge", judged)
+    monkeypatch.setattr("companion.flight.cycle.judge", judged)
     hurried_beside(1500.0)
     assert [found.path.duration_s for found in seen] == pytest.approx([80.0])
     seen.clear()
     hurried_beside(330.0)
     assert [found.path.duration_s for found in seen] == pytest.approx([80.0, 116.9], abs=0.3)
     monkeypatch.setattr(
-        "companion.flight.shaping.reassessed",
+        "companion.flight.cycle.reassessed",
         lambda _, path: (replace(path, threat_levels=np.linspace(0.0, 1.0, len(path))), PursuitRisk()),
     )
     assert hurried_beside(330.0)[0] is None

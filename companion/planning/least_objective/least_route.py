@@ -199,19 +199,7 @@ class LeastRouteSearch:
         exploration.start_afresh(known.airspeed_m_s)
         if math.isinf(least_s(field, self._place)):
             return Searched(route_from_tree(exploration, 0), math.inf, objective, SearchTrace(), 1)
-        grown: list[ObjectiveTree] = []
-        is_late, is_hunted = self._should_stop(), exploration.is_hunted
-        finding = (FINDING[0], FINDING[-1]) if is_late else FINDING if is_hunted else FINDING_ALONE
-        improving = IMPROVING_PURSUED if is_hunted else IMPROVING
-        for asked in (*finding, improving):
-            is_last, is_found = asked is improving, any(tree.end >= 0 for tree in grown)
-            if is_found != is_last or (is_last and self._should_stop()):
-                continue
-            weight, most = asked
-            cost_max = min((tree.cost_s for tree in grown), default=math.inf)
-            rules = GrowthRules(weight=weight, danger_max=danger_max, most=most, cost_max=cost_max)
-            grown.append(ObjectiveTree(exploration, objective, field, rules))
-            grown[-1].grow(self._should_stop)
+        grown = self._grown(objective, field, danger_max)
         best, num_nodes = min(grown, key=lambda tree: tree.cost_s), sum(tree.num_nodes for tree in grown)
         route = best.route()
         if best.end < 0:
@@ -220,6 +208,23 @@ class LeastRouteSearch:
         cost_s = objective_between(objective, route)
         notes = (*self._given_up(known, danger_max), f"{num_cuts} short cuts")
         return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
+
+    def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
+        """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
+        exploration, grown = self._exploration, list[ObjectiveTree]()
+        is_late, is_hunted, cost_max = self._should_stop(), exploration.is_hunted, math.inf
+        finding = (FINDING[0], FINDING[-1]) if is_late else FINDING if is_hunted else FINDING_ALONE
+        improving = IMPROVING_PURSUED if is_hunted else IMPROVING
+        for asked in (*finding, improving):
+            is_last, is_found = asked is improving, math.isfinite(cost_max)
+            if is_found != is_last or (is_last and self._should_stop()):
+                continue
+            weight, most = asked
+            rules = GrowthRules(weight=weight, danger_max=danger_max, most=most, cost_max=cost_max)
+            grown.append(ObjectiveTree(exploration, objective, field, rules))
+            grown[-1].grow(self._should_stop)
+            cost_max = min(cost_max, grown[-1].cost_s)
+        return grown
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """A path led to the goal's centre, and shortened; with how many short cuts."""
