@@ -164,7 +164,7 @@ class Replanning:
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
         self._schedule.knows(known_threats(self._situation, now))
-        self._surprises.knows(snapshot.picture.tracks, now, is_answer=self._schedule.is_urgent)
+        self._surprises.knows(snapshot.picture.tracks, is_answer=self._schedule.is_urgent)
         track_s = self._situation.newest_track_s
         if not is_over(state, ownship):
             is_urgent = self._is_urgent(snapshot)
@@ -257,7 +257,7 @@ class Replanning:
         least_gain = self._least_gain(is_urgent=is_surprised)
         snapshot = self._situation.snapshot(now)
         state = self._flight.see(ownship, snapshot.picture)
-        self._surprises.knows(snapshot.picture.tracks, now, is_answer=is_surprised)
+        self._surprises.knows(snapshot.picture.tracks, is_answer=is_surprised)
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
         start = as_of_now(state, start, snapshot)

@@ -19,7 +19,6 @@ from companion.types.threat import TrackState
 RISE = 0.15  # of the threat level: an estimate wanders by less
 SAFE_S, CAUGHT_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
 LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
-FORGOTTEN_S = 10.0  # a vehicle's motion of so long ago is nothing that it could have turned from
 ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
 
 
@@ -48,7 +47,7 @@ class SurpriseWatch:
         self._flight, self._situation, self._reader = flight, situation, reader
         self._level = math.inf
         self._is_safe: bool | None = None
-        self._knew: dict[str, TrackState] = {}
+        self._knew: dict[str, tuple[TrackState, ...]] = {}
         self._was_failing = True
         self._surprise = ""
         self._seen: tuple[float, int] | None = None
@@ -69,23 +68,21 @@ class SurpriseWatch:
         self.is_failing = self._was_failing = is_failing
         self._surprise, self._is_safe = "", None
 
-    def knows(self, tracks: Iterable[TrackState], now_s: float, *, is_answer: bool) -> None:
+    def knows(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
         """What is planned now goes by vehicles moving like this: one that turns later is a surprise.
 
-        Unless it answers a surprise, what is remembered of a vehicle stays for some seconds: it may be about
-        to turn, by half a turn that nobody was surprised at.
+        Unless it answers a surprise, what the plan before knew of a vehicle is remembered, too: it may be
+        about to turn, by half a turn that nobody was surprised at.
 
         Parameters
         ----------
         tracks : iterable of TrackState
             What the plan knows.
-        now_s : float
-            The clock's reading [s].
         is_answer : bool
             Whether it answers a surprise.
         """
-        kept = {} if is_answer else {k: v for k, v in self._knew.items() if now_s - v.stamp_s < FORGOTTEN_S}
-        self._knew = {track.identity: kept.get(track.identity, track) for track in tracks}
+        before = {} if is_answer else self._knew
+        self._knew = {track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks}
 
     def look(self, now_s: float, *, at_once: bool = False) -> str:
         """How what is flown has become worse since, in words; '' if it has not.
@@ -136,10 +133,10 @@ class SurpriseWatch:
         """A vehicle that was to pass well aside of what is flown, and no longer is; '' if there is none."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
-            knew = self._knew.get(track.identity)
-            if knew is None or passing_reaches(rest, track, ahead_s) >= 1.0:
+            knew = self._knew.get(track.identity, ())
+            if not knew or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
-            if passing_reaches(rest, knew, ahead_s) > ASIDE:
+            if any(passing_reaches(rest, then, ahead_s) > ASIDE for then in knew):
                 return track.identity
         return ""
 
