@@ -220,14 +220,7 @@ def _shaped(state: FlightState, start: Start, response: Response, cost: float) -
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     shaped = ShapedPath(
-        route.path,
-        route.waypoints,
-        part,
-        route.carried_until_s,
-        start,
-        Verdict.EMERGENCY,
-        step.value,
-        {},
+        route.path, route.waypoints, part, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {},
         cost,
-    )
+    )  # fmt: skip
     return EmergencyConclusion(step, reason, response.options, shaped)
