@@ -2,8 +2,8 @@
 
 Theory of operation. The rules of :data:`_RULES` are asked in their order; the first that has an answer
 decides. On its way each notes the numbers that it went by, for the record. No dithering: beside a flown path
-that is sound, a new one has to be cheaper by the mission file's ``swap_gain``; and beside one that is safe
-from moving threats that know it, by more: what they did not do so far is no promise.
+that is sound, a new one has to be cheaper by the mission file's ``swap_gain``; and beside one that is held,
+by more.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from companion.types.plan import Plan
 
 EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
 VIOLATIONS_TOLD = 5
-REACHED_S = 1.0  # A flown path that pursuers can reach for no longer is not left for that alone.
-SAFE_TIMES = 5.0  # swap_gain: what a path that is held has to be more costly by, to be left
+REACHED_S = 1.0  # A flown path is not left for its reach alone if pursuers can reach it for no longer.
+SAFE_TIMES = 5.0  # A path that is held is left only for one that saves so many times swap_gain.
 
 
 class DecisionKind(Enum):
