@@ -6,6 +6,7 @@ Synchronous and without a clock, so that a replay decides the same.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from companion.flight.fallback import Response, flown_violations, respond, respo
 from companion.flight.flight_state import FlightState
 from companion.flight.progress import Start, is_on_last_leg, lead_s, problem_at
 from companion.flight.shaping import ShapedPath, waypoints_of
-from companion.mission.waypoints import mission_part
+from companion.mission.waypoints import Waypoints, mission_part
 from companion.planning.problem import GoalRegion
 from companion.planning.route import reassessed
 from companion.types.path import Path, slowed_path
@@ -94,9 +95,10 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     decision = judge(state, plan, start)
     if not decision.verdict.is_swap or plan.path is None:
         return Conclusion(decision)
-    held = _held(state, decision, start)
-    path, cost = (plan.path, plan.cost) if held is None else (held, plan.flown_cost or plan.cost)
-    waypoints, carried_s, violations = waypoints_of(state, path, state.mission_list.max_waypoints)
+    paths = [(plan.path, plan.cost)]
+    if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
+        paths.insert(0, (start.rest, plan.flown_cost or plan.cost))
+    (path, cost), (waypoints, carried_s, violations) = _first_carried(state, paths)
     if violations:
         refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
@@ -114,18 +116,23 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     return Conclusion(decision, shaped)
 
 
-def _held(state: FlightState, decision: SwapDecision, start: Start) -> Path | None:
-    """What is left of the flown path, where that is held and a mission can carry it on."""
-    rest = start.rest
-    if rest is None or decision.verdict is not Verdict.EXTEND or not decision.holds_flown:
-        return None
-    return None if waypoints_of(state, rest, state.mission_list.max_waypoints)[2] else rest
+def _first_carried(
+    state: FlightState, paths: Sequence[tuple[Path, float]]
+) -> tuple[tuple[Path, float], tuple[Waypoints, float, tuple[Violation, ...]]]:
+    """The first of some paths with their costs that a mission can carry, else the last; how it is carried."""
+    for wanted in paths:
+        carried = waypoints_of(state, wanted[0], state.mission_list.max_waypoints)
+        if not carried[2]:
+            break
+    return wanted, carried
 
 
 def conclude_either(
     state: FlightState, plan: Plan, start: Start, snapshot: Snapshot, *, least_gain: float
 ) -> tuple[Conclusion, EmergencyConclusion | None]:
-    """What a plan comes to; where it is refused for its threat or quality alone, as an emergency plan, too.
+    """What a plan comes to; and as an emergency plan, where it breaks limits of threat or quality alone.
+
+    Where the flown path passes the check, no emergency plan is wanted.
 
     Parameters
     ----------
@@ -141,7 +148,7 @@ def conclude_either(
         As in :func:`conclude_emergency`.
     """
     found = conclude(state, plan, start, snapshot)
-    if not found.decision.is_flyable_anyway:
+    if not found.decision.is_flyable_anyway or flown_passes(state, start):
         return found, None
     return found, conclude_emergency(state, plan, None, start, None, least_gain=least_gain)
 

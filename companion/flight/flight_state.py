@@ -199,9 +199,10 @@ class FlightState:
         """What is wrong with a path that should reach the last goal."""
         return self.violations_to(self.goals[-1], path)
 
-    def keeps_hard_constraints(self, path: Path) -> bool:
-        """Whether a path that should reach the last goal breaks no limit but those of threat and quality."""
-        return keeps_hard_constraints(self.violations_of(path))
+    def limits_kept(self, path: Path) -> tuple[bool, bool]:
+        """Whether a path that should reach the last goal keeps all limits; and all but threat and quality."""
+        found = self.violations_of(path)
+        return not found, keeps_hard_constraints(found)
 
     def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
         """What is wrong with a path in the wind there is, that should reach a goal if one is given."""

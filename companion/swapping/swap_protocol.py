@@ -80,8 +80,8 @@ def order_for(
     is_urgent : bool
         Whether it is to be flown as soon as may be.
     is_short : bool
-        Whether a first mission on an ArduPlane leaves the idle bank out. With it the upload takes longer, and
-        the next mission is a part of the list.
+        Whether a first mission on an ArduPlane leaves the idle bank out. It is stored sooner then, and the
+        next one later: that has to be uploaded whole.
     """
     items = layout.items_for(shaped.part)
     if isinstance(layout, TwoBankLayout) and layout.flown is None and not is_short:

@@ -54,6 +54,8 @@ class PlanRequest:
         The world.
     is_urgent : bool
         Whether it answers a surprise.
+    is_failing : bool
+        Whether the rest of the flown path breaks a limit.
     """
 
     purpose: str
@@ -63,6 +65,7 @@ class PlanRequest:
     improves: bool
     snapshot: Snapshot
     is_urgent: bool = False
+    is_failing: bool = False
 
 
 def plan_request(
@@ -83,8 +86,11 @@ def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
     """What is asked on the way to the goals that are left."""
-    improves = start.rest is not None and state.keeps_hard_constraints(start.rest)
-    return PlanRequest(purpose, state.rules, state.goals_left, start, improves, snapshot, is_urgent)
+    keeps_all, keeps_hard = (True, False) if start.rest is None else state.limits_kept(start.rest)
+    return PlanRequest(
+        purpose, state.rules, state.goals_left, start, keeps_hard, snapshot, is_urgent,
+        is_failing=not keeps_all,
+    )  # fmt: skip
 
 
 def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:

@@ -37,7 +37,6 @@ from companion.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.tasks.surprise_watch import SurpriseWatch
 from companion.world.snapshot import Snapshot
 
-WITHOUT_ANOTHER_PLAN = frozenset({EmergencyStep.KEEP_FLOWN, EmergencyStep.LEAST_THREAT})
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
 SHUT_MEANWHILE = "the way home does not keep clear any more"
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
@@ -171,8 +170,7 @@ class Replanning:
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
-            is_failing = start.rest is not None and bool(state.violations_of(start.rest))
-            self._surprises.judged(start.rest, is_failing=is_failing)
+            self._surprises.judged(start.rest, is_failing=request.is_failing)
             await self._plan(request, track_s)
         return None
 
@@ -223,7 +221,7 @@ class Replanning:
         decision = found.decision
         facts = {"occasion": self._schedule.occasion, **decision.why}
         self._announcer.decide(decision.verdict.kind, decision.text, run.plan_ms, why=facts)
-        if least_threat is not None and least_threat.step in WITHOUT_ANOTHER_PLAN:
+        if least_threat is not None and least_threat.step is EmergencyStep.LEAST_THREAT:
             is_urgent = request.is_urgent or request.start.rest is not None
             await self._take(run, least_threat, track_s, is_urgent=is_urgent)
         elif decision.verdict.is_emergency:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.flight.cycle import conclude
+from companion.flight.cycle import conclude, conclude_either, flown_passes
 from companion.flight.decision import Verdict, judge
 from companion.flight.flight_state import after_position, first_state
 from companion.flight.flown_track import at_row, guidance_of
@@ -140,6 +140,15 @@ def test_what_breaks_only_a_threat_limit_can_be_flown_where_nothing_better_is():
     assert (soft.verdict, soft.is_flyable_anyway) == (Verdict.REJECTED, True)
     assert (hard.verdict, hard.is_flyable_anyway) == (Verdict.REJECTED, False)
     assert not judge(begun(), plan(straight()), start()).is_flyable_anyway
+
+
+def test_beside_a_flown_path_that_passes_no_emergency_plan_is_wanted():
+    """The pilot then reads that the flown path is kept, and of no emergency."""
+    flown, found = straight(), replace(plan(threatened(0.1, 0.3), 50.0), flown_cost=100.0)
+    made, begin = flying(begun(), flown), start(flown)
+    decided, emergency = conclude_either(made, found, begin, None, least_gain=0.05)
+    assert (decided.decision.verdict, emergency) == (Verdict.REJECTED, None)
+    assert flown_passes(made, begin)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import Float1D, Float3D, Limits
 from companion.kernels.native.kernel import kernel, kernel_numpy_errors, local_floats
 from companion.kernels.native.struct import Struct
@@ -31,7 +32,6 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 
 BEGUN_RADII = 4.0  # about the start, where the wave begins with exact times
 EARLY = 0.98  # Upwind differences find ways too long, by less than this.
-NO_TURN = 1e-6  # rad
 
 
 class Wave(Struct):
@@ -65,25 +65,6 @@ def time_to_fly(length: float, v: float, limits: Limits) -> float:
     return (math.sqrt(v * v + 2.0 * a * length) - v) / a
 
 
-@kernel
-def least_turning_way(x: float, y: float, direction: float, radius: float) -> float:
-    """Length of the shortest way to (x, y) [m] from the origin and a direction, with turns of ``radius`` [m].
-
-    A turn and a straight line (Dubins, "On curves of minimal length", Am. J. Math. 79, 1957; the direction at
-    the end is free). Inside the turning circles the distance, which is less.
-    """
-    ahead = x * math.cos(direction) + y * math.sin(direction)
-    aside = abs(y * math.cos(direction) - x * math.sin(direction))
-    from_centre = math.hypot(ahead, aside - radius)
-    if from_centre <= radius:
-        return math.hypot(x, y)
-    straight = math.sqrt(from_centre * from_centre - radius * radius)
-    turned = math.atan2(ahead, radius - aside) - math.atan2(straight, radius)
-    if turned < -NO_TURN:
-        turned += 2.0 * math.pi
-    return radius * max(turned, 0.0) + straight
-
-
 @kernel_numpy_errors
 def is_in_sight(rate: Float3D, u: float, v: float, i: int, j: int, k: int) -> bool:
     """Whether something flies at every node between (u, v), in nodes, and node (i, j) at level ``k``.
@@ -115,7 +96,7 @@ def begin_wave(wave: Wave, grid: Float1D, limits: Limits, heap: Heap) -> int:
             x, y = grid[0] + i * grid[3] - start[0], grid[1] + j * grid[4] - start[1]
             if x * x + y * y > reach * reach:
                 continue
-            way = least_turning_way(x, y, start[5], wave.radius)
+            way = distance_to_point(0.0, 0.0, start[5], x, y, wave.radius)
             for k in range(value.shape[2]):
                 up = abs(grid[2] + k * grid[5] - start[2]) if value.shape[2] > 1 else 0.0
                 if not is_in_sight(wave.rate, u, v, i, j, k):
@@ -192,7 +173,7 @@ def spread(
         if not value[i, j, k] <= found < value[a, b, c] - SETTLED_S:
             continue
         x, y = grid[0] + a * grid[3] - wave.start[0], grid[1] + b * grid[4] - wave.start[1]
-        soonest = least_turning_way(x, y, wave.start[5], wave.radius) * crossing / grid[3]
+        soonest = distance_to_point(0.0, 0.0, wave.start[5], x, y, wave.radius) * crossing / grid[3]
         due = time[i, j, k] + (found - value[i, j, k]) / rate
         if due < soonest:
             found += rate * (soonest - due)

@@ -32,7 +32,7 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 SETTLED_S = 1e-6  # A smaller change of V is none.
 LEAST_PART = 1e-6  # Each node counts at least so much, so that a point on a blocked node has a value.
 BENT_CELLS = 4.0  # From so many spacings on the front is straight enough for differences of the second order.
-GOAL_CELLS = 1.5
+GOAL_CELLS = 1.5  # V begins at the nodes so many spacings about the goal.
 
 
 class CostField(Struct):
@@ -162,23 +162,20 @@ def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> 
     west, east = _upwind(value, i - 1, j, k), _upwind(value, i + 1, j, k)
     south, north = _upwind(value, i, j - 1, k), _upwind(value, i, j + 1, k)
     below, above = _upwind(value, i, j, k - 1), _upwind(value, i, j, k + 1)
-    vertical, climb = (below, pace[3]) if below <= above else (above, pace[2])
-    beyond = _upwind(value, i, j, k - 2) if below <= above else _upwind(value, i, j, k + 2)
-    beyond = _of_second_order(vertical, beyond, least)
-    west_2 = _of_second_order(west, _upwind(value, i - 2, j, k), least)
-    east_2 = _of_second_order(east, _upwind(value, i + 2, j, k), least)
-    south_2 = _of_second_order(south, _upwind(value, i, j - 2, k), least)
-    north_2 = _of_second_order(north, _upwind(value, i, j + 2, k), least)
-    if wx == 0.0 and wy == 0.0:
-        best = solved(min(west, east), min(south, north), vertical, 0.0, 0.0, climb, s)
-        a, b = west_2 if west <= east else east_2, south_2 if south <= north else north_2
-        return min(best, solved(a, b, beyond, 0.0, 0.0, climb, s / 1.5))
+    vertical, climb, up = (below, pace[3], -1) if below <= above else (above, pace[2], 1)
+    beyond = _of_second_order(vertical, _upwind(value, i, j, k + 2 * up), least)
     best = math.inf
     for side in range(4):
-        a, a_2, wa = (west, west_2, -wx) if side % 2 == 0 else (east, east_2, wx)
-        b, b_2, wb = (south, south_2, -wy) if side < 2 else (north, north_2, wy)
+        a, wa, across = (west, -wx, -1) if side % 2 == 0 else (east, wx, 1)
+        b, wb, along = (south, -wy, -1) if side < 2 else (north, wy, 1)
+        if wx == 0.0 and wy == 0.0 and (a > min(west, east) or b > min(south, north)):
+            continue
         best = min(best, solved(a, b, vertical, wa, wb, climb, s))
-        best = min(best, solved(a_2, b_2, beyond, wa, wb, climb, s / 1.5))
+        a = _of_second_order(a, _upwind(value, i + 2 * across, j, k), least)
+        b = _of_second_order(b, _upwind(value, i, j + 2 * along, k), least)
+        best = min(best, solved(a, b, beyond, wa, wb, climb, s / 1.5))
+        if wx == 0.0 and wy == 0.0:
+            break
     return best
 
 

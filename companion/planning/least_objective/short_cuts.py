@@ -99,7 +99,8 @@ def keeps_limits(exploration: Exploration, objective: Objective, route: Route) -
         A path.
     """
     settings = exploration.problem.settings
-    if longest_seen(route.rows, len(route), objective.threats) > settings.seen_max_s:
+    seen_max_s = settings.seen_max_s
+    if seen_max_s < math.inf and longest_seen(route.rows, len(route), objective.threats) > seen_max_s:
         return False
     if settings.threat_level_max < 1.0 and math.isinf(cost_between(exploration, route)):
         return False

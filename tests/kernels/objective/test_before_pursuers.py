@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.objective.before_pursuers import (
     Wave,
     fill_before_pursuers,
-    least_turning_way,
     time_to_fly,
 )
 from companion.kernels.objective.cost_to_go import CostField, Heap
@@ -74,7 +74,7 @@ def test_behind_the_aircraft_a_turn_comes_first():
 def test_no_way_with_turns_is_shorter_than_it_says(x, y, direction):
     """By trying: turns to either side in steps, then straight on, and how near the point that leads."""
     assume(math.hypot(x, y) > 30.0)
-    least = least_turning_way(x, y, direction, 125.0)
+    least = distance_to_point(0.0, 0.0, direction, x, y, 125.0)
     assert least >= math.hypot(x, y) - 1e-6
     best = math.inf
     for side in (1.0, -1.0):
@@ -99,7 +99,7 @@ def test_a_point_straight_ahead_needs_no_turn():
     """Rounding once made it a whole circle."""
     for direction in np.linspace(-3.0, 3.0, 101):
         x, y = 700.0 * math.cos(direction), 700.0 * math.sin(direction)
-        assert least_turning_way(x, y, direction, 125.0) == pytest.approx(700.0, abs=0.01)
+        assert distance_to_point(0.0, 0.0, direction, x, y, 125.0) == pytest.approx(700.0, abs=0.01)
 
 
 def test_how_long_it_takes_to_gain_speed_by_hand():
