@@ -170,15 +170,16 @@ class Game(Struct):
     ``hunters`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
     was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (D, NX, NY) earliest arrival at
     a grid's cells [s], ``least`` (D, BX, BY) the earliest in each block of them; ``tops`` (NX, NY) height of
-    the wall there, minus infinity where there is none [m];
-    ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane`` 1 where threats are at the aircraft's height;
-    ``slack`` by which a place has to be passed before it is under threat [s].
+    the wall there, minus infinity where there is none [m]; ``lowest`` the least of these heights, infinite
+    without any wall [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane`` 1 where threats are at the
+    aircraft's height; ``slack`` by which a place has to be passed before it is under threat [s].
     """
 
     hunters: Float2D
     arrival: Float3D
     least: Float3D
     tops: Float2D
+    lowest: float
     grid: Float1D
     is_plane: int
     slack: float

@@ -52,6 +52,7 @@ def pursuit_game(
         arrival=np.full((len(tracks), *shape), math.inf),
         least=np.empty((len(tracks), 0, 0)),
         tops=np.full(shape, -math.inf),
+        lowest=math.inf,
         grid=np.array([west, south, spacing]),
         is_plane=0 if plane_up_m is None else 1,
         slack=slack_s,
@@ -61,7 +62,8 @@ def pursuit_game(
     for d, hunter in enumerate(game.hunters):
         if hunter[7] == DRIVES:
             fill_arrivals(hunter[0], hunter[1], game, d)
-    return game._replace(least=_least_of_blocks(game.arrival))
+    lowest = game.tops.min(where=game.tops > -math.inf, initial=math.inf)
+    return game._replace(least=_least_of_blocks(game.arrival), lowest=float(lowest))
 
 
 def _least_of_blocks(arrival: FloatArray) -> FloatArray:

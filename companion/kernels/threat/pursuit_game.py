@@ -26,6 +26,7 @@ SHORTENED = 0.98  # sweeping finds ways too long, by less than this
 SEED_CELLS = 6  # about a DT in which its ways are straight lines
 STANDS_M = 1.0  # higher a wall does not stand on the ground: it is driven under, and hides nothing
 BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
+ROUNDED_CELLS = 3.0  # At most so much nearer are two cells than the difference of their arrivals says.
 BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line of sight need lead
 
 
@@ -166,7 +167,18 @@ def caught_from(game: Game, x: float, y: float, z: float, soon: float, late: flo
 def _seen_from(
     game: Game, d: int, x: float, y: float, up: float, radius: float, soon: float, late: float
 ) -> float:
-    """Earliest arrival of DT ``d`` at a place within ``radius`` that sees one ``up`` metres above it [s]."""
+    """Earliest arrival of DT ``d`` at a place within ``radius`` that sees one ``up`` metres above it [s].
+
+    No line of sight is looked along where the arrival below the place decides: a DT that is there by ``soon``
+    sees it, and one that sees it, where no wall is so low that it is seen over, has only to drive there.
+    """
+    below = _arrival_below(game, d, x, y)
+    if below <= soon:
+        return below
+    drives = radius + ROUNDED_CELLS * game.grid[2]
+    is_late = below < math.inf and (below - late) * game.hunters[d, 4] > drives
+    if is_late and up + game.hunters[d, 2] <= game.lowest:
+        return math.inf
     away = math.hypot(game.hunters[d, 0] - x, game.hunters[d, 1] - y)
     first, wide = _bearings_to(game, d, x, y, radius, late)
     best = math.inf
@@ -186,6 +198,15 @@ def _seen_from(
         if best <= soon:
             break
     return best
+
+
+@kernel
+def _arrival_below(game: Game, d: int, x: float, y: float) -> float:
+    """Earliest arrival of DT ``d`` in the cell of a place; infinite outside the grid and in a wall [s]."""
+    i = int(math.floor((x - game.grid[0]) / game.grid[2] + 0.5))
+    j = int(math.floor((y - game.grid[1]) / game.grid[2] + 0.5))
+    is_inside = 0 <= i < game.tops.shape[0] and 0 <= j < game.tops.shape[1]
+    return float(game.arrival[d, i, j]) if is_inside else math.inf
 
 
 @kernel

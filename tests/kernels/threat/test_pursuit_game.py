@@ -135,18 +135,19 @@ def test_whoever_comes_sooner_is_no_more_threatened(seed):
 
 
 @pytest.mark.compiled
-@given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
-def test_no_line_of_sight_that_counts_is_left_out(seed):
+@given(st.integers(0, 10_000), st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_no_line_of_sight_that_counts_is_left_out(seed, in_space):
     rng = np.random.default_rng(seed)
     tracks = [
         track(*rng.uniform(0.0, 2000.0, 2), speed=rng.uniform(0.0, 30.0), radius=rng.uniform(50.0, 600.0))
         for _ in range(rng.integers(1, 4))
     ]
-    made = game(*tracks, obstacles=[WALL])
-    all_lines = made._replace(least=np.full_like(made.least, -math.inf))
-    for x, y, time in rng.uniform(0.0, (2000.0, 2000.0, 90.0), (100, 3)):
-        assert k.is_caught(made, x, y, 100.0, time) == k.is_caught(all_lines, x, y, 100.0, time)
+    made = game(*tracks, obstacles=[WALL], plane_up=None if in_space else 100.0)
+    all_lines = made._replace(least=np.full_like(made.least, -math.inf), lowest=-math.inf)
+    for x, y, up, time in rng.uniform(0.0, (2000.0, 2000.0, 150.0, 90.0), (100, 4)):
+        z = up if in_space else 100.0
+        assert k.is_caught(made, x, y, z, time) == k.is_caught(all_lines, x, y, z, time)
 
 
 def test_lines_of_sight_lead_where_a_dt_can_be_in_time():
