@@ -29,7 +29,7 @@ from companion.types.plan import SearchTrace
 FINDING = ((1.15, 2_000), (2.0, 8_000), (4.0, 10_000))
 # Where nothing pursues, one more is patient in narrow places.
 FINDING_ALONE = (*FINDING, (1.02, 20_000))
-IMPROVING, IMPROVING_PURSUED = (1.02, 8_000), (1.02, 2_000)
+IMPROVING = (1.02, 8_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,10 +213,9 @@ class LeastRouteSearch:
         """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
         exploration, grown = self._exploration, list[ObjectiveTree]()
         is_late, is_hunted, cost_max = self._should_stop(), exploration.is_hunted, math.inf
-        finding = (FINDING[0], FINDING[-1]) if is_late else FINDING if is_hunted else FINDING_ALONE
-        improving = IMPROVING_PURSUED if is_hunted else IMPROVING
-        for asked in (*finding, improving):
-            is_last, is_found = asked is improving, math.isfinite(cost_max)
+        finding = FINDING[::2] if is_late else FINDING if is_hunted else FINDING_ALONE
+        for asked in (*finding, IMPROVING):
+            is_last, is_found = asked is IMPROVING, math.isfinite(cost_max)
             if is_found != is_last or (is_last and self._should_stop()):
                 continue
             weight, most = asked
