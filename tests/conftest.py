@@ -22,7 +22,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "seeded"))
 
 ROOT = Path(__file__).parents[1]
 REWIRED = (
-    "tests/kernels/search/test_rrt_star.py::test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer"
+    "tests/kernels/printed/test_rrt_star.py::test_rewiring_keeps_the_tree_whole_and_the_goal_gets_no_dearer"
 )
 # Tests that need compiled kernels, by how their names begin, and why: `make coverage` leaves them
 # out where it runs kernels as Python.

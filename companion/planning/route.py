@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.frames import FloatArray, course_from_direction, direction_from_course
-from companion.kernels.search.dynamic_domain_rrt import DRAWS
-from companion.kernels.search.growth import LEAST_CLEAR, grow
+from companion.kernels.search.growth import DRAWS, LEAST_CLEAR, grow
 from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import (
     JOINED,

@@ -14,7 +14,7 @@ from companion.kernels.arrays import Float1D, Float2D, Obstacles, Pursuers, Tree
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.native.kernel import kernel
-from companion.kernels.search.near_nodes import near_nodes
+from companion.kernels.printed.near_nodes import near_nodes
 from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.threat.reachability import gets_to
 from companion.kernels.workspace import FilterScratch, KNearest, ThreatScene, threat_scene

@@ -1,4 +1,4 @@
-"""Kernels of the search: the tree and its extensions, sub goals, rewiring, and the editing of paths.
+"""Kernels of every search: an edge's checks, costs and assessment, a tree's growth, the editing of paths.
 
 Numbers and arrays in, numbers and status codes out; what is random is drawn outside and passed in.
 """

@@ -1,6 +1,6 @@
-"""How the PathTree grows by a node: the step, its checks, and all that is known of the new node.
+"""How the PathTree grows by a node: the edge's check, and all that is known of the new node.
 
-Symbols: ``q_s`` a sample, ``q_n`` the node extended, ``i`` a node's row.
+Symbols: ``q_n`` the node extended, ``i`` a node's row.
 """
 
 from __future__ import annotations
@@ -9,12 +9,8 @@ import math
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, position_factor, propagate
 from companion.kernels.aircraft.motion import (
-    OK,
-    advance,
     distance_to,
     slowness,
-    state_status,
-    steer,
     straight_after,
 )
 from companion.kernels.arrays import (
@@ -39,10 +35,9 @@ from companion.kernels.threat.intercept import EYE_M
 from companion.kernels.threat.pursuit_game import is_caught
 from companion.kernels.threat.reachability import Estimator, estimate_reachability
 from companion.kernels.threat.threat_tree import FLIES_ON
-from companion.kernels.workspace import FilterScratch, GrowthScratch, Step, ThreatScene
+from companion.kernels.workspace import FilterScratch, GrowthScratch, ThreatScene
 
-DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
-MAX_DESCENT = 8  # children followed where the control towards a sample was tried already
+DRAWS = 16  # uniform numbers of an extension; the paper's search draws its sample with some of them
 LEAST_DOMAIN = 0.3  # of DD that threat alone leaves: with less several DTs strangle the search
 LEAST_CLEAR = 1e-12  # p_c that is told from less
 FAR = 1.0e4  # clearance beyond which p_c is 1 anyhow [m]
@@ -67,42 +62,6 @@ def domain_radius(clear: float, level: float, blocked: int, search: Search) -> f
 
 
 @kernel
-def child_by(tree: Tree, i: int, w: float, wp: float) -> int:
-    """The child node ``i`` already has by the same control, or -1."""
-    if tree.children[i] > 0:
-        for c in range(i + 1, tree.count[0]):
-            if tree.parent[c] == i and abs(tree.rate[c, 0] - w) < 1e-6 and abs(tree.rate[c, 1] - wp) < 1e-6:
-                return c
-    return -1
-
-
-@kernel
-def extend(
-    tree: Tree, i: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
-    limits: Limits, step: Step, stats: Int1D,
-) -> int:  # fmt: skip
-    """One step from node ``i`` towards ``q_s`` (3,) [m]: ``EXTENDED``, or why not.
-
-    It stays within ``horizon`` metres of ``centre`` (3,) [m]. ``stats`` (4,): the first counts collision
-    checks (NCDC).
-    """
-    control, out = step.control, step.state
-    state = tree.state[i]
-    a, w, wp = steer(state, tree.turn[i], tree.straight[i], q_s[0], q_s[1], q_s[2], limits)
-    control[0], control[1], control[2] = a, w, wp
-    if child_by(tree, i, w, wp) >= 0:
-        return REPEATED
-    advance(state, a, w, wp, limits.tau, out)
-    if state_status(out, limits) != OK:
-        return BLOCKED
-    away = (out[0] - centre[0]) ** 2 + (out[1] - centre[1]) ** 2 + (out[2] - centre[2]) ** 2
-    if away > horizon * horizon:
-        return LEFT_HORIZON
-    stats[0] += 1
-    return EXTENDED if is_edge_clear(state, out, w, obstacles, limits) else BLOCKED
-
-
-@kernel
 def is_edge_clear(state: Float1D, out: Float1D, w: float, obstacles: Obstacles, limits: Limits) -> bool:
     """Whether one step keeps the margin: its chord does, widened by the arc's sagitta.
 
@@ -112,27 +71,6 @@ def is_edge_clear(state: Float1D, out: Float1D, w: float, obstacles: Obstacles, 
     return segment_clear(
         state[0], state[1], state[2], out[0], out[1], out[2], obstacles, limits.margin + sagitta
     )
-
-
-@kernel
-def extend_or_descend(
-    tree: Tree, q_n: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
-    limits: Limits, step: Step, stats: Int1D,
-) -> tuple[int, int]:  # fmt: skip
-    """:func:`extend`, following children that were made by the same control; the node and the outcome.
-
-    ``q_s`` (3,) the sample and ``centre`` (3,) of the horizon [m]; ``stats`` (4,) as there.
-    """
-    outcome = REPEATED
-    for _ in range(MAX_DESCENT + 1):
-        outcome = extend(tree, q_n, q_s, centre, horizon, obstacles, limits, step, stats)
-        if outcome != REPEATED:
-            break
-        child = child_by(tree, q_n, step.control[1], step.control[2])
-        if tree.active[child] == 0 or distance_to(tree.state[child], q_s) > tree.domain[child]:
-            break
-        q_n = child
-    return q_n, outcome
 
 
 @kernel
@@ -239,6 +177,16 @@ def collision_cost(search: Search, clear: float) -> float:
     if search.cost_collision == 0.0 or clear >= 1.0:
         return 0.0
     return -search.cost_collision * math.log(max(clear, LEAST_CLEAR))
+
+
+@kernel
+def next_stage(stage: int, x: float, y: float, z: float, goals: Float2D) -> int:
+    """Goals passed at a point reached with ``stage`` of them passed; ``goals`` (G, 4) x y z radius [m]."""
+    if stage < goals.shape[0]:
+        g = goals[stage]
+        if (x - g[0]) ** 2 + (y - g[1]) ** 2 + (z - g[2]) ** 2 <= g[3] * g[3]:
+            return stage + 1
+    return stage
 
 
 @kernel

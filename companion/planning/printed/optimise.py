@@ -10,10 +10,10 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Branches, Scene, empty_branches
-from companion.kernels.search.branches import enter_below
+from companion.kernels.printed.branches import enter_below
+from companion.kernels.printed.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import air_time
-from companion.kernels.search.rrt_star import STAR_DRAWS, rrt_star
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.short_cuts import drawn_stretch, short_cut
 from companion.planning.problem import GoalRegion

@@ -10,7 +10,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.arrays import Guide, Limits, Scene
 from companion.kernels.geometry.distance_field import distance_to_go
-from companion.kernels.search.sub_goals import (
+from companion.kernels.printed.sub_goals import (
     CONSTRAINED,
     FREE,
     HIGH_RISK,

@@ -8,8 +8,9 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Guide, Scene
-from companion.kernels.search.branches import activate
-from companion.kernels.search.dynamic_domain_rrt import DRAWS, FULL, REACHED, explore
+from companion.kernels.printed.branches import activate
+from companion.kernels.printed.dynamic_domain_rrt import FULL, REACHED, explore
+from companion.kernels.search.growth import DRAWS
 from companion.planning.explore import Exploration
 from companion.planning.printed.guides import distances_to_go, guide_home, guide_to
 from companion.planning.printed.sub_goal import choose_sub_goal

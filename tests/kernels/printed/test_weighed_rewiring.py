@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from companion.kernels.arrays import empty_branches
-from companion.kernels.search import rrt_star as k
-from companion.kernels.search.branches import enter_below
+from companion.kernels.printed import rrt_star as k
+from companion.kernels.printed.branches import enter_below
 from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable, join
 from companion.kernels.workspace import empty_rows

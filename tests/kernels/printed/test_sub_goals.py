@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from companion.kernels.arrays import Guide, Threats, empty_pursuers
 from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import clearance
-from companion.kernels.search import sub_goals as sg
+from companion.kernels.printed import sub_goals as sg
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats

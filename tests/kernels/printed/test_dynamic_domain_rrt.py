@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from companion.kernels.aircraft.motion import steer
 from companion.kernels.arrays import empty_tree
-from companion.kernels.search import costs, growth, near_nodes
-from companion.kernels.search import dynamic_domain_rrt as k
+from companion.kernels.printed import dynamic_domain_rrt as k
+from companion.kernels.printed import extension, near_nodes
+from companion.kernels.search import costs, growth
 from companion.kernels.workspace import Step, empty_nearest, threat_scene
 from companion.types.threat import Radar
 from companion.vehicle.vehicle_model import VehicleModel
@@ -139,22 +140,22 @@ def outcome_of(
     tree.state[0] = state
     tree.straight[0] = 125.0
     stats, step = np.zeros(4, dtype=np.int64), Step(np.empty(3), np.empty(6))
-    outcome = growth.extend(tree, 0, np.array(q), np.array(centre), horizon, obstacles, PLANE, step, stats)
+    outcome = extension.extend(tree, 0, np.array(q), np.array(centre), horizon, obstacles, PLANE, step, stats)
     return outcome, stats[0], step.state
 
 
 def test_extensions_and_what_stops_them():
     outcome, checks, out = outcome_of(EMPTY, (300.0, 0.0, 100.0))
-    assert (outcome, checks) == (growth.EXTENDED, 1)
+    assert (outcome, checks) == (extension.EXTENDED, 1)
     assert out == pytest.approx([25.0, 0.0, 100.0, 0.0, 0.0, 25.0])
     wall = packed([box("w", 39.0, -50.0, 60.0, 50.0)], BOUNDS)
-    assert outcome_of(wall, (300.0, 0.0, 100.0))[:2] == (growth.BLOCKED, 1)
+    assert outcome_of(wall, (300.0, 0.0, 100.0))[:2] == (extension.BLOCKED, 1)
     far = packed([box("w", 40.5, -50.0, 60.0, 50.0)], BOUNDS)
-    assert outcome_of(far, (300.0, 0.0, 100.0))[:2] == (growth.EXTENDED, 1)
-    assert outcome_of(EMPTY, (300.0, 0.0, 100.0), horizon=20.0)[:2] == (growth.LEFT_HORIZON, 0)
+    assert outcome_of(far, (300.0, 0.0, 100.0))[:2] == (extension.EXTENDED, 1)
+    assert outcome_of(EMPTY, (300.0, 0.0, 100.0), horizon=20.0)[:2] == (extension.LEFT_HORIZON, 0)
     edge = (990.0, 0.0, 100.0, 0.0, 0.0, 25.0)
     assert outcome_of(EMPTY, (1200.0, 0.0, 100.0), centre=(900.0, 0.0, 100.0), state=edge)[:2] == (
-        growth.BLOCKED,
+        extension.BLOCKED,
         0,
     )
 
@@ -168,8 +169,8 @@ def test_a_control_that_was_tried_is_not_tried_again():
     tree.rate[1] = steer(tree.state[0], 0, 125.0, 100.0, 100.0, 100.0, PLANE)[1:]
     step, stats = Step(np.empty(3), np.empty(6)), np.zeros(4, dtype=np.int64)
     args = (np.zeros(3) + 100.0, 500.0, EMPTY, PLANE, step, stats)
-    assert growth.extend(tree, 0, np.array([120.0, 100.0, 100.0]), *args) == growth.REPEATED
-    assert growth.extend(tree, 0, np.array([120.0, -100.0, 100.0]), *args) == growth.EXTENDED
-    assert growth.child_by(tree, 0, 0.2, 0.0) == 1
-    assert growth.child_by(tree, 0, -0.2, 0.0) == -1
+    assert extension.extend(tree, 0, np.array([120.0, 100.0, 100.0]), *args) == extension.REPEATED
+    assert extension.extend(tree, 0, np.array([120.0, -100.0, 100.0]), *args) == extension.EXTENDED
+    assert extension.child_by(tree, 0, 0.2, 0.0) == 1
+    assert extension.child_by(tree, 0, -0.2, 0.0) == -1
     assert VEHICLE.turn_radius_min_m == 125.0

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from companion.kernels.arrays import empty_branches
-from companion.kernels.search import branches as below_root
-from companion.kernels.search import rrt_star as k
+from companion.kernels.printed import branches as below_root
+from companion.kernels.printed import rrt_star as k
+from companion.kernels.search.growth import next_stage
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.printed.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
@@ -166,11 +167,11 @@ def test_a_branch_whose_lower_bound_is_above_the_upper_goes_with_all_below_it():
 
 def test_goals_are_passed_in_order():
     goals = np.array([[100.0, 0.0, 50.0, 20.0], [200.0, 0.0, 50.0, 20.0]])
-    assert below_root.next_stage(0, 110.0, 0.0, 50.0, goals) == 1
-    assert below_root.next_stage(0, 200.0, 0.0, 50.0, goals) == 0  # the second before the first
-    assert below_root.next_stage(1, 200.0, 19.0, 50.0, goals) == 2
-    assert below_root.next_stage(1, 200.0, 0.0, 75.0, goals) == 1  # 25 m above
-    assert below_root.next_stage(2, 100.0, 0.0, 50.0, goals) == 2
+    assert next_stage(0, 110.0, 0.0, 50.0, goals) == 1
+    assert next_stage(0, 200.0, 0.0, 50.0, goals) == 0  # the second before the first
+    assert next_stage(1, 200.0, 19.0, 50.0, goals) == 2
+    assert next_stage(1, 200.0, 0.0, 75.0, goals) == 1  # 25 m above
+    assert next_stage(2, 100.0, 0.0, 50.0, goals) == 2
 
 
 def small_family():

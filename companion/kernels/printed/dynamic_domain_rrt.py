@@ -9,25 +9,18 @@ import math
 
 from companion.kernels.aircraft.motion import OK, advance, distance_to, state_status, steer, straight_after
 from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Scene, Tree
-from companion.kernels.geometry.distance_field import FIRST_PICK, PICKS, distance_to_go, draw_ahead
+from companion.kernels.geometry.distance_field import distance_to_go, draw_ahead
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.native.kernel import kernel
+from companion.kernels.printed.extension import BLOCKED, EXTENDED, extend_or_descend
+from companion.kernels.printed.near_nodes import NONE, OUTSIDE, choose_node
 from companion.kernels.search.costs import threats_at
-from companion.kernels.search.growth import (
-    BLOCKED,
-    EXTENDED,
-    domain_radius,
-    extend_or_descend,
-    grow,
-    is_edge_clear,
-)
-from companion.kernels.search.near_nodes import NONE, OUTSIDE, choose_node
+from companion.kernels.search.growth import domain_radius, grow, is_edge_clear
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import MAX_STRAIGHT, Straight, Workspace
 
 RUNNING, REACHED, FULL = 0, 1, 2
 TURN_STEPS = 12  # of a greedy connection, for the turn towards the sub goal
-DRAWS = FIRST_PICK + PICKS  # uniform numbers an iteration uses
 
 
 @kernel

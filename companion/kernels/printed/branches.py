@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 from companion.kernels.aircraft.motion import distance_to, slowness, straight_after
-from companion.kernels.arrays import Branches, Float1D, Float2D, Int1D, Limits, Scene, Tree
+from companion.kernels.arrays import Branches, Float1D, Int1D, Limits, Scene, Tree
 from companion.kernels.native.kernel import inlined, kernel
-from companion.kernels.search.growth import renew_covariance
+from companion.kernels.search.growth import next_stage, renew_covariance
 from companion.kernels.search.path_edit import breaks_turn_rule
 from companion.kernels.workspace import FilterScratch, Walk
 
@@ -37,16 +37,6 @@ def detach_child(tree: Tree, branches: Branches, i: int) -> None:
     while branches.following[c] != i:
         c = branches.following[c]
     branches.following[c] = branches.following[i]
-
-
-@kernel
-def next_stage(stage: int, x: float, y: float, z: float, goals: Float2D) -> int:
-    """Goals passed at a point reached with ``stage`` of them passed; ``goals`` (G, 4) x y z radius [m]."""
-    if stage < goals.shape[0]:
-        g = goals[stage]
-        if (x - g[0]) ** 2 + (y - g[1]) ** 2 + (z - g[2]) ** 2 <= g[3] * g[3]:
-            return stage + 1
-    return stage
 
 
 @kernel

@@ -16,26 +16,20 @@ from companion.kernels.aircraft import dubins
 from companion.kernels.aircraft.motion import distance_to, straight_after
 from companion.kernels.arrays import Branches, Float1D, Float2D, Int1D, Limits, Scene, Search, Tree
 from companion.kernels.native.kernel import kernel
-from companion.kernels.search.branches import (
+from companion.kernels.printed.branches import (
     attach_child,
     change_of_delta,
     detach_child,
     enter,
     keeps_turn_rule_below,
-    next_stage,
     path_to,
     remove_below,
     shift_below,
 )
+from companion.kernels.printed.extension import BLOCKED, EXTENDED, extend_or_descend
+from companion.kernels.printed.near_nodes import OUTSIDE, choose_node, near_nodes, num_near
 from companion.kernels.search.costs import cost_distance, step_cost, threats_at
-from companion.kernels.search.growth import (
-    BLOCKED,
-    EXTENDED,
-    collision_cost,
-    extend_or_descend,
-    grow,
-)
-from companion.kernels.search.near_nodes import OUTSIDE, choose_node, near_nodes, num_near
+from companion.kernels.search.growth import collision_cost, grow, next_stage
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
