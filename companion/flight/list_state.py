@@ -118,6 +118,10 @@ class ListState:
         Since when the autopilot has been at an item that is none of the part flown [s].
     is_exchanging : bool
         Whether a swap is under way.
+    waits_until_s : float
+        When the swap that is under way goes on, where it waits for the aircraft; else not finite [s].
+    unwanted : str
+        Why nobody wants the mission that waits any more, '' if it is wanted.
     found_flown : bool
         Whether the autopilot was flying a mission of ours when its list was first read: the service was
         restarted in flight.
@@ -142,6 +146,8 @@ class ListState:
     pending: PendingSwap | None = None
     outside_s: float | None = None
     is_exchanging: bool = False
+    waits_until_s: float = -math.inf
+    unwanted: str = ""
     found_flown: bool = False
     said_landing: bool = False
     home_amsl_m: float | None = None
@@ -310,13 +316,23 @@ def after_landing_missed(listed: ListState) -> ListState:
 
 def after_swap_begun(listed: ListState) -> ListState:
     """The list while a swap is under way."""
-    return replace(listed, is_exchanging=True)
+    return replace(listed, is_exchanging=True, unwanted="")
+
+
+def after_waiting(listed: ListState, until_s: float) -> ListState:
+    """The list while a swap waits until then; not finite: it waits no more."""
+    return replace(listed, waits_until_s=until_s)
+
+
+def after_unwanted(listed: ListState, why: str) -> ListState:
+    """The list when nobody wants the mission that waits any more."""
+    return replace(listed, unwanted=why)
 
 
 def after_swap_ended(listed: ListState, now_s: float) -> ListState:
     """The list after a swap, broken off or not: nothing was asked after this."""
     pending = None if listed.pending is None else replace(listed.pending, asked_s=now_s)
-    return replace(listed, is_exchanging=False, pending=pending)
+    return replace(listed, is_exchanging=False, waits_until_s=-math.inf, pending=pending)
 
 
 def after_writing_begun(listed: ListState) -> ListState:

@@ -16,7 +16,13 @@ from companion.errors import CompanionError
 from companion.flight.checkpoint import Checkpoint, key_of
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_swap
-from companion.flight.list_state import PendingSwap, after_settled, after_swap_begun, after_swap_ended
+from companion.flight.list_state import (
+    PendingSwap,
+    after_settled,
+    after_swap_begun,
+    after_swap_ended,
+    after_unwanted,
+)
 from companion.flight.shaping import ShapedPath
 from companion.mission.swap import SwapOutcome
 from companion.recording.recorder import Recorder
@@ -26,6 +32,7 @@ from companion.swapping.swap_protocol import SwapOrder, order_for
 from companion.types.mission import Mission
 from companion.types.record import SwapRecord
 
+GIVEN_UP_S = 0.8  # A plan and an exchange take about as long.
 ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
 WITHDRAWN = SwapOutcome.WITHDRAWN, "the mode was changed"
 
@@ -127,6 +134,11 @@ class Handover:
             Why it was made.
         is_urgent : bool
             Whether it answers a surprise.
+
+        Raises
+        ------
+        PlanBrokenOffError
+            If it was given up.
         """
         is_acting = self._flight.state.may_act
         enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
@@ -206,6 +218,15 @@ class Handover:
             return WITHDRAWN
         finally:
             self._exchanging = None
+
+    @property
+    def may_give_up(self) -> bool:
+        """Whether a mission that answers no surprise waits, and for longer than another takes."""
+        return self._flight.listed.waits_until_s - self._clock.now_s() > GIVEN_UP_S
+
+    def give_up(self, why: str) -> None:
+        """Do not enter the mission that waits, if :attr:`may_give_up`: who handed it over is told why."""
+        self._flight.apply_to_list(after_unwanted, why)
 
     def break_off(self) -> None:
         """End an exchange that is under way where it stands."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
 from companion.clock import Clock
 from companion.flight.flight_state import StateOwner
-from companion.flight.list_state import FlownPath, PendingSwap, after_reading
+from companion.flight.list_state import FlownPath, PendingSwap, after_reading, after_waiting
 from companion.flight.shaping import ShapedPath
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.list_layout import Layout, TwoBankLayout
@@ -16,6 +17,7 @@ from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.swap import SwapOutcome
 from companion.mission.waypoints import Waypoints, sequence_of_waypoint
+from companion.planning.plan_runner import PlanBrokenOffError
 from companion.swapping.entry import LATER_S, entry_of, may_be_entered
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
@@ -131,11 +133,21 @@ class SwapParts:
         """Wait until what is sent now has the aircraft enter where the path begins, ``lasts_s`` later [s].
 
         Or before, where the order is urgent and a way leads in from where the aircraft will be then.
+
+        Raises
+        ------
+        PlanBrokenOffError
+            If nobody wants it any more.
         """
-        while (now_s := self.clock.now_s()) < order.enter_s - lasts_s:
+        due_s = order.enter_s - lasts_s
+        self.flight.apply_to_list(after_waiting, -math.inf if order.is_urgent else due_s)
+        while (now_s := self.clock.now_s()) < due_s:
             if order.is_urgent and Entry(self, order, lasts_s).sequence() is not None:
-                return
-            await self.clock.sleep_until(min(order.enter_s - lasts_s, now_s + LOOK_S))
+                break
+            if why := self.flight.listed.unwanted:
+                raise PlanBrokenOffError(why)
+            await self.clock.sleep_until(min(due_s, now_s + LOOK_S))
+        self.flight.apply_to_list(after_waiting, -math.inf)
 
     async def read(self) -> tuple[MissionItem, ...]:
         """The autopilot's list; quickly where it is known to be an ArduPlane's."""

@@ -113,9 +113,13 @@ class Replanning:
         )
 
     def look_for_surprise(self) -> None:
-        """Break off a plan that is being made where what is flown became worse meanwhile."""
-        if self._maker.may_break_off and (surprise := self._surprises.look(self._clock.now_s())):
+        """Break off a plan, or give up a mission that waits, where what is flown became worse meanwhile."""
+        is_planned, is_waiting = self._maker.may_break_off, self.handover.may_give_up
+        surprise = self._surprises.look(self._clock.now_s()) if is_planned or is_waiting else ""
+        if surprise and is_planned:
             self._maker.break_off(surprise)
+        elif surprise:
+            self.handover.give_up(surprise)
 
     async def plan(self) -> ModeEvent | None:
         """Plan once, and once more where a surprise breaks that off.

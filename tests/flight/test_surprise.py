@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from shapely.geometry import Point
 
 from companion.config import mission_from_text
+from companion.planning.plan_runner import InlineRunner, PlanTiming, StopRule
 from companion.swapping.handover import Handover
 from companion.tasks.plan_maker import PlanMaker
 from companion.tasks.replanning import Replanning
@@ -16,6 +17,7 @@ from companion.types.events import Dialect
 from sim.bench.reaction import MISSION, reaction_in
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence, flown
 from tests.sim.client import PLAIN
+from tests.support import sitl_harness
 from tests.support.sitl_harness import SitlHarness
 
 LONG = (
@@ -25,6 +27,7 @@ LONG = (
 )  # fmt: skip
 CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
 PERIOD_S = 0.5
+QUICK_S = 0.1
 
 
 def ahead(harness):
@@ -168,3 +171,21 @@ def test_with_searches_that_end_and_entries_that_wait_it_is_answered_later(monke
     monkeypatch.setattr(Handover, "hand_over", when_it_begins)
     later_s, _ = turn_answered(Dialect.PX4, 25)
     assert later_s > 1.8 * ours_s
+
+
+class QuickRunner(InlineRunner):
+    """Plans are made in a tenth of a second of the flight's time, as a computer makes them."""
+
+    def timing(self, clock, budget_s, _number):
+        return PlanTiming(StopRule(lambda _asked: False), until_s=clock.now_s() + min(budget_s, QUICK_S))
+
+
+@pytest.mark.parametrize(("dialect", "seed"), [(Dialect.PX4, 3), (Dialect.ARDUPILOT, 1)])
+def test_a_mission_that_waits_for_its_entry_is_given_up(dialect, seed, monkeypatch):
+    """A plan made while the turn is half seen ends before it is seen; its mission waits for seconds."""
+    monkeypatch.setattr(sitl_harness, "InlineRunner", QuickRunner)
+    ours_s, _ = turn_answered(dialect, seed)
+    monkeypatch.setattr(Handover, "may_give_up", False)
+    waited_s, _ = turn_answered(dialect, seed)
+    assert ours_s <= 2.0
+    assert waited_s > ours_s + 1.0
