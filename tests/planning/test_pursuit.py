@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +17,9 @@ from companion.planning.solver import solve
 from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game
-from tests.games.oracle import first_caught_s, game_of
-from tests.support.exact_pursuit import Pursued
+from tests.games.oracle import caught_at, first_caught_s, game_of
+from tests.support.exact_paths import memberships
+from tests.support.exact_pursuit import PursuedGrid
 from tests.support.worlds import problem, track
 
 pytestmark = pytest.mark.compiled
@@ -135,13 +137,103 @@ def test_before_a_pursuer_j_is_nearly_the_least_of_an_exact_search(east, north, 
     pursuer = track(east, north, speed=speed, radius=radius)
     asked = problem(tracks=[pursuer], strategies=replace(Strategies(), may_hurry=False))
     plan = solve(asked)
-    exact = Pursued(
-        side=1500.0, spacing=62.5, speed=25.0, pursuer=(east, north), pursuer_speed=speed, reach=radius,
-        price=3.0, slack=3.0,
-    ).least((125.0, 125.0), (1312.5, 1312.5))  # fmt: skip
+
+    def begins_at(places):
+        way = np.maximum(0.0, np.hypot(*(places - (east, north)).T) - radius)
+        return way / speed if speed > 0.0 else np.where(way > 0.0, math.inf, 0.0)
+
+    grid = PursuedGrid(
+        (0.0, 1500.0, 0.0, 1500.0), 62.5, [], 0.0,
+        seen_at=lambda places: np.zeros(len(places)), begins_at=begins_at,
+    )  # fmt: skip
+    exact = grid.least(
+        (125.0, 125.0), (1312.5, 1312.5), fly_s=lambda metres: metres / 25.0, seen=3.0, pursued=3.0
+    ).cost_s
     ends_s = (
         math.dist((100.0, 100.0), (125.0, 125.0)) + math.dist((1350.0, 1350.0), (1312.5, 1312.5))
     ) / 25.0
     assert plan.reaches_goal
     assert plan.objective_s <= 1.15 * (exact + 4.0 * ends_s)
     assert plan.objective_s >= 0.9 * exact
+
+
+CRUISE_M_S, ACCELERATION_M_S2, ENERGY_PRICE = 25.0, 0.5, 0.35  # of paper-2d
+START, GOAL = (250.0, 2250.0), (2375.0, 125.0)
+RADARS = ("radar_1", "radar_2", "radar_3", "radar_4")
+
+
+@pytest.fixture(scope="module")
+def trap():
+    """The paper's map in the plane with its pursuer and some radars, on an exact grid."""
+    mission = load_mission(Path("mission_configs/paper-2d.yaml"))
+    game = game_of(mission)
+
+    def grid_of(names):
+        radars = [radar for radar in mission.radar_list if radar.name in names]
+        bounds, obstacles = mission.bounds, mission.obstacle_list
+
+        def seen_at(places):
+            at = np.column_stack([places, np.full(len(places), 100.0)])
+            return memberships(at, radars, obstacles, is_plane=True)
+
+        return PursuedGrid(
+            (*bounds.east_m, *bounds.north_m), 25.0, [each.polygon_enu_m for each in obstacles], 20.0,
+            seen_at=seen_at, begins_at=lambda places: np.asarray(caught_at(game, places)),
+        )  # fmt: skip
+
+    return grid_of
+
+
+def flights_to(speed):
+    """How long a flight takes that begins at cruise and gets faster as soon as it can; metres to seconds."""
+    gains_s = (speed - CRUISE_M_S) / ACCELERATION_M_S2
+    gaining_m = 0.5 * (speed + CRUISE_M_S) * gains_s
+
+    def fly_s(metres):
+        early = np.sqrt(CRUISE_M_S**2 + 2.0 * ACCELERATION_M_S2 * metres) - CRUISE_M_S
+        return np.where(metres < gaining_m, early / ACCELERATION_M_S2, gains_s + (metres - gaining_m) / speed)
+
+    return fly_s
+
+
+def energy_at(speed):
+    """What a second costs more at an airspeed: power grows with its cube."""
+    return ENERGY_PRICE * ((speed / CRUISE_M_S) ** 3 - 1.0)
+
+
+def least_of_airspeeds(grid, **prices):
+    """The cheapest way from the map's start to its goal at any of the airspeeds that the planner tries."""
+    ways = [
+        grid.least(
+            (250.0, 2250.0),
+            (2375.0, 125.0),
+            fly_s=flights_to(share * CRUISE_M_S),
+            energy_at=energy_at,
+            **prices,
+        )
+        for share in (1.0, 1.25, 1.5)
+    ]
+    return min(ways, key=lambda way: way.cost_s)
+
+
+@pytest.mark.slow
+def test_on_the_papers_map_nobody_flies_both_out_of_sight_and_out_of_reach(trap):
+    """Why the paths that ``docs/measured.md`` tells of are seen for so long: there are no better ones."""
+    grid = trap(RADARS)
+    weighed = least_of_airspeeds(grid, seen=3.0, pursued=3.0)
+    assert (round(weighed.seen_s), round(weighed.threatened_s)) == (11, 48)
+    out_of_reach = least_of_airspeeds(grid, seen=3.0, pursued=1000.0)
+    assert (round(out_of_reach.seen_s), round(out_of_reach.threatened_s)) == (53, 11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("num_known", [3, 4])
+def test_on_the_papers_map_j_is_nearly_the_least_of_an_exact_search(trap, num_known):
+    """At the start three radars are known; the fourth is sensed in flight."""
+    mission = load_mission(Path("mission_configs/paper-2d.yaml"))
+    world = offline_world(mission)
+    if num_known == 4:
+        world = world.with_known(np.ones_like(world.threats.known))
+    plan = solve(offline_problem(mission, world, None, 1))
+    exact = least_of_airspeeds(trap(RADARS[:num_known]), seen=3.0, pursued=3.0)
+    assert plan.objective_s <= 1.10 * exact.cost_s
