@@ -15,6 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 REACH = 4  # spacings
+BEGINNING_M = 200.0
 
 
 def directions(reach=REACH):
@@ -139,12 +140,22 @@ class ExactGrid:
         away = np.linalg.norm(self.places - np.array(place), axis=1)
         return int(np.argmin(np.where(free >= margin, away, np.inf)))
 
+    def nodes(self):
+        """Numbers of the nodes along the path of least J."""
+        nodes = [self.start]
+        while nodes[-1] != self.goal:
+            nodes.append(int(self._before[nodes[-1]]))
+        return np.array(nodes)
+
     def seen_m(self):
-        """Metres seen along the path of least J: the integral of m."""
-        total, at = 0.0, self.start
-        while at != self.goal:
-            following = self._before[at]
-            length = np.linalg.norm(self.places[at] - self.places[following])
-            total += length * 0.5 * (self.seen[at] + self.seen[following])
-            at = following
-        return float(total)
+        """Metres seen along it: the integral of m."""
+        nodes = self.nodes()
+        lengths = np.linalg.norm(np.diff(self.places[nodes], axis=0), axis=1)
+        return float(lengths @ (0.5 * (self.seen[nodes[1:]] + self.seen[nodes[:-1]])))
+
+    def direction_rad(self):
+        """Where the path leads at first."""
+        gone = self.places[self.nodes()] - self.places[self.start]
+        away = np.hypot(gone[:, 0], gone[:, 1])
+        first = np.argmax(away >= BEGINNING_M)
+        return math.atan2(gone[first, 1], gone[first, 0])

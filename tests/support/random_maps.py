@@ -49,7 +49,7 @@ class RandomMap:
             reach = float(rng.uniform(400.0, 900.0))
             self.radars.append(Radar(f"radar_{number}", (east, north, up), reach, boundary, True))
 
-    def problem(self, **changes):
+    def problem(self, direction_rad=math.pi / 4, **changes):
         snapshot = first_snapshot(
             dimension=self.dimension, unit_m=25.0, bounds=BOUNDS, obstacles=self.obstacles,
             radars=self.radars, none_known=False,
@@ -60,7 +60,7 @@ class RandomMap:
         )  # fmt: skip
         settings = replace(asked, price_near=PRICE, **{"price_seen": PRICE} | changes)
         start = StartState(
-            0.0, self.start, math.pi / 4, 0.0, VEHICLE.airspeed_cruise_m_s,
+            0.0, self.start, direction_rad, 0.0, VEHICLE.airspeed_cruise_m_s,
             initial_covariances(VEHICLE, 2.0, 2.0), np.zeros((6, 6)),
         )  # fmt: skip
         return Problem(start, (GoalRegion(self.goal, GOAL_RADIUS_M),), snapshot, VEHICLE, settings, 1)

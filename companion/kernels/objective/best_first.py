@@ -221,13 +221,13 @@ def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
 
 @kernel
 def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
-    """How many times as long as the straight way one with turns is to a goal near by, from 1 on.
+    """How many times as long as V takes it for the way to a goal near by is, from 1 on.
 
     ``state`` (6,); ``goal`` (4,) x y z and the radius [m]. V knows no turns: without this the tree tries all
     ways past the goal, and back, that V takes for cheap. The way leads to the nearest of three places: the
-    centre, and those beside it on the goal's rim.
+    centre, and those beside it on the goal's rim. Where the height takes longer than the way, it has a loop.
     """
-    x, y, rho = goal[0] - state[0], goal[1] - state[1], turn_radius(state[5], limits)
+    x, y, up, rho = goal[0] - state[0], goal[1] - state[1], goal[2] - state[2], turn_radius(state[5], limits)
     flat = math.hypot(x, y)
     if flat <= goal[3] or flat > NEAR_RADII * rho:
         return 1.0
@@ -235,7 +235,10 @@ def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
     for side in range(-1, 2):
         gx, gy = goal[0] - side * aside * y, goal[1] + side * aside * x
         least = min(least, distance_to_point(state[0], state[1], state[3], gx, gy, rho))
-    return max(1.0, least / flat)
+    climbing = max(0.0, abs(up) - goal[3]) / math.tan(limits.climb_max if up > 0.0 else limits.descent_max)
+    if climbing > least:
+        least = max(climbing, least + 2.0 * math.pi * rho)
+    return max(1.0, least / max(flat, climbing))
 
 
 @kernel

@@ -14,6 +14,7 @@ from companion.kernels.objective.best_first import (
     Nodes,
     Rules,
     grow_best_first,
+    turning_share,
 )
 from companion.kernels.objective.cost_to_go import (
     CostField,
@@ -118,3 +119,35 @@ def test_a_larger_weight_costs_at_most_so_many_times_more(weight):
         search = search_for(obstacles=[WALL], weight=weighed)
         costs.append(search.nodes.cost[grow_best_first(search, 4000)])
     assert costs[1] <= weight * costs[0] * 1.1
+
+
+LIMITS = VehicleModel().limits(3, (0.0, 3000.0, 0.0, 3000.0, 0.0, 900.0), 15.0, 1.0)
+RHO = VehicleModel().turn_radius_min_m
+
+
+def share_of_way(*, flat, up, direction=0.0):
+    """:func:`turning_share` of a goal to the east, with a rim of 0 m, from a height below it."""
+    state = np.array([1000.0, 1500.0, 400.0, direction, 0.0, 25.0])
+    return turning_share(state, np.array([1000.0 + flat, 1500.0, 400.0 + up, 0.0]), LIMITS)
+
+
+def test_a_goal_that_is_climbed_to_on_the_straight_way_is_as_far_as_v_says():
+    rise = 500.0 * math.tan(LIMITS.climb_max)
+    assert share_of_way(flat=500.0, up=0.99 * rise) == pytest.approx(1.0)
+    assert share_of_way(flat=500.0, up=-0.99 * 500.0 * math.tan(LIMITS.descent_max)) == pytest.approx(1.0)
+
+
+def test_a_goal_behind_is_farther_by_the_turn():
+    """A turn on a circle whose centre is one radius aside, to the tangent that leads to the goal."""
+    flat = 3.0 * RHO
+    away, seen = math.hypot(flat, RHO), math.atan2(RHO, flat)  # of the goal from the centre
+    way = RHO * (math.pi + seen + math.asin(RHO / away)) + math.sqrt(away * away - RHO * RHO)
+    assert share_of_way(flat=flat, up=0.0, direction=math.pi) == pytest.approx(way / flat, rel=1e-6)
+
+
+def test_a_goal_too_high_for_the_way_is_farther_by_a_loop():
+    rise = 500.0 * math.tan(LIMITS.climb_max)
+    climbing = 1.1 * 500.0
+    loop = 500.0 + 2.0 * math.pi * RHO
+    assert share_of_way(flat=500.0, up=1.1 * rise) == pytest.approx(loop / climbing)
+    assert share_of_way(flat=500.0, up=4.0 * rise) == pytest.approx(1.0)  # it takes longer than that anyhow
