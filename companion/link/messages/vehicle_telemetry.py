@@ -31,6 +31,7 @@ from companion.types.mavlink_enums import EkfStatusFlag, EstimatorStatusFlag, Gp
 
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
+NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, is one from before the first fix.
 
 _NO_MISSION = 0xFFFF
 _REORDERED_MS = 2_000  # a frame this late on one link is the clock having gone back, not a detour
@@ -55,9 +56,13 @@ def finite(value: float, limit: float, reason: str) -> float:
 
 
 def place(latitude_e7: int, longitude_e7: int, reason: str) -> tuple[float, float]:
-    """Latitude and longitude [deg] of 1e-7 degrees; (0, 0) is what a receiver without a fix sends."""
+    """Latitude and longitude [deg] of 1e-7 degrees.
+
+    An autopilot without a fix reports (0, 0), or drifts about it: ArduPlane's filter integrates from there.
+    """
     latitude, longitude = latitude_e7 * 1e-7, longitude_e7 * 1e-7
-    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0) or (latitude_e7 == 0 and longitude_e7 == 0):
+    is_on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
+    if not is_on_earth or max(abs(latitude), abs(longitude)) < NO_FIX_DEG:
         raise RefusedError(reason)
     return latitude, longitude
 

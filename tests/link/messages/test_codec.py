@@ -187,6 +187,7 @@ def test_an_accuracy_that_cannot_be_true_hides_no_fault():
         (position(lat=910_000_000), "position"),
         (position(lon=-1_810_000_000), "position"),
         (position(lat=0, lon=0), "position"),
+        (position(lat=2405, lon=-1833), "position"),  # of a real ArduPlane before its GPS had a fix
         (position(alt=-2_000_000), "altitude"),
         (position(alt=40_000_000), "altitude"),
         (position(vx=32_767, vy=32_767), "velocity"),
