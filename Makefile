@@ -126,8 +126,9 @@ fuzzer: $(STAMP)
 fuzz: fuzzer ## fuzz all that reads what others send, for SECONDS altogether, JOBS at once; fails on a find
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
-docs: $(STAMP) ## write docs/mission-file.md, the pictures of docs/architecture.md and docs/offline.ipynb anew
+docs: $(STAMP) ## write docs/mission-file.md, docs/pilot-messages.md, the pictures of docs/architecture.md and docs/offline.ipynb anew
 	$(BIN)/python -m companion.config.reference docs/mission-file.md
+	$(BIN)/python -m tests.docs.write_pilot_messages
 	$(BIN)/python -m tests.docs.draw_architecture
 	$(BIN)/python -m tests.docs.run_notebook
 

@@ -28,6 +28,14 @@ class Violation:
     def __str__(self) -> str:
         return f"row {self.row}: {self.detail}: {self.value:.6g}, limit {self.limit:.6g} ({self.rule})"
 
+    @property
+    def in_short(self) -> str:
+        """What a pilot reads of it, as "12 m from tower"."""
+        words, _, unit = self.detail.rstrip("]").partition(" [")
+        value = f"{self.value:.0f} {unit}".rstrip()
+        name = words.removeprefix("distance to ")
+        return f"{words} {value}" if name == words else f"{value} from {name}"
+
 
 def listed(
     rule: str,

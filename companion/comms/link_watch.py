@@ -12,8 +12,8 @@ FLOOD_MIN = 50  # drops a second that are worth a word
 CALM_S = 10.0  # without drops, and a flood is over
 DROPS = ("rate_limited", "total_limited", "vehicle_rate_limited", "unanswered", "untold")
 ONCE = {
-    "other_address": "its ids come from a second address",
-    "refused_parameter_source": "who may not wants to set parameters",
+    "other_address": ("its ids come from a second address", "second address"),
+    "refused_parameter_source": ("who may not wants to set parameters", "parameter source"),
 }
 
 
@@ -48,25 +48,36 @@ class LinkWatch:
             return
         self.is_contradicted = heartbeat.is_contradicted
         words = "heartbeats contradict each other" if self.is_contradicted else "heartbeats agree again"
-        self._announcer.decide(DecisionKind.LINK, words)
+        self._announcer.decide(DecisionKind.LINK, words)  # the pilot reads that the mode has changed
 
     def look(self, now_s: float) -> None:
         """Look at what was counted since the last time, a second ago."""
         identity, counters = self._link.codec.identity, self._link.codec.counters
         for system in identity.others[self._num_others : TOLD_MAX]:
             words = f"autopilot {system} is heard, too; flying {identity.system_id}"
-            self._announcer.decide(DecisionKind.LINK, words)
+            own = identity.system_id
+            self._announcer.decide(DecisionKind.LINK, words, tell="another autopilot", other=system, own=own)
         self._num_others = len(identity.others)
-        for reason, words in ONCE.items():
+        for reason, (words, name) in ONCE.items():
             if counters[reason] and reason not in self._told:
                 self._told.add(reason)
-                self._announcer.decide(DecisionKind.LINK, words)
+                self._announcer.decide(DecisionKind.LINK, words, tell=name)
         dropped = sum(counters[reason] for reason in DROPS) + counters["flooded_bytes"] // 100
         new, self._num_dropped = dropped - self._num_dropped, dropped
         if new >= FLOOD_MIN:
             if self._flooded_s is None:
-                self._announcer.decide(DecisionKind.LINK, "flood: not all is heard", why={"dropped": new})
+                self._announcer.decide(
+                    DecisionKind.LINK,
+                    "flood: not all is heard",
+                    why={"dropped": new},
+                    tell="flood",
+                )
             self._flooded_s = now_s
         elif self._flooded_s is not None and now_s - self._flooded_s > CALM_S:
             self._flooded_s = None
-            self._announcer.decide(DecisionKind.LINK, "the flood is over", why={"dropped": dropped})
+            self._announcer.decide(
+                DecisionKind.LINK,
+                "the flood is over",
+                why={"dropped": dropped},
+                tell="calm",
+            )

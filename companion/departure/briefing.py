@@ -32,6 +32,8 @@ class Briefing:
         From when on the service flies it.
     landing : str
         How the flight ends.
+    has_end : bool
+        Whether something follows the goal.
     faults : tuple of str
         What is wrong, the gravest first.
     """
@@ -39,6 +41,7 @@ class Briefing:
     plan: str
     takeover: str
     landing: str
+    has_end: bool
     faults: tuple[str, ...]
 
 
@@ -56,7 +59,7 @@ def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int
     """
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
-        return Briefing("", "", "", ("no mission in the autopilot",))
+        return Briefing("", "", "", has_end=False, faults=("no mission in the autopilot",))
     goals = state.goals_left
     count = len(operator.items) - num_home_items
     plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
@@ -66,7 +69,9 @@ def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int
         places += [goal.position_enu_m[:2] for goal in goals]
         length = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
         plan += f", {1e-3 * length:.1f} km"
-    return Briefing(plan, described(state), _landing(operator), tuple(_faults(state, operator, ownship)))
+    faults = tuple(_faults(state, operator, ownship))
+    has_end = operator.tail < len(operator.items)
+    return Briefing(plan, described(state), _landing(operator), has_end, faults)
 
 
 def _landing(operator: Operator) -> str:

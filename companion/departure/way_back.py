@@ -26,12 +26,15 @@ class WayBack:
         Whether it keeps clear of everything.
     text : str
         What is flown to, and what is wrong with it.
+    wrong : str
+        What is wrong with it, as the pilot reads it; '' if nothing.
     way_enu_m : ndarray, shape (N, 3)
         The first 45 s of it, as far as it is known [m].
     """
 
     is_safe: bool
     text: str
+    wrong: str = ""
     way_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
 
 
@@ -49,11 +52,12 @@ def way_back(state: FlightState, current: MissionCurrent | None, ownship: Ownshi
     """
     track = None if current is None else list_track(state, current, ownship, is_direct=True)
     if track is None or current is None:
-        return WayBack(False, "NOT safe: it is not known what is flown")
+        return WayBack(False, "NOT safe: it is not known what is flown", "mission not known")
     seen = track.positions_enu_m[track.times_s <= LOOKED_AT_S]
     wrong = state.rules.checker.check_track(
         seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     )
     if wrong:
-        return WayBack(False, f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}", seen)
-    return WayBack(True, f"safe, to item {current.sequence}", seen)
+        text = f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}"
+        return WayBack(False, text, wrong[0].in_short, seen)
+    return WayBack(True, f"safe, to item {current.sequence}", "", seen)

@@ -53,7 +53,7 @@ class Mode(Enum):
     DEPARTING = "the operator's mission is flown up to the takeover"
     ACTIVE = "planning"
     LOST = "waiting for the autopilot to come back"
-    SUSPENDED = "suspended by the pilot"
+    SUSPENDED = "suspended: another mode is flown"
     YIELDED = "suspended: another mission or item was chosen"
     ARRIVED = "arrived"
 

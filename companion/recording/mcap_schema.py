@@ -137,7 +137,10 @@ CHANNELS = (
     ),
     Channel(
         DECISION, "companion.Decision", "What was decided, and the numbers that led to it.",
-        {"kind": TEXT, "text": TEXT, "why": TABLE, "plan_ms": NUMBER, "track_to_mission_ms": NUMBER},
+        {
+            "kind": TEXT, "text": TEXT, "told": TEXT, "why": TABLE, "plan_ms": NUMBER,
+            "track_to_mission_ms": NUMBER,
+        },
     ),
     Channel(
         SWAP, "companion.Swap", "A mission handed to the autopilot, and how that ended.",

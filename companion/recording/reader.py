@@ -14,14 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.config.source import SIZE_MAX
-from companion.link.messages.codec import COMPONENT_ID, is_intact
+from companion.link.messages.codec import COMPONENT_ID, STATUSTEXT_CHARACTERS, is_intact
 from companion.link.wire.framing import RawFrame, raw_frame
 from companion.link.wire.tlog import Entry, read_tlog
 from companion.planning.plan_runner import RecordedPlanTiming
 from companion.recording import mcap_schema as channels
 from companion.recording.mcap_reader import Document, messages_of, number, text
 from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
-from companion.types.record import SPOKEN, Decision
+from companion.types.pilot_texts import kind_of
+from companion.types.record import Decision
 
 GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
 OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an autopilot was awaited
@@ -259,6 +260,7 @@ def decision_of(document: Document) -> Decision:
         number(document.get("plan_ms")),
         number(document.get("track_to_mission_ms")),
         _reasons(why) if isinstance(why, dict) else {},
+        text(document.get("told"), 300),
     )
 
 
@@ -287,15 +289,19 @@ def _taken_of(document: Document) -> RecordedPlanTiming:
 
 
 def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
-    """Decisions as the service told them to the pilot, from its STATUSTEXTs."""
-    found = []
+    """Decisions as the service told them to the pilot, from its STATUSTEXTs: chunks are joined."""
+    found: list[Decision] = []
+    joined = ""
     for heard in frames:
         if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
             continue
-        words = heard.frame.payload[1:51].rstrip(b"\0").decode("ascii", "replace")
-        kind, colon, rest = words.removeprefix(SPOKEN).partition(": ")
-        if words.startswith(SPOKEN) and colon:
-            found.append(Decision(heard.at_us * 1e-6, kind, rest))
+        payload = heard.frame.payload.ljust(54, b"\0")  # MAVLink 2 leaves zeros at the end out
+        chunk = payload[1:51].rstrip(b"\0").decode("ascii", "replace")
+        is_chunked, number = payload[51:53] != bytes(2), payload[53]
+        joined = joined + chunk if is_chunked and number else chunk
+        is_whole = not is_chunked or len(chunk) < STATUSTEXT_CHARACTERS
+        if is_whole and (kind := kind_of(joined)) is not None:
+            found.append(Decision(heard.at_us * 1e-6, kind, joined, told=joined))
     return tuple(found)
 
 

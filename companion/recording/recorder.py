@@ -230,11 +230,11 @@ class Recorder:
 
     def decide(
         self, now_s: float, kind: str, text: str, plan_ms: float | None = None,
-        track_to_mission_ms: float | None = None, why: Mapping[str, object] | None = None,
+        track_to_mission_ms: float | None = None, why: Mapping[str, object] | None = None, *, told: str = "",
     ) -> Decision:  # fmt: skip
-        """Add a decision, and the numbers that led to it."""
+        """Add a decision, the numbers that led to it, and what the pilot is told."""
         _log.info("%7.1f s  %s: %s", now_s, kind, text, extra={"decision": kind})
-        decision = Decision(now_s, kind, text, plan_ms, track_to_mission_ms, why or {})
+        decision = Decision(now_s, kind, text, plan_ms, track_to_mission_ms, why or {}, told)
         self.decisions.append(decision)
         if len(self.decisions) > DECISIONS_MAX:
             del self.decisions[: DECISIONS_MAX // 2]

@@ -49,7 +49,11 @@ def first_difference(recording: Recording, result: Replayed) -> Difference | Non
 
 def _of_decisions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
     flown_decisions, decisions = (
-        [entry for entry in entries if entry.kind not in FROM_OUTSIDE]
+        [
+            entry
+            for entry in entries
+            if entry.kind not in FROM_OUTSIDE and (entry.told or not recording.are_texts_cut)
+        ]
         for entries in (result.flown_decisions, result.decisions)
     )
     for flown, now in _pairs(flown_decisions, decisions, recording.until_s):
@@ -74,7 +78,7 @@ def _is_same(flown: Decision, now: Decision, recording: Recording) -> bool:
     if recording.is_simulated and abs(flown.stamp_s - now.stamp_s) > 1e-6:
         return False
     if recording.are_texts_cut:
-        return flown.spoken.rstrip() == now.spoken.rstrip()
+        return flown.told == now.told
     return (flown.kind, flown.text) == (now.kind, now.text)
 
 

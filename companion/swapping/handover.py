@@ -95,9 +95,10 @@ class Handover:
         self._flight.apply_to_list(after_settled)
         if listed.is_pending_flown(current):
             self._take(pending)
-            self._announcer.decide(
-                DecisionKind.SWAP, f"entered at item {current.sequence}, though unanswered"
-            )
+            text = f"entered at item {current.sequence}, though unanswered"
+            state, now = self._flight.state, self._clock.now_s()
+            tell, turn, time = self._announcer.news.of(state, pending.flown.path, None, now)
+            self._announcer.decide(DecisionKind.SWAP, text, tell=tell, turn=turn, time=time)
             self._announcer.flown(pending.flown.path.positions_enu_m, "unanswered")
         return True
 
@@ -141,6 +142,7 @@ class Handover:
             If it was given up.
         """
         is_acting = self._flight.state.may_act
+        before = self._flight.state.flown
         enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
         outcome, reason = await self._unless_withdrawn(
@@ -162,7 +164,11 @@ class Handover:
         self._announcer.flown(places, shaped.verdict.value if is_acting else "ready", latency)
         text = f"{shaped.verdict.value}, {shaped.text}; {reason}"
         kind = DecisionKind.SWAP if is_acting else DecisionKind.READY
-        self._announcer.decide(kind, text, plan_ms, latency, facts)
+        state = self._flight.state
+        tell, turn, time = (
+            self._announcer.news.of(state, shaped.path, before, now) if is_acting else ("", "", "")
+        )
+        self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, time=time)
         return outcome
 
     async def swap(
@@ -238,4 +244,5 @@ class Handover:
         try:
             await self._link.set_mode("RTL")
         except CompanionError as error:
-            self._announcer.decide(DecisionKind.EMERGENCY, f"return to launch: {error}")
+            text = f"return to launch: {error}"
+            self._announcer.decide(DecisionKind.EMERGENCY, text, tell="take over")

@@ -92,7 +92,8 @@ class ListReader:
         try:
             read = await self._parts.read()
         except CompanionError as error:
-            self._announcer.decide(DecisionKind.REJECTED, f"the autopilot's mission cannot be read: {error}")
+            text = f"the autopilot's mission cannot be read: {error}"
+            self._announcer.decide(DecisionKind.REJECTED, text, tell="unreadable")
             return ListReadResult.UNREADABLE
         is_first = self._flight.listed.layout is None
         if not is_first and self._flight.listed.is_as_left(read):
@@ -106,9 +107,8 @@ class ListReader:
             self._recover(read, span)
             reached = self._checkpoint.reached([goal.position_enu_m for goal in self._flight.state.goals])
             self._flight.apply(after_restart, num_goals_reached=reached)
-            self._announcer.decide(
-                DecisionKind.RESTART, f"the autopilot flies a mission of ours; {reached} goals reached"
-            )
+            text = f"the autopilot flies a mission of ours; {reached} goals reached"
+            self._announcer.decide(DecisionKind.RESTART, text, tell="restarted")
         return ListReadResult.OURS if is_first else ListReadResult.FOREIGN
 
     def _span_flown(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
@@ -137,7 +137,9 @@ class ListReader:
         is_missed = bool(read) and operator is not None and not operator.has_landing
         if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
             self._flight.apply_to_list(after_landing_missed)
-            self._announcer.decide(DecisionKind.LANDING, "no landing in the autopilot's mission")
+            text = "no landing in the autopilot's mission"
+            fault = "PX4 does not arm without a landing item"
+            self._announcer.decide(DecisionKind.LANDING, text, tell="check", about=text, fault=fault)
         return layout
 
     async def knows_mission(self) -> tuple[bool, ModeEvent | None]:
@@ -157,11 +159,16 @@ class ListReader:
         if result is ListReadResult.FOREIGN:
             if not state.mission.goals_from_autopilot:
                 return False, ModeEvent.OTHER_MISSION
+            words = f"{len(state.goals)} goals"
             self._announcer.decide(
-                DecisionKind.MISSION, f"another mission was uploaded: {len(state.goals)} goals from it"
+                DecisionKind.MISSION,
+                f"another mission was uploaded: {words} from it",
+                tell="other mission",
+                mission=words,
             )
         if not state.goals:
-            self._announcer.decide(DecisionKind.NO_PLAN, "the autopilot's mission has no waypoint to fly to")
+            text = "the autopilot's mission has no waypoint to fly to"
+            self._announcer.decide(DecisionKind.NO_PLAN, text, tell="no goal")
         return bool(state.goals), None
 
 

@@ -53,13 +53,11 @@ LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # of the autopilot's words; a boot has some
 FRESH_AGAIN = "all is heard again"
 FAREWELL_S = 0.2  # for the last words to leave before the link is closed
 TOLD = {
-    Mode.SUSPENDED: (DecisionKind.SUSPENDED, "by the pilot"),
-    Mode.YIELDED: (DecisionKind.SUSPENDED, "other mission or item"),
-    Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal"),
-}
-BACK = {
-    Mode.SUSPENDED: "{mission} hands back",
-    Mode.YIELDED: "leave {mission} and return to hand back",
+    Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
+    Mode.LOST: (DecisionKind.MODE, Mode.LOST.value, "silent"),
+    Mode.SUSPENDED: (DecisionKind.SUSPENDED, "another mode is flown", "paused"),
+    Mode.YIELDED: (DecisionKind.SUSPENDED, "other mission or item", "other item"),
+    Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal", "arrived"),
 }
 
 _log = logging.getLogger(__name__)
@@ -127,7 +125,8 @@ class App:
         if self._planning is not None:
             self._planning.cancel()
             await asyncio.wait([self._planning])
-        self.announcer.decide(DecisionKind.STOPPED, "the autopilot keeps its mission")
+        text = "the autopilot keeps its mission"
+        self.announcer.decide(DecisionKind.STOPPED, text, tell="stopped")
         await self._clock.sleep_until(self._clock.now_s() + FAREWELL_S)
 
     @property
@@ -218,7 +217,7 @@ class App:
         if phase.is_grounded(now) and self._checkpoint.kept:
             self._checkpoint.forget()
         if phase.is_over(now) and not self._said_landed:
-            self.announcer.decide(DecisionKind.LANDED, "the flight is over")
+            self.announcer.decide(DecisionKind.LANDED, "the flight is over", tell="landed")
             self.change(ModeEvent.LANDED)
         self._said_landed = phase.is_over(now)
 
@@ -239,18 +238,20 @@ class App:
             self.replanning.plan_at_once()
         else:
             self.replanning.break_off()
-        kind, words = TOLD.get(mode, (DecisionKind.MODE, mode.value))
+        kind, words, tell = TOLD.get(mode, (DecisionKind.MODE, mode.value, ""))
         if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
             words = "return to launch"
         elif mode is Mode.SUSPENDED and self._link_watch.is_contradicted:
-            words = "heartbeats contradict"
-        self.announcer.decide(kind, f"{words} ({self.autopilot_mode or 'no autopilot'})")
-        if mode in BACK and self.state.mission.authority.resume == "auto":
-            self.announcer.decide(
-                DecisionKind.HANDBACK, BACK[mode].format(mission=self.link.autopilot.mission_mode)
-            )
+            words, tell = "heartbeats contradict", "contradiction"
+        mission, resumes = self.link.autopilot.mission_mode, self.state.mission.authority.resume == "auto"
+        back = f"{mission} resumes" if mode is Mode.SUSPENDED else f"Leave {mission} and return to resume"
+        self.announcer.decide(
+            kind, f"{words} ({self.autopilot_mode or 'no autopilot'})",
+            tell=tell, mode=self.autopilot_mode, back=back if resumes else "It will not resume",
+        )  # fmt: skip
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
-            self.announcer.decide(DecisionKind.PARAMETERS, f"replanning is switched off by {ENABLE}")
+            text = f"replanning is switched off by {ENABLE}"
+            self.announcer.decide(DecisionKind.PARAMETERS, text, tell="off", parameter=ENABLE)
         self._note_standing()
 
     # --- what is changed
@@ -263,21 +264,22 @@ class App:
         """Go by a mission file that was read again, and say so."""
         self.recorder.reloaded(self._clock.now_s(), mission, text)
         self.adopt(mission)
-        self.announcer.decide(DecisionKind.RELOAD, f"{mission.name} is read again")
+        self.announcer.decide(DecisionKind.RELOAD, f"{mission.name} is read again", tell="reloaded")
         kept = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
         if kept:
-            self.announcer.decide(DecisionKind.PARAMETERS, f"still as set: {kept}")
+            words = f"still as set: {kept}"
+            self.announcer.decide(DecisionKind.PARAMETERS, words, tell="parameter", parameter=words)
 
     def refuse_reload(self, key: str) -> None:
         """Say that a mission file that was read again is not gone by, for a key of it."""
-        self.announcer.decide(DecisionKind.RELOAD, f"refused: {key}")
+        self.announcer.decide(DecisionKind.RELOAD, f"refused: {key}", tell="not reloaded", key=key)
 
     def _note_parameter(self, name: str, sender: Sender) -> None:
         """A pilot has set one: take it up like another mission file."""
         self._changed = self._parameters.mission()
         words = f"{name} is {self._parameters.value(name):g}, by {sender[0]}/{sender[1]}"
         _log.warning("%s", words)
-        self.announcer.decide(DecisionKind.PARAMETERS, words)
+        self.announcer.decide(DecisionKind.PARAMETERS, words, tell="parameter", about=name, parameter=words)
 
     def _renew(self) -> None:
         """Take up a changed mission file, between plans."""
@@ -370,7 +372,8 @@ class App:
         self._note_standing()
         if self.recorder.failure and not self._said_failure and self.link.has_heard:
             self._said_failure = True
-            self.announcer.decide(DecisionKind.RECORDING, f"stopped, flight goes on: {self.recorder.failure}")
+            text = f"stopped, flight goes on: {self.recorder.failure}"
+            self.announcer.decide(DecisionKind.RECORDING, text, tell="recording")
 
     def _note_standing(self) -> None:
         """Record how the service stands."""

@@ -77,15 +77,13 @@ class Departure:
         ownship = self._situation.ownship.state(self._clock.now_s())
         told = briefing_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
-        for kind, text in (
-            (DecisionKind.MISSION, told.plan),
-            (DecisionKind.TAKEOVER, told.takeover),
-            (DecisionKind.MISSION, told.landing),
-        ):
-            if text:
-                decide(kind, text)
+        if told.plan:
+            decide(DecisionKind.MISSION, told.plan, tell="mission", mission=told.plan)
+            decide(DecisionKind.TAKEOVER, told.takeover, tell="takeover", when=told.takeover)
+            tell = "landing" if told.has_end else "no landing"
+            decide(DecisionKind.MISSION, told.landing, tell=tell, landing=told.landing)
         for fault in told.faults:
-            decide(DecisionKind.FAULT, fault)
+            decide(DecisionKind.FAULT, fault, tell="check", about=fault, fault=fault)
 
     def take_over_if_due(self) -> bool:
         """Whether the service takes over now."""

@@ -29,6 +29,7 @@ class Handback:
     def __init__(self, parts: ReplanningParts) -> None:
         self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
+        self._link = parts.handover.protocols.parts.link
         self.found: WayBack | None = None
         self._told: WayBack | None = None
         self._told_s = -math.inf
@@ -45,4 +46,7 @@ class Handback:
         self.found = found = way_back(state, self._reader.current, ownship)
         if self._told is None or found.is_safe is not self._told.is_safe:
             self._told, self._told_s = found, now
-            self._announcer.decide(DecisionKind.HANDBACK, found.text)
+            tell = "handback safe" if found.is_safe else "handback unsafe"
+            self._announcer.decide(
+                DecisionKind.HANDBACK, found.text, tell=tell, mode=self._link.mission_mode, what=found.wrong
+            )

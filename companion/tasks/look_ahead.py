@@ -70,7 +70,7 @@ class LookAhead:
         if found.shaped is None:
             self._prepared = None
             if run.plan.status is not PlanStatus.INVALID_START:  # in the climb, below the bounds
-                self._tell(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
+                self._say(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
         elif state.mode is Mode.SUSPENDED and state.may_write and handover.is_settled():
             occasion = maker.schedule.occasion
             outcome = await handover.hand_over(found.shaped, maker.num_plans, run.plan_ms, track_s, occasion)
@@ -78,7 +78,7 @@ class LookAhead:
         else:
             self._prepared = found.shaped
             count = len(found.shaped.waypoints.positions_enu_m)
-            self._tell(DecisionKind.READY, f"first plan, {count} waypoints")
+            self._say(DecisionKind.READY, f"first plan, {count} waypoints", tell="path ready")
 
     def _keeps_ready(self) -> bool:
         """Whether the mission that was made ready for the way back still is."""
@@ -98,8 +98,8 @@ class LookAhead:
             return None if current is None else start_at_takeover(state, current, ownship)
         return start_by_motion(state.rules, ownship, lead_s(state))
 
-    def _tell(self, kind: DecisionKind, text: str) -> None:
+    def _say(self, kind: DecisionKind, text: str, tell: str = "") -> None:
         """Say what planning ahead came to, once until it comes to something else."""
         if kind is not self._said:
             self._said = kind
-            self._parts.announcer.decide(kind, text)
+            self._parts.announcer.decide(kind, text, tell=tell)

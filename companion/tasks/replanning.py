@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -38,6 +39,13 @@ from companion.tasks.surprise_watch import SurpriseWatch
 from companion.world.snapshot import Snapshot
 
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
+STEPS_TOLD = {
+    EmergencyStep.KEEP_FLOWN: "flying on",
+    EmergencyStep.LEAST_THREAT: "no better path",
+    EmergencyStep.LOITER: "circling at a safe place",
+    EmergencyStep.RALLY_POINT: "flying to a rally point",
+    EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
+}
 SHUT_MEANWHILE = "the way home does not keep clear any more"
 FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
 
@@ -192,7 +200,8 @@ class Replanning:
         fault = self._flight.state.wind_fault
         if not fault:
             return False
-        self._announce(EmergencyStep.KEEP_FLOWN, fault, DecisionKind.EMERGENCY)
+        wind = f"{math.hypot(*self._flight.state.wind_enu_m_s):.0f}"
+        self._announce(EmergencyStep.KEEP_FLOWN, fault, DecisionKind.EMERGENCY, tell="wind", word=wind)
         self._schedule.retry(now_s + RETRY_S, "the wind was too strong")
         return True
 
@@ -284,7 +293,11 @@ class Replanning:
         """Take a step of the emergency strategy, and say so."""
         if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
             found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
-        self._announce(found.step, found.reason, DecisionKind.EMERGENCY)
+        is_path = found.step is EmergencyStep.LEAST_THREAT and found.shaped is not None
+        tell, step = "take over", STEPS_TOLD.get(found.step, "")
+        if step:
+            tell = "" if is_path else "unsafe"  # of a path the pilot reads once it is flown
+        self._announce(found.step, found.reason, DecisionKind.EMERGENCY, tell=tell, word=step)
         if found.shaped is not None:
             await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
         elif found.step is EmergencyStep.RETURN_TO_LAUNCH:
@@ -316,11 +329,13 @@ class Replanning:
         ownship = self._situation.ownship.state(self._clock.now_s())
         return ownship is not None and way_home(self._flight.state, ownship) == ()
 
-    def _announce(self, step: EmergencyStep, reason: str, kind: DecisionKind) -> None:
+    def _announce(
+        self, step: EmergencyStep, reason: str, kind: DecisionKind, tell: str = "", word: str = ""
+    ) -> None:
         """Say a step of the emergency strategy, once until another is taken."""
         if step is not self.emergency:
             self.emergency = step
-            self._announcer.decide(kind, f"{step.value}: {reason}")
+            self._announcer.decide(kind, f"{step.value}: {reason}", tell=tell, word=word)
 
     async def _hand_over(
         self, shaped: ShapedPath, plan_ms: float, track_s: float, *, is_urgent: bool = False
@@ -355,4 +370,6 @@ class Replanning:
             EmergencyStep.KEEP_FLOWN,
             f"{reason}; {self._num_failed_swaps} swaps failed",
             DecisionKind.KEEP if passes else DecisionKind.EMERGENCY,
+            tell="refused",
+            word="safe" if passes else "NOT safe",
         )

@@ -10,15 +10,14 @@ from companion.types.encounter import Encounter
 from companion.types.mission import MissionItem
 from companion.types.plan import Plan
 
-SPOKEN, SPOKEN_CHARACTERS = "Planner ", 50  # of a STATUSTEXT
-
 
 @dataclass(frozen=True, slots=True)
 class Decision:
     """One line of the decision table.
 
     ``plan_ms`` is the computing time of the plan behind it, ``track_to_mission_ms`` the time from the
-    newest track to the mission that answers it being flown. ``why`` has the numbers that led to it.
+    newest track to the mission that answers it being flown. ``why`` has the numbers that led to it, and
+    ``told`` is what the pilot read, '' if nothing.
     """
 
     stamp_s: float
@@ -27,11 +26,7 @@ class Decision:
     plan_ms: float | None = None
     track_to_mission_ms: float | None = None
     why: Mapping[str, object] = field(default_factory=dict)
-
-    @property
-    def spoken(self) -> str:
-        """What the pilot is told of it."""
-        return f"{SPOKEN}{self.kind}: {self.text}"[:SPOKEN_CHARACTERS]
+    told: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ WHO = {
     "standing by": "the pilot: on the ground, or in a mode of his own",
     "the operator's mission": "the operator's mission, up to the takeover",
     "planning": "the service",
-    "by the pilot": "the pilot",
+    "another mode": "the pilot",
     "other mission or item": "another mission or item of the operator's",
     "at the last goal": "the operator's items behind the goal",
 }

@@ -158,8 +158,11 @@ class FreshnessWatch:
         heard_s, last_s = self._stale.get(name, (max(entry.heard_s, self._since_s), now_s))
         if fault:
             if name not in self._stale:
-                self._announcer.decide(DecisionKind.STALE, fault + (STANDS if is_vital else ""))
+                text, tell = (fault + STANDS, "missing") if is_vital else (fault, "old")
+                age = f"{entry.use_by_s:g}"
+                self._announcer.decide(DecisionKind.STALE, text, tell=tell, about=name, what=name, age=age)
             self._stale[name] = heard_s, now_s
         elif name in self._stale and (is_vital or now_s - last_s >= SETTLED_S):
             del self._stale[name]
-            self._announcer.decide(DecisionKind.FRESH, f"{name} again, after {last_s - heard_s:.0f} s")
+            text = f"{name} again, after {last_s - heard_s:.0f} s"
+            self._announcer.decide(DecisionKind.FRESH, text, tell="back", about=name, what=name.capitalize())

@@ -128,11 +128,10 @@ class Geofences:
         try:
             fences = self._limits.added_to(fences_of(self._items, mission.frame))
         except FenceError as error:
-            self._announcer.decide(DecisionKind.FENCE, f"not understood: {error}")
+            text = f"not understood: {error}"
+            self._announcer.decide(DecisionKind.FENCE, text, tell="bad fence", reason=error)
             return
         state = self._flight.apply(after_fences, fence_obstacles(fences, bounds_of(mission)))
         self._situation.follow_fences(state.rules)
-        self._announcer.decide(
-            DecisionKind.FENCE,
-            f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in{self._limits}",
-        )
+        words = f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in{self._limits}"
+        self._announcer.decide(DecisionKind.FENCE, words, tell="fences", fences=words)

@@ -84,4 +84,5 @@ class RallyPoints:
         num_unplaced = len(self._items) - len(places)
         text = f"{len(places)} rally point{'s' * (len(places) != 1)}"
         unplaced = f", {num_unplaced} at a height that is not known" if num_unplaced else ""
-        self._announcer.decide(DecisionKind.RALLY, text + unplaced)
+        points = f"{len(places)}{unplaced}"
+        self._announcer.decide(DecisionKind.RALLY, text + unplaced, tell="rally points", points=points)

@@ -1,6 +1,7 @@
 """The whole service against the simulator: what it says on the wire, and that the pilot always wins."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -78,14 +79,23 @@ def test_streams_are_asked_for(undisturbed):
     assert max(stamp for stamp, _ in asked.values()) < 3.0
 
 
-def test_every_decision_is_told(undisturbed):
+def test_what_is_told_is_recorded_with_its_decision(undisturbed):
     texts = [(stamp, m.text) for stamp, m in undisturbed.said("STATUSTEXT")]
-    decisions = undisturbed.recorder.decisions
+    told = [decision for decision in undisturbed.recorder.decisions if decision.told]
     assert [kind for kind in undisturbed.kinds() if kind in ("mode", "swap")][:3] == ["mode", "mode", "swap"]
-    assert len(texts) == len(decisions)
-    for (stamp, text), decision in zip(texts, decisions, strict=True):
+    for (stamp, text), decision in zip(texts, told, strict=True):
         assert stamp == pytest.approx(decision.stamp_s, abs=0.05)
-        assert text == f"Planner {decision.kind}: {decision.text}"[:50]
+        assert text == decision.told
+
+
+def test_a_pilot_reads_little_and_what_matters(undisturbed):
+    """A quiet flight of half a minute or so: who flies, and one path."""
+    texts = [m.text for _, m in undisturbed.said("STATUSTEXT")]
+    paths = [text for text in texts if text.startswith("New path")]
+    assert "Planner flies the mission" in texts
+    assert len(paths) == 1
+    assert re.fullmatch(r"New path, safe\. (Straight on|(Left|Right) turn .+), goal in \d+:\d\d", paths[0])
+    assert not any(word in text for text in texts for word in ("cost", "keep", "verdict"))
 
 
 def test_nobody_is_armed_and_no_mode_is_changed(undisturbed):

@@ -42,9 +42,11 @@ def said(harness, kind, after_s, before_s):
 @BOTH
 def test_how_to_hand_back_and_whether_it_is_safe_is_said_at_once(dialect):
     harness = flown(dialect, "{}", 18.0, switch(TOOK_S, "LOITER"))
-    how, whether = said(harness, "handback", TOOK_S, TOOK_S + 2.0)
-    assert how == f"{MISSION_MODE[dialect]} hands back"
+    (whether,) = said(harness, "handback", TOOK_S, TOOK_S + 2.0)
     assert whether.startswith("safe, to item ")
+    told = [message.text for stamp, message in harness.said("STATUSTEXT") if TOOK_S < stamp < TOOK_S + 2.0]
+    assert f"{MISSION_MODE[dialect]} from here is safe" in told
+    assert any(text.endswith(f"{MISSION_MODE[dialect]} resumes") for text in told)
 
 
 @BOTH

@@ -55,7 +55,7 @@ def test_an_exchange_is_broken_off_and_what_is_flown_stays_whole(dialect, messag
     assert harness.changes(after_s=begun[0] + 0.1) == []
     there, sent = flown_part(harness)
     assert difference(sent, there) == "" or is_wholly_new(harness, before[0])
-    assert "Planner stopped: the autopilot keeps its mission" in [
+    assert "Planner stopped, autopilot flies its mission" in [
         message.text for _, message in harness.said("STATUSTEXT")
     ]
     assert harness.simulator.autopilot.mode in ("AUTO", "MISSION")

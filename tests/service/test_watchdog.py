@@ -86,10 +86,10 @@ def test_the_words_change_when_what_is_done_does():
     told, clock, now, supervision = supervised()
     now[0] = READY
     rounds(clock, supervision, 105.0)
-    now[0] = Report(True, True, "suspended by the pilot (FBWA)")
+    now[0] = Report(True, True, "suspended: another mode is flown (FBWA)")
     rounds(clock, supervision, 110.0)
     assert [words["STATUS"] for words in told.words if "STATUS" in words] == [
-        "planning (AUTO); last: keep: cost 2", "suspended by the pilot (FBWA)",
+        "planning (AUTO); last: keep: cost 2", "suspended: another mode is flown (FBWA)",
     ]  # fmt: skip
 
 

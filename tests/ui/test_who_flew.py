@@ -24,7 +24,7 @@ def test_stretches_follow_each_other():
         Decision(2.0, "takeover", "after item 1"),
         Decision(5.0, "mode", "planning (AUTO)"),
         Decision(6.0, "swap", "first plan, cost 3; item 4"),
-        Decision(9.0, "suspended", "by the pilot (<FBWA>)"),
+        Decision(9.0, "suspended", "another mode is flown (<FBWA>)"),
         Decision(9.0, "handback", "AUTO hands back"),
         Decision(9.5, "handback", "safe, to item 3"),
     ]
@@ -54,6 +54,6 @@ def test_a_day_of_three_uploads_and_a_takeover_is_told_from_its_recording(tmp_pa
     )  # fmt: skip
     decisions = load_recording(tmp_path / "flight.tlog").decisions
     assert [watch.who for watch in watches(decisions, 75.0)] == [
-        WHO["standing by"], WHO["the operator's mission"], WHO["planning"], WHO["by the pilot"],
+        WHO["standing by"], WHO["the operator's mission"], WHO["planning"], WHO["another mode"],
         WHO["planning"],
     ]  # fmt: skip

@@ -1,0 +1,341 @@
+"""Every text that the pilot reads, with its cause and what the pilot can do.
+
+A text tells only what changes what the pilot would do: whether the flight is safe, what changes, where the
+next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
+characters. A longer text is sent in chunks (MAVLink ``common.xml``, STATUSTEXT).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from companion.types.mavlink_enums import Severity
+
+
+@dataclass(frozen=True, slots=True)
+class PilotText:
+    """One row of the table.
+
+    Parameters
+    ----------
+    kind : str
+        The kind of decision that it tells of.
+    severity : Severity
+        MAV_SEVERITY.
+    template : str
+        The text; names in braces are replaced by values.
+    cause : str
+        When it is sent.
+    action : str
+        What the pilot can do.
+    """
+
+    kind: str
+    severity: Severity
+    template: str
+    cause: str
+    action: str
+
+
+@dataclass(frozen=True, slots=True)
+class PilotMessage:
+    """A text to be sent, and the subject that it is about.
+
+    A text is not repeated within a while, unless another one about the same subject was sent in between.
+    """
+
+    severity: Severity
+    text: str
+    subject: str
+
+
+NOTHING = "Nothing."
+TEXTS = {
+    "mission": PilotText(
+        "mission", Severity.INFO,
+        "Mission read: {mission}",
+        "The mission in the autopilot was read, on the ground or because it has changed.",
+        "Compare it with the mission that you meant to upload.",
+    ),
+    "takeover": PilotText(
+        "takeover", Severity.INFO,
+        "Planner takes over {when}",
+        "The mission was read. Up to there the autopilot flies the mission as uploaded.",
+        NOTHING,
+    ),
+    "landing": PilotText(
+        "mission", Severity.INFO,
+        "After the goal {landing}",
+        "The mission was read.",
+        "Compare it with the landing that you meant to upload.",
+    ),
+    "no landing": PilotText(
+        "mission", Severity.WARNING,
+        "No landing in the mission: will circle at the goal",
+        "The mission was read. Nothing follows the goal.",
+        "Add a landing, or be ready to fly from the goal yourself.",
+    ),
+    "check": PilotText(
+        "fault", Severity.WARNING,
+        "CHECK: {fault}",
+        "Something in the mission, the mission file or a parameter is wrong.",
+        "Correct it before take-off. Where the aircraft cannot fly as the mission file asks, the planner "
+        "does not take over.",
+    ),
+    "path ready": PilotText(
+        "ready", Severity.INFO,
+        "Path ready for takeover",
+        "The first path was planned before the takeover.",
+        NOTHING,
+    ),
+    "path": PilotText(
+        "swap", Severity.NOTICE,
+        "New path, safe. {turn}, goal in {time}",
+        "The autopilot flies another path, and the difference can be seen on a map.",
+        NOTHING,
+    ),
+    "unsafe path": PilotText(
+        "swap", Severity.WARNING,
+        "New path, NOT safe. {turn}, goal in {time}",
+        "No path keeps all limits. This one keeps clear of obstacles and fences, but not of threats.",
+        "Decide whether to go on. Another flight mode takes over at any time.",
+    ),
+    "unsafe": PilotText(
+        "emergency", Severity.CRITICAL,
+        "NOT safe ahead: {word}",
+        "No path keeps clear of everything.",
+        "Watch the aircraft and be ready to take over.",
+    ),
+    "take over": PilotText(
+        "emergency", Severity.CRITICAL,
+        "NOT safe ahead, no way out: TAKE OVER",
+        "No path, circle, rally point or return keeps clear of everything. The autopilot flies its "
+        "mission on.",
+        "Take over and fly around the obstacle yourself.",
+    ),
+    "wind": PilotText(
+        "emergency", Severity.CRITICAL,
+        "Wind {word} m/s: too strong to plan",
+        "The wind is stronger than 60 % of the cruise airspeed. The mission in the autopilot is flown on.",
+        "Land, or fly home.",
+    ),
+    "refused": PilotText(
+        "emergency", Severity.WARNING,
+        "Autopilot takes no new path, old one is {word}",
+        "Three uploads in a row failed.",
+        "Check the link. Take over if the old path is not safe.",
+    ),
+    "unreadable": PilotText(
+        "rejected", Severity.WARNING,
+        "Cannot read the autopilot's mission",
+        "The download of the mission failed.",
+        "Check the link. The planner tries again every two seconds.",
+    ),
+    "no goal": PilotText(
+        "no plan", Severity.WARNING,
+        "No waypoint in the mission to fly to",
+        "The mission has no goal.",
+        "Upload a mission.",
+    ),
+    "other mission": PilotText(
+        "mission", Severity.NOTICE,
+        "Other mission uploaded: {mission}",
+        "Another ground station has uploaded a mission in flight. The planner plans for its goals.",
+        "Check that it is the mission you want.",
+    ),
+    "flying": PilotText(
+        "mode", Severity.NOTICE,
+        "Planner flies the mission",
+        "The planner has taken over, or was handed back to.",
+        NOTHING,
+    ),
+    "off": PilotText(
+        "parameters", Severity.WARNING,
+        "Planner is off: parameter {parameter} is 0",
+        "The planner has taken over, and a parameter has switched planning off.",
+        "Set the parameter to 1 to have the planner plan.",
+    ),
+    "paused": PilotText(
+        "suspended", Severity.WARNING,
+        "Planner paused in {mode}. {back}",
+        "The flight mode is another one: by the pilot, by a failsafe or after a reboot.",
+        "Select the mission mode to have the planner fly on.",
+    ),
+    "other item": PilotText(
+        "suspended", Severity.WARNING,
+        "Planner paused: other mission chosen. {back}",
+        "Somebody has uploaded another mission or made another item current.",
+        "To resume, leave the mission mode and select it again.",
+    ),
+    "contradiction": PilotText(
+        "suspended", Severity.WARNING,
+        "Planner paused: two autopilots on one id",
+        "Two systems send heartbeats under the autopilot's id, and they contradict each other.",
+        "Find the second one and give it another id.",
+    ),
+    "silent": PilotText(
+        "mode", Severity.WARNING,
+        "Autopilot not heard, planner waits",
+        "No heartbeat came for some seconds.",
+        "Check the cable between the autopilot and the companion computer.",
+    ),
+    "arrived": PilotText(
+        "arrived", Severity.NOTICE,
+        "At the goal, planner is done",
+        "The last goal was reached.",
+        "Land as planned, or take over.",
+    ),
+    "landed": PilotText(
+        "landed", Severity.INFO,
+        "Landed, flight over",
+        "The autopilot was disarmed.",
+        NOTHING,
+    ),
+    "handback safe": PilotText(
+        "handback", Severity.NOTICE,
+        "{mode} from here is safe",
+        "The pilot flies. The way that the autopilot would take keeps clear for 45 s.",
+        "Select the mission mode when you like.",
+    ),
+    "handback unsafe": PilotText(
+        "handback", Severity.WARNING,
+        "{mode} from here is NOT safe: {what}",
+        "The pilot flies. The way that the autopilot would take does not keep clear.",
+        "Fly somewhere else before you select the mission mode.",
+    ),
+    "restarted": PilotText(
+        "restart", Severity.INFO,
+        "Planner restarted in flight, flies on",
+        "The service was started again while the autopilot flew a mission of the planner's.",
+        NOTHING,
+    ),
+    "missing": PilotText(
+        "stale", Severity.WARNING,
+        "No {what}: planner waits, mission flies on",
+        "The position or the mission item is missing or cannot be right.",
+        "Watch the aircraft. The path is not adapted to anything new.",
+    ),
+    "old": PilotText(
+        "stale", Severity.INFO,
+        "No {what} for {age} s",
+        "Something that the planner can do without for a while is missing.",
+        "Check its source.",
+    ),
+    "back": PilotText(
+        "fresh", Severity.NOTICE,
+        "{what} is back",
+        "What was missing is received again.",
+        NOTHING,
+    ),
+    "fences": PilotText(
+        "fence", Severity.INFO,
+        "Fences: {fences}",
+        "The fences in the autopilot were read, or have changed.",
+        "Compare them with the fences that you meant to upload.",
+    ),
+    "bad fence": PilotText(
+        "fence", Severity.WARNING,
+        "Fence not understood: {reason}",
+        "A fence in the autopilot cannot be used.",
+        "Correct the fence. The planner does not keep to it.",
+    ),
+    "rally points": PilotText(
+        "rally", Severity.INFO,
+        "Rally points: {points}",
+        "The rally points in the autopilot were read, or have changed.",
+        NOTHING,
+    ),
+    "another autopilot": PilotText(
+        "link", Severity.WARNING,
+        "Autopilot {other} on the link; planner flies {own}",
+        "A second autopilot is heard.",
+        "Check that the planner flies the right one.",
+    ),
+    "second address": PilotText(
+        "link", Severity.WARNING,
+        "Autopilot's id from a second address",
+        "Another sender uses the autopilot's id.",
+        "Find it and give it another id.",
+    ),
+    "parameter source": PilotText(
+        "link", Severity.WARNING,
+        "Unknown sender tried to set a parameter",
+        "A system that the mission file does not list has tried to set a parameter of the planner's.",
+        "Add it to the mission file if it may do so.",
+    ),
+    "flood": PilotText(
+        "link", Severity.WARNING,
+        "Link flooded, planner misses messages",
+        "More messages come than the planner takes from one sender.",
+        "Find the sender and slow it down.",
+    ),
+    "calm": PilotText(
+        "link", Severity.NOTICE,
+        "Link no longer flooded",
+        "The flood has ended.",
+        NOTHING,
+    ),
+    "reloaded": PilotText(
+        "reload", Severity.NOTICE,
+        "Mission file read again",
+        "The service was told to read the mission file again.",
+        NOTHING,
+    ),
+    "not reloaded": PilotText(
+        "reload", Severity.WARNING,
+        "Mission file refused: {key}",
+        "The mission file was read again, and a key of it is wrong. The old one is still used.",
+        "Correct the key. `companion check` says what is wrong.",
+    ),
+    "parameter": PilotText(
+        "parameters", Severity.NOTICE,
+        "Parameter {parameter}",
+        "A parameter of the planner's was set, or is still set.",
+        NOTHING,
+    ),
+    "recording": PilotText(
+        "recording", Severity.INFO,
+        "Recording stopped, flight goes on",
+        "The disk is full or cannot be written to.",
+        NOTHING,
+    ),
+    "stopped": PilotText(
+        "stopped", Severity.WARNING,
+        "Planner stopped, autopilot flies its mission",
+        "The service was stopped.",
+        NOTHING,
+    ),
+}  # fmt: skip
+SUBJECTS = {
+    "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
+    "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
+    "arrived": "mode", "handback safe": "handback", "handback unsafe": "handback",
+    "flood": "flood", "calm": "flood", "fences": "fences", "bad fence": "fences",
+}  # fmt: skip
+
+
+def pilot_message(key: str, subject: str = "", /, **values: object) -> PilotMessage:
+    """A text of :data:`TEXTS` with its values.
+
+    Parameters
+    ----------
+    key : str
+        Which text.
+    subject : str
+        What it is about, where one text is about several things; by default that of the table.
+    **values : object
+        Replace the names in braces.
+    """
+    row = TEXTS[key]
+    return PilotMessage(row.severity, row.template.format(**values), subject or SUBJECTS.get(key, key))
+
+
+_PATTERNS = {
+    re.compile(re.sub(r"\\{\w+\\}", ".+", re.escape(row.template))): row.kind for row in TEXTS.values()
+}
+
+
+def kind_of(text: str) -> str | None:
+    """The kind of decision that a text tells of; None for a text that is not of :data:`TEXTS`."""
+    return next((kind for pattern, kind in _PATTERNS.items() if pattern.fullmatch(text)), None)
