@@ -151,7 +151,7 @@ def _legs(state: FlightState, operator: Operator) -> list[str]:
         entry = next((entry for entry in wrong if entry.rule == "clearance"), None)
         if entry is not None:
             number = item.sequence + 1 - operator.first
-            found.append(f"to item {number}: {entry.detail}: {entry.value:.0f}")
+            found.append(f"to item {number}: {entry.in_short}")
     return found
 
 

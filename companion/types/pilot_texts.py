@@ -92,7 +92,8 @@ TEXTS = {
     "path": PilotText(
         "swap", Severity.NOTICE,
         "New path, safe. {turn}, goal in {time}",
-        "The autopilot flies another path, and the difference can be seen on a map.",
+        "The autopilot flies another path, and the difference can be seen on a map. Safe means that it "
+        "keeps all limits of the mission file.",
         NOTHING,
     ),
     "unsafe path": PilotText(

@@ -166,7 +166,7 @@ def test_what_is_wrong_with_a_list_is_said_on_the_ground(dialect):
     harness = SitlHarness(mission_from_text(PLAIN + wall, "day.yaml"), dialect=dialect, on_ground=True)
     harness.fly(12.0, uploaded(5.0, (Command.NAV_WAYPOINT, 1200.0, 0.0)))
     assert "after item 2" in harness.texts("takeover")
-    assert "to item 2: distance to wall [m]: 0" in harness.texts("fault")
+    assert "to item 2: 0 m from wall" in harness.texts("fault")
 
 
 @pytest.mark.parametrize(
