@@ -141,6 +141,13 @@ def test_a_gap_that_is_narrower_is_flown_all_the_same():
     assert 15.0 <= nearest(plan.path, gates) <= 40.0
 
 
+def test_a_gap_too_narrow_to_be_flown_to_is_flown_around():
+    """On this map V leads through 4 m between the margin of a box and the bounds, along which nothing turns."""
+    plan = solve(RandomMap(99, 2).problem(2.16))
+    assert plan.reaches_goal
+    assert plan.objective_s < 1.1 * plan.bound_s
+
+
 def test_goals_on_the_way_stay_on_it():
     mission = load_mission("mission_configs/city-block.yaml")
     for seed in range(1, 5):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,12 +25,26 @@ from companion.planning.least_objective.tree_growth import GrowthRules, Objectiv
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
-# Times which V counts, and how many nodes may be extended. Trees are grown until one comes to the goal, each
-# less particular about its cost. Then one more is to find a cheaper path.
-FINDING = ((1.15, 2_000), (2.0, 8_000), (4.0, 10_000))
-# Where nothing pursues, one more is patient in narrow places.
-FINDING_ALONE = (*FINDING, (1.02, 20_000))
-IMPROVING = (1.02, 8_000)
+GAP_M = (
+    25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
+)
+
+
+class Patience(NamedTuple):
+    """How a tree is grown.
+
+    ``weight`` times which V counts; ``most`` nodes that may be extended; ``avoids_gaps`` whether V leads
+    through no gap that is nearly too narrow.
+    """
+
+    weight: float
+    most: int
+    avoids_gaps: bool = False
+
+
+# Trees are grown until one comes to the goal. Then one more is to find a cheaper path.
+FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(1.15, 8_000, True), Patience(4.0, 10_000))
+IMPROVING = Patience(1.02, 8_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,19 +226,32 @@ class LeastRouteSearch:
 
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
         """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
-        exploration, grown = self._exploration, list[ObjectiveTree]()
-        is_late, is_hunted, cost_max = self._should_stop(), exploration.is_hunted, math.inf
-        finding = FINDING[::2] if is_late else FINDING if is_hunted else FINDING_ALONE
-        for asked in (*finding, IMPROVING):
-            is_last, is_found = asked is IMPROVING, math.isfinite(cost_max)
-            if is_found != is_last or (is_last and self._should_stop()):
-                continue
-            weight, most = asked
-            rules = GrowthRules(weight=weight, danger_max=danger_max, most=most, cost_max=cost_max)
-            grown.append(ObjectiveTree(exploration, objective, field, rules))
-            grown[-1].grow(self._should_stop)
-            cost_max = min(cost_max, grown[-1].cost_s)
+        grown = list[ObjectiveTree]()
+        for asked in FINDING[::3] if self._should_stop() else FINDING:
+            along = self._field_without_gaps(objective, danger_max) if asked.avoids_gaps else field
+            grown.append(self._tree(objective, along, danger_max, asked, math.inf))
+            if math.isfinite(found_s := grown[-1].cost_s):
+                break
+        if math.isfinite(found_s) and not self._should_stop():
+            grown.append(self._tree(objective, along, danger_max, IMPROVING, found_s))
         return grown
+
+    def _tree(
+        self, objective: Objective, field: CostField, danger_max: float, asked: Patience, cost_max: float
+    ) -> ObjectiveTree:
+        """A tree that was grown."""
+        rules = GrowthRules(weight=asked.weight, danger_max=danger_max, most=asked.most, cost_max=cost_max)
+        tree = ObjectiveTree(self._exploration, objective, field, rules)
+        tree.grow(self._should_stop)
+        return tree
+
+    def _field_without_gaps(self, objective: Objective, danger_max: float) -> CostField:
+        """V for an aircraft that keeps farther away from everything."""
+        limits = objective.limits
+        wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
+        if not len(self._exploration.game.hunters):
+            return cost_to_go_of(self._exploration.problem, wide).fine
+        return field_before_pursuers(self._exploration.problem, wide, danger_max)
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """A path led to the goal's centre, and shortened; with how many short cuts."""
