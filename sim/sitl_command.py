@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 def register(app: typer.Typer) -> None:
     """Add the command to ``companion``, and to its campaigns what flies and who pursues."""
     app.command("sitl")(sitl)
-    offer("anytime", "sim.beside.anytime_runs:AnytimeRunner")
+    offer("anytime", "sim.comparison.anytime_runs:AnytimeRunner")
     offer(FLIGHT, "sim.bench.offline_flight:flown")
     offer("flights", "sim.bench.campaign_runs:FlightRunner")
     offer(PURSUERS, "sim.bench.campaign_runs:driven")
@@ -159,8 +159,8 @@ def _result(flight: Flight) -> Table:
     seconds = float(summary["seconds_in_reach_and_sight"])
     table.add_row("under threat", f"{seconds:.1f} s of {flight.now_s:.0f}" if seconds > 0.0 else "never")
     for key, value in summary.items():
-        is_told = not isinstance(value, float) or math.isfinite(value)
-        table.add_row(key, str(value) if is_told else "–")
+        is_reported = not isinstance(value, float) or math.isfinite(value)
+        table.add_row(key, str(value) if is_reported else "–")
     wall = flight.wall_s
     table.add_row("times real time", f"{flight.now_s / wall:.0f}" if wall > 0.0 else "-")
     return table

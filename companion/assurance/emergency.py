@@ -52,7 +52,7 @@ class EmergencyOptions:
         What the plan to a rally point breaks.
     may_return : bool
         Whether the mission file allows return to launch.
-    way_home : sequence of Violation or None
+    return_path : sequence of Violation or None
         What the way breaks that the autopilot would take.
     """
 
@@ -61,7 +61,7 @@ class EmergencyOptions:
     loiter: Sequence[Violation] | None
     rally: Sequence[Violation] | None = None
     may_return: bool
-    way_home: Sequence[Violation] | None = None
+    return_path: Sequence[Violation] | None = None
 
 
 class EmergencyDecision(NamedTuple):
@@ -88,7 +88,7 @@ _TABLE: tuple[tuple[EmergencyStep, Callable[[EmergencyOptions], bool], str], ...
     (EmergencyStep.RALLY_POINT, lambda s: _is_flyable(s.rally), "the way there keeps the hard constraints"),
     (
         EmergencyStep.RETURN_TO_LAUNCH,
-        lambda s: s.may_return and _passes(s.way_home),
+        lambda s: s.may_return and _passes(s.return_path),
         "the mission file allows it, and the way there keeps clear",
     ),
     (EmergencyStep.LEAVE_TO_AUTOPILOT, lambda _: True, "nothing better is left"),
@@ -111,7 +111,7 @@ def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
             "the way to a rally point", options.rally, "no rally point that can be planned to"
         ),
         EmergencyStep.RETURN_TO_LAUNCH: (
-            _refusal("the way home", options.way_home, "the way home is not known")
+            _refusal("the way home", options.return_path, "the way home is not known")
             if options.may_return
             else "the mission file does not allow return to launch"
         ),

@@ -6,14 +6,12 @@ from collections.abc import Callable
 
 from companion.clock import Clock
 from companion.config import MissionConfig
-from companion.departure.briefing import briefing_of
-from companion.departure.capability import shortfalls
 from companion.doctor.finding import Finding, fail, ok, warn
 from companion.errors import CompanionError
 from companion.flight.flight_state import (
     StateOwner,
-    after_autopilot_told,
-    after_settings_told,
+    after_autopilot_reported,
+    after_settings_reported,
     first_state,
 )
 from companion.link.messages.codec import Codec
@@ -21,6 +19,8 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.swapping.list_reader import adopt
 from companion.swapping.protocols import protocols_for
+from companion.takeover.capability import shortfalls
+from companion.takeover.mission_summary import mission_summary_of
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
 from companion.types.state import AutopilotSettings
@@ -70,10 +70,10 @@ class MissionDoctor:
         mission, now = self._mission, self._clock.now_s()
         flight = StateOwner(first_state(mission, now))
         protocols = protocols_for(flight, self._link, self._ownship, self._clock)
-        flight.apply(after_autopilot_told, flies_by=protocols.dialect.flies_by)
-        flight.apply(after_settings_told, settings)
+        flight.apply(after_autopilot_reported, flies_by=protocols.dialect.flies_by)
+        flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
-        told = briefing_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
+        told = mission_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
         texts = ((CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing))
         findings = [ok(check, text) for check, text in texts if text]
         refused = shortfalls(mission, settings)

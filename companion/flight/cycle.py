@@ -158,7 +158,7 @@ def conclude_emergency(
     least_threat: Plan,
     refused: Path | None,
     start: Start,
-    way_home: tuple[Violation, ...] | None,
+    return_path: tuple[Violation, ...] | None,
     *,
     least_gain: float = 0.0,
 ) -> EmergencyConclusion:
@@ -174,14 +174,14 @@ def conclude_emergency(
         A plan's path that did not pass.
     start : Start
         From where a new mission would be flown.
-    way_home : tuple of Violation or None
+    return_path : tuple of Violation or None
         What the way home breaks; None where that is not known.
     least_gain : float
         A flown path that keeps the hard constraints is kept unless the new one costs less by this share.
     """
     response = respond(
         state, start, least_threat, (refused,), state.mission_list.max_waypoints,
-        may_return=state.mission.authority.allow_rtl, way_home=way_home,
+        may_return=state.mission.authority.allow_rtl, return_path=return_path,
     )  # fmt: skip
     decision, route = response.decision, response.route
     is_way_on = route is not None and decision.step is EmergencyStep.LEAST_THREAT

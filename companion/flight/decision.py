@@ -190,9 +190,9 @@ class _Case:
             return False
         goal = self.state.goals[-1]
         away = math.dist(rest.positions_enu_m[-1], goal.position_enu_m)
-        is_hunted = any(not track.flies_on for track in self.state.picture.tracks)
+        is_pursued = any(not track.flies_on for track in self.state.picture.tracks)
         is_as_promised = (self.plan.flown_cost or 0.0) <= flown.cost
-        return is_hunted and away <= goal.acceptance_radius_m and is_as_promised
+        return is_pursued and away <= goal.acceptance_radius_m and is_as_promised
 
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:

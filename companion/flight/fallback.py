@@ -74,7 +74,7 @@ def respond(
     max_waypoints: int,
     *,
     may_return: bool,
-    way_home: tuple[Violation, ...] | None = None,
+    return_path: tuple[Violation, ...] | None = None,
 ) -> Response:
     """Choose the step, and what to fly by it.
 
@@ -92,14 +92,14 @@ def respond(
         Waypoints that a mission may have.
     may_return : bool
         Whether the mission file allows return to launch.
-    way_home : tuple of Violation or None
+    return_path : tuple of Violation or None
         What the way home breaks; None where that is not known.
     """
     straight_on, by_threat = _least_threat(state, least_threat, max_waypoints)
-    refuge, by_loiter = _refuge(state, start, (least_threat.path, *failed), max_waypoints)
+    refuge, by_loiter = _safe_loiter(state, start, (least_threat.path, *failed), max_waypoints)
     options = EmergencyOptions(
         flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
-        may_return=may_return, way_home=way_home,
+        may_return=may_return, return_path=return_path,
     )  # fmt: skip
     decision = emergency_decision(options)
     if decision.step is EmergencyStep.LOITER and refuge is not None:
@@ -146,7 +146,7 @@ def _least_threat(
     return EscapeRoute(plan.path, waypoints, carried_s), (*state.violations_of(plan.path), *violations)
 
 
-def _refuge(
+def _safe_loiter(
     state: FlightState, start: Start, paths: Sequence[Path | None], max_waypoints: int
 ) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
     """The reachable place to circle with the least threat, and what is wrong with it.

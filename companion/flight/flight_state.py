@@ -8,14 +8,14 @@ or of :mod:`companion.flight.list_state`: each maps the state and one event to t
 event                 function
 ====================  ===================================================================
 the pilot takes over  :func:`after_mode_event`, and when he hands back
-armed, disarmed       :func:`after_armed_told`
-its parameters        :func:`after_settings_told`
-off the ground        :func:`after_landed_told`, :func:`after_movement_told`
+armed, disarmed       :func:`after_armed_reported`
+its parameters        :func:`after_settings_reported`
+off the ground        :func:`after_landed_reported`, :func:`after_movement_reported`
 mission file reloaded :func:`after_reload`
 restart in flight     :func:`after_restart`, once it is known what the autopilot flies
 fences read           :func:`after_fences`
-rally points          :func:`after_rally_told`, :func:`after_rally_points` once they are read
-home told             :func:`after_home_told`
+rally points          :func:`after_rally_reported`, :func:`after_rally_points` once they are read
+home told             :func:`after_home_reported`
 the list              :func:`after_list`, with a function of ``list_state``
 list laid out anew    :func:`after_list_adopted`
 taken over            :func:`after_takeover`
@@ -303,17 +303,17 @@ def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
     return replace(state, mode=mode, mission_list=listed)
 
 
-def after_armed_told(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
+def after_armed_reported(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
     """The state after a heartbeat told whether the aircraft is armed; not to be so for a while is landing."""
     return replace(state, phase=after_armed_state(state.phase, now_s, is_armed=is_armed))
 
 
-def after_landed_told(state: FlightState, landed_state: int) -> FlightState:
+def after_landed_reported(state: FlightState, landed_state: int) -> FlightState:
     """The state after the autopilot told whether it is on the ground, by MAV_LANDED_STATE."""
     return replace(state, phase=after_landed_state(state.phase, landed_state))
 
 
-def after_movement_told(
+def after_movement_reported(
     state: FlightState, height_above_home_m: float, ground_speed_m_s: float
 ) -> FlightState:
     """The state after the autopilot told a position: height above home [m], speed over ground [m/s]."""
@@ -321,19 +321,19 @@ def after_movement_told(
     return state if phase is state.phase else replace(state, phase=phase)
 
 
-def after_autopilot_told(state: FlightState, *, flies_by: bool) -> FlightState:
+def after_autopilot_reported(state: FlightState, *, flies_by: bool) -> FlightState:
     """The state after a heartbeat told whose autopilot it is."""
     return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
 
 
-def after_settings_told(state: FlightState, settings: AutopilotSettings) -> FlightState:
+def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:
     """The state after the autopilot told parameters of how it flies; it may bank less than was thought."""
     rules = rules_of(state.mission, state.rules.fences, settings)
     is_same = rules.vehicle == state.rules.vehicle
     return replace(state, settings=settings, rules=state.rules if is_same else rules)
 
 
-def after_home_told(state: FlightState, home: HomePosition) -> FlightState:
+def after_home_reported(state: FlightState, home: HomePosition) -> FlightState:
     """The state after the autopilot told where home is."""
     place = state.mission.frame.local_from_global(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
     return replace(state, home_enu_m=place)
@@ -344,7 +344,7 @@ def after_rally_points(state: FlightState, places: tuple[tuple[float, float, flo
     return replace(state, rally_points=places)
 
 
-def after_rally_told(state: FlightState, *, holds_any: bool) -> FlightState:
+def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
     """The state after the autopilot told whether it holds rally points."""
     return state if state.holds_rally_points is holds_any else replace(state, holds_rally_points=holds_any)
 

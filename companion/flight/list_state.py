@@ -221,7 +221,7 @@ def _known(identities: frozenset[int], current: MissionCurrent | None) -> frozen
     return identities | {current.mission_id} if current is not None and current.mission_id else identities
 
 
-def after_current_told(
+def after_current_reported(
     listed: ListState, event: MissionCurrent, *, is_flying_ours: bool, num_home_items: int
 ) -> ListState:
     """The list after the autopilot told its mission and the item that it flies to.
@@ -259,7 +259,7 @@ def _foreign(listed: ListState, event: MissionCurrent, num_home_items: int) -> s
     return "" if event.total == len(listed.stored) - num_home_items else f"{event.total} items"
 
 
-def after_text_told(listed: ListState, text: str) -> ListState:
+def after_text_reported(listed: ListState, text: str) -> ListState:
     """The list after a text of the autopilot's: ArduPlane tells everybody when an upload has ended."""
     if listed.is_exchanging or listed.layout is None:
         return replace(listed, outside_s=None)

@@ -124,7 +124,7 @@ class Tree(Struct):
     root; ``active`` (N,) searched at present; ``threat_point`` (N, D, 4) estimated position of each
     DT when the node is reached and 1 where that is known, 2 where it only passes; ``children`` (N,)
     live children; ``blocked`` (N,) 1 after a failed extension; ``to_go`` (N,) distance round obstacles to
-    the sub goal [m]; ``caught`` (N,) 1 where a DT could threaten the node by then.
+    the sub goal [m]; ``threatened`` (N,) 1 where a DT could threaten the node by then.
     """
 
     state: Float2D
@@ -145,7 +145,7 @@ class Tree(Struct):
     children: Int1D
     blocked: Int1D
     to_go: Float1D
-    caught: Int1D
+    threatened: Int1D
     count: Int1D
 
 
@@ -167,7 +167,7 @@ class Guide(Struct):
 class Game(Struct):
     """What moving threats could do if they knew the path (:mod:`companion.kernels.threat.pursuit_game`).
 
-    ``hunters`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
+    ``vehicles`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
     was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (D, NX, NY) earliest arrival at
     a grid's cells [s], ``least`` (D, BX, BY) the earliest in each block of them; ``tops`` (NX, NY) height of
     the wall there, minus infinity where there is none [m]; ``lowest`` the least of these heights, infinite
@@ -175,7 +175,7 @@ class Game(Struct):
     aircraft's height; ``slack`` by which a place has to be passed before it is under threat [s].
     """
 
-    hunters: Float2D
+    vehicles: Float2D
     arrival: Float3D
     least: Float3D
     tops: Float2D
@@ -331,7 +331,7 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
         children=zeros(capacity, dtype=np.int64),
         blocked=zeros(capacity, dtype=np.int64),
         to_go=np.full(capacity, np.inf),
-        caught=zeros(capacity, dtype=np.int64),
+        threatened=zeros(capacity, dtype=np.int64),
         count=zeros(1, dtype=np.int64),
     )
 

@@ -82,7 +82,7 @@ class Feed:
                 self._add_news(line_of(topic, data))
         self._tell_server()
 
-    def glimpse(self, topic: str, data: bytes) -> None:
+    def notice(self, topic: str, data: bytes) -> None:
         """Take what the recorder's next message says again: for who looks on now, and kept for nobody."""
         with self._lock:
             self._add_news(line_of(topic, data))

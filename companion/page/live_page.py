@@ -44,7 +44,7 @@ class LivePage:
     def follow(self, recorder: Recorder) -> None:
         """Show the flight that a recorder writes down, from its beginning."""
         self._feed.begin_flight()
-        recorder.listen(self._feed.tell, self._feed.glimpse)
+        recorder.listen(self._feed.tell, self._feed.notice)
 
     def close(self) -> None:
         """End it."""

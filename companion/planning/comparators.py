@@ -52,7 +52,7 @@ class Strategies:
     estimator: Estimator = Estimator.EX_RRT
     plays_game: bool = True  # places that a DT could threaten by then are barred (ours)
     minds_dts: bool = True  # else nothing is heard of them
-    may_hurry: bool = True  # airspeeds above cruise are tried, too (ours)
+    may_fly_fast: bool = True  # airspeeds above cruise are tried, too (ours)
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
     by_objective: bool = True  # J decides, and the tree grows along V; else (9) and sub goals (ours)
@@ -64,7 +64,7 @@ class Strategies:
 
 
 # The paper's: DTs are kept away from by threat levels alone.
-_PRINTED = Strategies(plays_game=False, may_hurry=False, by_objective=False)
+_PRINTED = Strategies(plays_game=False, may_fly_fast=False, by_objective=False)
 
 _TADDRRT = replace(
     _PRINTED, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
@@ -83,7 +83,7 @@ METHODS: dict[str, Strategies] = {
     # Ablations: blind to DTs, at cruise whatever pursues, without the game of 2.3, without uncertainty, and
     # without anything that improves a path which reaches the goal.
     "safe-rrt-blind": Strategies(minds_dts=False),
-    "safe-rrt-cruise": Strategies(may_hurry=False),
+    "safe-rrt-cruise": Strategies(may_fly_fast=False),
     "safe-rrt-rs": _PRINTED,
     "safe-rrt-certain": Strategies(use_uncertainty=False),
     "safe-rrt-first": Strategies(optimiser=Optimiser.NONE),

@@ -12,7 +12,7 @@ from companion.kernels.aircraft.motion import OK, state_status
 from companion.kernels.arrays import Guide, IntArray, Limits, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.growth import FAR, assess
-from companion.kernels.threat.pursuit_game import PASSES_BY, is_caught
+from companion.kernels.threat.pursuit_game import PASSES_BY, is_threatened
 from companion.kernels.workspace import ThreatScene, workspace
 from companion.planning.problem import Problem
 from companion.vehicle.lqg import tables_once, with_gusts
@@ -42,7 +42,7 @@ class Exploration:
         Airspeeds that may be flown, cruise first.
     game : Game
         What pursuers could do; without any where the method does not ask.
-    is_hunted : bool
+    is_pursued : bool
         Whether one of them pursues the aircraft.
     bars_pursued : bool
         Whether no node grows where a pursuer could threaten it.
@@ -61,7 +61,7 @@ class Exploration:
         self.limits = self._limits_at(problem.vehicle.airspeed_cruise_m_s)
         still = tables_once(problem.vehicle, settings.tau_s, snapshot.dimension)
         wind = math.hypot(*snapshot.wind_enu_m_s)
-        faster = problem.vehicle.faster_m_s if settings.strategies.may_hurry else ()
+        faster = problem.vehicle.faster_m_s if settings.strategies.may_fly_fast else ()
         self.airspeeds_m_s = (problem.vehicle.airspeed_cruise_m_s, *faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
@@ -69,12 +69,12 @@ class Exploration:
             snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
             with_corners=settings.strategies.uses_corners,
         )  # fmt: skip
-        hunters = snapshot.tracks if settings.strategies.plays_game else ()
+        vehicles = snapshot.tracks if settings.strategies.plays_game else ()
         self.game = pursuit_game(
-            hunters, snapshot.walls, self.plane_up_m, snapshot.bounds, settings.pursuit_slack_s
+            vehicles, snapshot.walls, self.plane_up_m, snapshot.bounds, settings.pursuit_slack_s
         )
-        self.is_hunted = bool((self.game.hunters[:, 7] != PASSES_BY).any())
-        self.bars_pursued = self.is_hunted and not settings.strategies.by_objective
+        self.is_pursued = bool((self.game.vehicles[:, 7] != PASSES_BY).any())
+        self.bars_pursued = self.is_pursued and not settings.strategies.by_objective
         self.tree: Tree = empty_tree(settings.tree_capacity, len(snapshot.tracks))
         scratch = workspace(settings.tree_capacity, len(snapshot.tracks), len(self.tables.normals))
         self.work = scratch._replace(stats=self.stats)
@@ -98,7 +98,7 @@ class Exploration:
         tree.clear[0] = collision_free(free, deviation, snapshot.dimension)
         tree.active[:] = 0
         tree.active[0] = 1
-        tree.caught[0] = int(is_caught(self.game, *start.position_enu_m, start.stamp_s))
+        tree.threatened[0] = int(is_threatened(self.game, *start.position_enu_m, start.stamp_s))
         tree.threat_point[0] = 0.0
         scene, scratch = self.scene(), self.work.growth
         threats = ThreatScene(

@@ -20,7 +20,7 @@ from companion.kernels.search.path_edit import (
     path_cost,
     retime,
 )
-from companion.kernels.threat.pursuit_game import caught_rows
+from companion.kernels.threat.pursuit_game import threatened_rows
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion, Problem, rows_at_goals
@@ -257,7 +257,7 @@ def pursuit_risk(exploration: Exploration, route: Route, slack_s: float | None =
     if slack_s is not None:
         game = game._replace(slack=slack_s)
     return PursuitRisk(
-        *(float(value) for value in caught_rows(route.states, route.times, 0, len(route), game))
+        *(float(value) for value in threatened_rows(route.states, route.times, 0, len(route), game))
     )
 
 

@@ -20,7 +20,7 @@ from companion.planning.route import (
 )
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus
-from companion.vehicle.way_out import way_out
+from companion.vehicle.recovery_path import recovery_path
 
 
 def never() -> bool:
@@ -54,7 +54,7 @@ def solve(
         ``INVALID_START`` without one, where there is no way out either.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
-    plan = None if exploration.start_is_clear else _by_way_out(exploration, should_stop, timer)
+    plan = None if exploration.start_is_clear else _by_recovery_path(exploration, should_stop, timer)
     if plan is not None:
         return plan
     by_objective = problem.settings.strategies.by_objective
@@ -70,7 +70,7 @@ def _invalid_start(problem: Problem) -> Plan:
     )  # fmt: skip
 
 
-def _by_way_out(
+def _by_recovery_path(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float]
 ) -> Plan | None:
     """The shortest way to where a plan may begin, and the plan from there.
@@ -80,7 +80,7 @@ def _by_way_out(
     problem, limits = exploration.problem, exploration.limits
     is_walled_in = clearance(*problem.start.position_enu_m, problem.snapshot.walls, 1.0) <= 0.0
     state, obstacles = exploration.tree.state[0].copy(), problem.snapshot.obstacle_list
-    states = None if is_walled_in else way_out(state, obstacles, limits)
+    states = None if is_walled_in else recovery_path(state, obstacles, limits)
     if states is None:
         return None if exploration.start_is_valid else _invalid_start(problem)
     route = route_along(exploration, states)

@@ -157,7 +157,7 @@ CHANNELS = (
         },
     ),
     Channel(
-        STANDING, "companion.Standing", "How the service stands, and what the pilot can do, 1 Hz.",
+        STANDING, "companion.PilotStatus", "How the service stands, and what the pilot can do, 1 Hz.",
         {
             "mode": TEXT, "autopilot_mode": TEXT, "is_heard": FLAG, "is_warm": FLAG, "is_armed": FLAG,
             "is_airborne": FLAG, "is_recording": FLAG, "is_in_trouble": FLAG, "emergency": TEXT,

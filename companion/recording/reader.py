@@ -148,7 +148,7 @@ def load_recording(log: Path) -> Recording:
         vehicle=vehicle,
         epoch_s=epoch_s,
         about=about,
-        decisions=tuple(told.decisions) if about else told_decisions(heard),
+        decisions=tuple(told.decisions) if about else sent_decisions(heard),
         taken=told.taken,
         counters=counters,
         until_s=min(heard[-1].at_us * 1e-6, told.newest_s) if is_cut_off else math.inf,
@@ -288,7 +288,7 @@ def _taken_of(document: Document) -> RecordedPlanTiming:
     return RecordedPlanTiming(int(asked or 0) if is_stopped else None, took_s, *instants, is_broken_off)
 
 
-def told_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
+def sent_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     """Decisions as the service told them to the pilot, from its STATUSTEXTs: chunks are joined."""
     found: list[Decision] = []
     joined = ""

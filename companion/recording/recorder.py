@@ -129,7 +129,7 @@ class Recorder:
         """Whether somebody wants to know what is heard between two rows of the recording."""
         return self._onlooker is not None
 
-    def glimpse(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
+    def notice(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
         """Tell the onlooker alone."""
         if self._onlooker is not None:
             self._onlooker(topic, encoded(now_s, message))

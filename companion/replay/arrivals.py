@@ -27,7 +27,7 @@ _FOREIGN_STEP_S = 0.1
 _SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
 
 
-def is_told(frame: RawFrame) -> bool:
+def is_reported(frame: RawFrame) -> bool:
     """Whether a frame of ours asks the autopilot for, or to do, something about missions."""
     if frame.message_id == MessageId.COMMAND_LONG:
         return int.from_bytes(frame.payload.ljust(30, b"\0")[28:30], "little") in _COMMANDS
@@ -103,7 +103,7 @@ class Arrivals:
     def keeps(self, heard: RecordedFrame, num_said: int) -> bool:
         """Whether a frame does not arrive now: our own, and answers that wait for their questions."""
         if heard.is_ours:
-            self._num_told += is_told(heard.frame)
+            self._num_told += is_reported(heard.frame)
             return True
         if self._late_us and self._num_told > num_said and self.is_answer(heard.frame):
             self._waiting.append((self._num_told, heard.frame))

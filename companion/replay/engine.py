@@ -27,7 +27,7 @@ from companion.link.missions.mission_sniffer import MissionSniffer, Upload
 from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import RecordedFrame, Recording
-from companion.replay.arrivals import Arrivals, is_told, message_name
+from companion.replay.arrivals import Arrivals, is_reported, message_name
 from companion.replay.lockstep import TURN_TIMEOUT_S, step
 from companion.replay.recorded_link import ReplayLink
 from companion.replay.replayed_app import replayed_app
@@ -97,7 +97,9 @@ class Replay:
         self._clock = ManualClock(recording.start_us / 1e6)
         self._ours, self._theirs = MemoryTransport.pair()
         self._flown, self._now = MissionSniffer(), MissionSniffer()
-        self._expected = deque(heard for heard in recording.frames if heard.is_ours and is_told(heard.frame))
+        self._expected = deque(
+            heard for heard in recording.frames if heard.is_ours and is_reported(heard.frame)
+        )
         self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
         self._arrivals = Arrivals(recording, self._late_us)
         self._last: tuple[int, bytes] | None = None
@@ -203,7 +205,7 @@ class Replay:
             frame = raw_frame(raw)
             self._now.speaks(None if self._link is None else self._link.dialect)
             self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
-            if self._link is None or self._link.has_diverged or not is_told(frame):
+            if self._link is None or self._link.has_diverged or not is_reported(frame):
                 continue
             self._compare(frame, now_us)
 

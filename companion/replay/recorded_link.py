@@ -169,9 +169,9 @@ class ReplayLink(AutopilotLink):
         """Whether the autopilot tells something in time, the model at once."""
         if not self.has_diverged:
             with self._unless_apart():
-                is_told = await super().wait_for_mission_current(is_it, wait_s)
+                is_reported = await super().wait_for_mission_current(is_it, wait_s)
                 if not self.has_diverged:
-                    return is_told
+                    return is_reported
         return self.current is not None and is_it(self.current)
 
     async def set_mode(self, mode: str) -> None:

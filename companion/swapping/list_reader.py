@@ -19,11 +19,11 @@ from companion.flight.list_state import (
     FlownPath,
     MissionPosition,
     after_adopted,
-    after_current_told,
+    after_current_reported,
     after_found_as_left,
     after_found_flown,
     after_landing_missed,
-    after_text_told,
+    after_text_reported,
 )
 from companion.flight.modes import ModeEvent
 from companion.mission.list_layout import Layout
@@ -75,10 +75,10 @@ class ListReader:
     def note(self, event: MissionCurrent | StatusText) -> None:
         """Watch for missions that we did not send, and for items that we did not choose."""
         if isinstance(event, StatusText):
-            self._flight.apply_to_list(after_text_told, event.text)
+            self._flight.apply_to_list(after_text_reported, event.text)
             return
         self._flight.apply_to_list(
-            after_current_told,
+            after_current_reported,
             event,
             is_flying_ours=self._flight.state.flown is not None,
             num_home_items=self._protocols.dialect.num_home_items,

@@ -176,11 +176,11 @@ async def _confirmed(
             return SwapOutcome.REFUSED, str(error)
         if differs:
             return SwapOutcome.DIFFERS, differs
-    is_told = await link.wait_for_mission_current(
+    is_reported = await link.wait_for_mission_current(
         lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
     )
     current = link.current
-    if is_told and current is not None and current.state in states | {MissionState.UNKNOWN}:
+    if is_reported and current is not None and current.state in states | {MissionState.UNKNOWN}:
         return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
     state = "nothing" if current is None else f"state {current.state}, item {current.sequence}"
     return SwapOutcome.REFUSED, f"accepted, but not flown: the autopilot tells {state}"

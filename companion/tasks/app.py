@@ -16,28 +16,28 @@ from companion.config.pilot_parameters import ENABLE, Sender
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import (
     FlightState,
-    after_armed_told,
-    after_autopilot_told,
-    after_home_told,
-    after_landed_told,
+    after_armed_reported,
+    after_autopilot_reported,
+    after_home_reported,
+    after_landed_reported,
     after_mode_event,
-    after_movement_told,
+    after_movement_reported,
     after_position,
     after_reload,
-    after_settings_told,
+    after_settings_reported,
 )
 from companion.flight.list_state import MissionPosition
 from companion.flight.modes import Mode, ModeEvent
 from companion.tasks.composition import Composition
-from companion.tasks.glimpses import Glimpses
-from companion.tasks.standing import Standing
+from companion.tasks.pilot_status import PilotStatus
+from companion.tasks.progress_notices import ProgressNotices
 from companion.token_bucket import TokenBucket
 from companion.types.events import (
     Event,
     GlobalPosition,
     Heartbeat,
     HomePosition,
-    LandedTold,
+    LandedReported,
     MissionCurrent,
     StatusText,
 )
@@ -91,7 +91,7 @@ class App:
         self._changed: MissionConfig | None = None
         self._link_watch = LinkWatch(self.link, self.announcer)
         self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
-        self._standing, self._glimpses = Standing(parts), Glimpses(parts)
+        self._standing, self._progress_notices = PilotStatus(parts), ProgressNotices(parts)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
@@ -184,14 +184,14 @@ class App:
                 self.change(ModeEvent.MISSION_NOT_FLOWN)
                 return
             self.autopilot_mode = event.mode
-            self._flight.apply(after_autopilot_told, flies_by=event.dialect.flies_by)
+            self._flight.apply(after_autopilot_reported, flies_by=event.dialect.flies_by)
             self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
-        elif isinstance(event, LandedTold):
-            self._flight.apply(after_landed_told, event.landed_state)
+        elif isinstance(event, LandedReported):
+            self._flight.apply(after_landed_reported, event.landed_state)
         elif isinstance(event, HomePosition):
-            self._flight.apply(after_home_told, event)
+            self._flight.apply(after_home_reported, event)
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
             self._follow(self.replanning.handover.reader.position)
@@ -201,9 +201,9 @@ class App:
             if isinstance(event, GlobalPosition):
                 self._note_boot(event.boot_s)
                 speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
-                self._flight.apply(after_movement_told, event.height_above_home_m, speed_m_s)
+                self._flight.apply(after_movement_reported, event.height_above_home_m, speed_m_s)
             self.situation.observe(event, now)
-            self._glimpses.note(event, now)
+            self._progress_notices.note(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
         """Forget a flight that the autopilot was switched off after: its mission begins anew."""
@@ -213,7 +213,7 @@ class App:
 
     def _note_armed(self, now: float, *, is_armed: bool) -> None:
         """Follow whether there is a flight; what was remembered of the last one ends with it."""
-        phase = self._flight.apply(after_armed_told, now, is_armed=is_armed).phase
+        phase = self._flight.apply(after_armed_reported, now, is_armed=is_armed).phase
         if phase.is_grounded(now) and self._checkpoint.kept:
             self._checkpoint.forget()
         if phase.is_over(now) and not self._said_landed:
@@ -338,7 +338,7 @@ class App:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
             settings = self.link.streams.settings
             if settings != self.state.settings:
-                self._flight.apply(after_settings_told, settings)
+                self._flight.apply(after_settings_reported, settings)
             self._departure.handback.look()
             self._link_watch.look(now)
             self._parameters.keep()

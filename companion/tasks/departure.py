@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from companion.departure.briefing import briefing_of
-from companion.departure.capability import shortfalls
-from companion.departure.takeover import is_due
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import after_takeover
 from companion.flight.list_state import after_suspicion
+from companion.takeover.capability import shortfalls
+from companion.takeover.mission_summary import mission_summary_of
+from companion.takeover.takeover import is_due
 from companion.tasks.handback import Handback
 from companion.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
@@ -49,8 +49,8 @@ class Departure:
         listed = self._flight.listed
         is_known = listed.layout is not None and not listed.suspected
         # Whether a list's items are flown is told by where the aircraft is.
-        is_told = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
-        if not is_known and is_told and now - self._read_s >= READ_AGAIN_S:
+        is_reported = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
+        if not is_known and is_reported and now - self._read_s >= READ_AGAIN_S:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
         elif is_known:
@@ -75,7 +75,7 @@ class Departure:
     def _brief(self) -> None:
         """Tell the pilot what will be flown, from when on by the service, and what is wrong."""
         ownship = self._situation.ownship.state(self._clock.now_s())
-        told = briefing_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
+        told = mission_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
         if told.plan:
             decide(DecisionKind.MISSION, told.plan, tell="mission", mission=told.plan)

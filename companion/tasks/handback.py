@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from companion.departure.way_back import WayBack, way_back
 from companion.flight.decision import DecisionKind
 from companion.flight.modes import Mode
+from companion.takeover.resume_path import ResumePath, resume_path
 from companion.tasks.replanning_parts import ReplanningParts
 
 AGAIN_S = 5.0  # between two words on it, which change in a circle
@@ -22,7 +22,7 @@ class Handback:
 
     Attributes
     ----------
-    found : WayBack or None
+    found : ResumePath or None
         What handing back would come to, by the last look; None while the pilot does not fly.
     """
 
@@ -30,8 +30,8 @@ class Handback:
         self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
-        self.found: WayBack | None = None
-        self._told: WayBack | None = None
+        self.found: ResumePath | None = None
+        self._told: ResumePath | None = None
         self._told_s = -math.inf
 
     def look(self) -> None:
@@ -43,7 +43,7 @@ class Handback:
             return
         if now - self._told_s < AGAIN_S:
             return
-        self.found = found = way_back(state, self._reader.current, ownship)
+        self.found = found = resume_path(state, self._reader.current, ownship)
         if self._told is None or found.is_safe is not self._told.is_safe:
             self._told, self._told_s = found, now
             tell = "handback safe" if found.is_safe else "handback unsafe"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from companion.departure.foresight import start_at_takeover
-from companion.departure.way_back import way_back
 from companion.flight.cycle import conclude
 from companion.flight.decision import DecisionKind
 from companion.flight.modes import Mode
 from companion.flight.progress import Start, lead_s, start_by_motion
 from companion.flight.shaping import ShapedPath
 from companion.mission.swap import SwapOutcome
+from companion.takeover.resume_path import resume_path
+from companion.takeover.start_prediction import start_at_takeover
 from companion.tasks.plan_maker import plan_request
 from companion.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.types.plan import PlanStatus
@@ -86,7 +86,7 @@ class LookAhead:
         ownship = parts.situation.ownship.state(parts.clock.now_s())
         if not self._is_ready or state.mode is not Mode.SUSPENDED or ownship is None:
             return False
-        return way_back(state, parts.handover.reader.current, ownship).is_safe
+        return resume_path(state, parts.handover.reader.current, ownship).is_safe
 
     def _start(self, now: float) -> Start | None:
         """Where a plan begins that is made before the aircraft is left to us; None while none is of use."""

@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
-from companion.departure.foresight import begin
-from companion.departure.way_home import way_home
 from companion.flight.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
@@ -24,6 +22,8 @@ from companion.flight.modes import ModeEvent
 from companion.flight.progress import as_of_now, lead_s
 from companion.flight.shaping import ShapedPath
 from companion.swapping.handover import SwapOutcome
+from companion.takeover.return_path import return_path
+from companion.takeover.start_prediction import begin
 from companion.tasks.look_ahead import LookAhead
 from companion.tasks.plan_maker import (
     PlanBrokenOffError,
@@ -275,7 +275,7 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
-        home = way_home(state, ownship) if state.mission.authority.allow_rtl else None
+        home = return_path(state, ownship) if state.mission.authority.allow_rtl else None
         run, found = await self._maker.make(
             least_threat_request(state, start, snapshot, is_urgent=is_urgent),
             lambda plan: conclude_emergency(
@@ -327,7 +327,7 @@ class Replanning:
     def _is_way_home_clear(self) -> bool:
         """Whether it is still, from where the aircraft is now."""
         ownship = self._situation.ownship.state(self._clock.now_s())
-        return ownship is not None and way_home(self._flight.state, ownship) == ()
+        return ownship is not None and return_path(self._flight.state, ownship) == ()
 
     def _announce(
         self, step: EmergencyStep, reason: str, kind: DecisionKind, tell: str = "", word: str = ""

@@ -11,14 +11,14 @@ from companion.flight.checkpoint import Checkpoint
 from companion.flight.flight_state import StateOwner
 from companion.flight.situation import Situation
 from companion.link.missions.autopilot_link import AutopilotLink
+from companion.monitors.freshness_watch import FreshnessWatch
+from companion.monitors.geofences import Geofences
+from companion.monitors.rally_points import RallyPoints
 from companion.recording.recorder import Recorder
 from companion.swapping.handover import Handover
 from companion.swapping.protocols import protocols_for
 from companion.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.tasks.plan_schedule import KnownThreats
-from companion.upkeep.freshness_watch import FreshnessWatch
-from companion.upkeep.geofences import Geofences
-from companion.upkeep.rally_points import RallyPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,4 +88,4 @@ def parts_for(
 
 def known_threats(situation: Situation, now_s: float) -> KnownThreats:
     """Which threats are known now."""
-    return KnownThreats(situation.num_known_threats, tuple(situation.tracker.heard_s(now_s)))
+    return KnownThreats(situation.num_known_threats, tuple(situation.tracker.received_s(now_s)))

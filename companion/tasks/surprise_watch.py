@@ -8,16 +8,16 @@ from collections.abc import Iterable
 import numpy as np
 
 from companion.config.rules import Rules
-from companion.departure.foresight import begin
 from companion.flight.flight_state import FlightState, StateOwner
 from companion.flight.progress import Start, as_of_now
 from companion.flight.situation import Situation
 from companion.swapping.list_reader import ListReader
+from companion.takeover.start_prediction import begin
 from companion.types.path import Path
 from companion.types.threat import TrackState
 
 RISE = 0.15  # of the threat level: an estimate wanders by less
-SAFE_S, CAUGHT_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
+SAFE_S, THREATENED_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
 LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
 ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
 
@@ -123,7 +123,7 @@ class SurpriseWatch:
             return f"flown path: {violations[0]}"
         if level > self._level + RISE:
             return f"threat on the flown path {self._level:.2f} -> {level:.2f}"
-        if was_safe and risk.total_s > CAUGHT_S:
+        if was_safe and risk.total_s > THREATENED_S:
             return f"a moving threat could reach the flown path, {risk.total_s:.0f} s of it"
         if turned := self._turned(rest, state):
             return f"{turned} turned towards the flown path"

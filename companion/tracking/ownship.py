@@ -173,7 +173,7 @@ class OwnshipEstimator:
         """Go by other ages from now on."""
         self._settings = settings
 
-    def heard_s(self) -> dict[str, float]:
+    def received_s(self) -> dict[str, float]:
         """When each input was heard last, by the clock [s]; minus infinity for one that never was."""
         kept = {
             "position": self._position, "attitude": self._attitude,

@@ -121,8 +121,8 @@ class ThreatAssigner:
         """
         unknown = self._settings.ground
         if is_airborne:
-            is_told = identity.partition(":")[0] in COOPERATIVE
-            unknown = self._settings.cooperative if is_told else self._settings.air
+            is_reported = identity.partition(":")[0] in COOPERATIVE
+            unknown = self._settings.cooperative if is_reported else self._settings.air
         number, is_meant = self._meant(identity, east_m, north_m, system_id)
         if number < 0:
             return unknown

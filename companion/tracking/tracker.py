@@ -160,7 +160,7 @@ class Tracker:
         found = self._tracks.get(identity)
         return None if found is None else found.state(now_s)
 
-    def heard_s(self, now_s: float) -> dict[str, float]:
+    def received_s(self, now_s: float) -> dict[str, float]:
         """When each vehicle was seen last [s], by identity in their order; without estimating anything."""
         self._end_old(now_s)
         return {identity: self._tracks[identity].observed_s for identity in sorted(self._tracks)}

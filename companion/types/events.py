@@ -221,7 +221,7 @@ class MissionItemReached:
 
 
 @dataclass(frozen=True, slots=True)
-class LandedTold:
+class LandedReported:
     """EXTENDED_SYS_STATE: MAV_LANDED_STATE, by its number."""
 
     stamp_s: float
@@ -304,7 +304,7 @@ Event = (
     | EstimatorHealth
     | MissionCurrent
     | MissionItemReached
-    | LandedTold
+    | LandedReported
     | HomePosition
     | StatusText
     | TrackReport

@@ -48,7 +48,7 @@ def pursuit_game(
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
     shape = (int((east - west) / spacing) + 2, int((north - south) / spacing) + 2) if tracks else (1, 1)
     game = Game(
-        hunters=np.array([_hunter(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
+        vehicles=np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
         arrival=np.full((len(tracks), *shape), math.inf),
         least=np.empty((len(tracks), 0, 0)),
         tops=np.full(shape, -math.inf),
@@ -57,11 +57,11 @@ def pursuit_game(
         is_plane=0 if plane_up_m is None else 1,
         slack=slack_s,
     )
-    if any(hunter[7] == DRIVES for hunter in game.hunters):
+    if any(vehicle[7] == DRIVES for vehicle in game.vehicles):
         fill_tops(walls, math.nan if plane_up_m is None else plane_up_m, game.grid, game.tops)
-    for d, hunter in enumerate(game.hunters):
-        if hunter[7] == DRIVES:
-            fill_arrivals(hunter[0], hunter[1], game, d)
+    for d, vehicle in enumerate(game.vehicles):
+        if vehicle[7] == DRIVES:
+            fill_arrivals(vehicle[0], vehicle[1], game, d)
     lowest = game.tops.min(where=game.tops > -math.inf, initial=math.inf)
     return game._replace(least=_least_of_blocks(game.arrival), lowest=float(lowest))
 
@@ -86,8 +86,8 @@ def _least_of_blocks(arrival: FloatArray) -> FloatArray:
     return np.asarray(blocks.min(axis=(2, 4)))
 
 
-def _hunter(track: TrackState) -> list[float]:
-    """Row of :class:`~companion.kernels.arrays.Game`'s hunters."""
+def _vehicle_row(track: TrackState) -> list[float]:
+    """Row of :class:`~companion.kernels.arrays.Game`'s vehicles."""
     kind = PASSES_BY if track.flies_on else FLIES if track.is_airborne else DRIVES
     nearer = DEVIATIONS * deviations(track)[0]
     reach = track.max_threat_radius_m

@@ -49,12 +49,12 @@ def fly_in_wind(
     """
     air = {"wind_speed_m_s": speed_m_s, "wind_from_deg": from_deg, "turbulence": "light"}
     blown = mission.model_copy(update={"simulation": mission.simulation.model_copy(update=air)})
-    flight, foresight = Flight(blown, seed, dialect=dialect), _Foresight()
-    asyncio.run(flight.fly(foresight.note))
+    flight, start_prediction = Flight(blown, seed, dialect=dialect), _Foresight()
+    asyncio.run(flight.fly(start_prediction.note))
     truth = flight.simulator.truth
     has_arrived = flight.app.mode is Mode.ARRIVED and flight.goal_reached
     ending = "collision" if truth.collision else "goal" if has_arrived else "flying"
-    return WindyFlight(ending, foresight.errors_s(truth.path))
+    return WindyFlight(ending, start_prediction.errors_s(truth.path))
 
 
 class _Foresight:

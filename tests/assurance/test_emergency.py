@@ -17,11 +17,11 @@ SOFT = Violation("threat", 7, 0.9, 0.5, "threat level")
 GOOD, RISKY, BAD, NONE = (), (SOFT,), (SOFT, HARD), None
 
 
-def decide(flown=NONE, least_threat=NONE, loiter=NONE, rally=NONE, may_return=False, way_home=NONE):
+def decide(flown=NONE, least_threat=NONE, loiter=NONE, rally=NONE, may_return=False, return_path=NONE):
     return emergency_decision(
         EmergencyOptions(
             flown=flown, least_threat=least_threat, loiter=loiter, rally=rally, may_return=may_return,
-            way_home=way_home,
+            return_path=return_path,
         )
     )  # fmt: skip
 
@@ -34,14 +34,14 @@ def decide(flown=NONE, least_threat=NONE, loiter=NONE, rally=NONE, may_return=Fa
         ({"flown": RISKY, "least_threat": RISKY, "loiter": GOOD}, EmergencyStep.LEAST_THREAT),
         ({"flown": BAD, "least_threat": BAD, "loiter": GOOD, "may_return": True}, EmergencyStep.LOITER),
         (
-            {"flown": NONE, "least_threat": NONE, "loiter": RISKY, "may_return": True, "way_home": GOOD},
+            {"flown": NONE, "least_threat": NONE, "loiter": RISKY, "may_return": True, "return_path": GOOD},
             EmergencyStep.RETURN_TO_LAUNCH,
         ),
-        ({"loiter": BAD, "rally": RISKY, "may_return": True, "way_home": GOOD}, EmergencyStep.RALLY_POINT),
-        ({"rally": BAD, "may_return": True, "way_home": GOOD}, EmergencyStep.RETURN_TO_LAUNCH),
-        ({"rally": BAD, "may_return": True, "way_home": BAD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
+        ({"loiter": BAD, "rally": RISKY, "may_return": True, "return_path": GOOD}, EmergencyStep.RALLY_POINT),
+        ({"rally": BAD, "may_return": True, "return_path": GOOD}, EmergencyStep.RETURN_TO_LAUNCH),
+        ({"rally": BAD, "may_return": True, "return_path": BAD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
         ({"may_return": True}, EmergencyStep.LEAVE_TO_AUTOPILOT),  # where it leads is not known
-        ({"way_home": GOOD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
+        ({"return_path": GOOD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
         ({"flown": BAD, "loiter": BAD}, EmergencyStep.LEAVE_TO_AUTOPILOT),
         ({}, EmergencyStep.LEAVE_TO_AUTOPILOT),
     ],
@@ -82,7 +82,7 @@ def test_the_reason_says_why_better_steps_were_not_taken():
     ],
 )
 def test_the_reason_says_why_it_is_not_returned_to_launch(home, words):
-    reason = decide(may_return=True, way_home=home).reason
+    reason = decide(may_return=True, return_path=home).reason
     assert reason == (
         f"no flown plan; no least-threat plan; no loiter; no rally point that can be planned to; {words}; "
         "nothing better is left"

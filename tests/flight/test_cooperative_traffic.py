@@ -1,4 +1,4 @@
-"""An aircraft that crosses is passed well clear; beside the same flight that takes it for a hunter."""
+"""An aircraft that crosses is passed well clear; beside the same flight that takes it for a vehicle."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SPEED_M_S, MEET_S, PERIOD_S = 50.0, 60.0, 0.5
 UNTIL_S = MEET_S + 20.0  # a kilometre past where they would have met, faster than it can be followed
 
 
-def crossed(dialect, up_m=100.0, *, is_told=True):
+def crossed(dialect, up_m=100.0, *, is_reported=True):
     """A flight whose way an aircraft crosses from the north; how near they came, and what was decided."""
     harness = SitlHarness(mission_from_text(LONG, "crossing.yaml"), dialect=dialect)
     near, due = [], [0.0]
@@ -27,7 +27,7 @@ def crossed(dialect, up_m=100.0, *, is_told=True):
         east, north = place(harness.now_s)
         own = harness.simulator.truth.path[-1]
         near.append(float(np.hypot(own[1] - east, own[2] - north)))
-        if not is_told or harness.now_s < due[0]:
+        if not is_reported or harness.now_s < due[0]:
             return
         due[0] += PERIOD_S
         latitude, longitude = harness.simulator.autopilot.projection.degrees(east, north)
@@ -44,7 +44,7 @@ def crossed(dialect, up_m=100.0, *, is_told=True):
 
 @BOTH
 def test_it_is_passed_well_clear_without_an_emergency(dialect):
-    unaware, _ = crossed(dialect, is_told=False)
+    unaware, _ = crossed(dialect, is_reported=False)
     assert unaware < 150.0
     near, told = crossed(dialect)
     assert near > 440.0  # at which its threat level is the mission file's limit, 0.3

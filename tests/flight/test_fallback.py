@@ -37,8 +37,8 @@ def starting(made, **changes):
     return start_after(made, state(**changes), 4.0)
 
 
-def answered(made, start, least=NO_PLAN, failed=(), may_return=False, way_home=()):
-    return respond(made, start, least, failed, ROOM, may_return=may_return, way_home=way_home)
+def answered(made, start, least=NO_PLAN, failed=(), may_return=False, return_path=()):
+    return respond(made, start, least, failed, ROOM, may_return=may_return, return_path=return_path)
 
 
 def test_straight_ahead_by_hand():
@@ -126,7 +126,7 @@ def test_a_refuge_at_the_end_of_a_path_does_not_go_on_to_the_landing():
     assert not carried(made, short, len(short) - 1)[0].continues_with_operator_items
 
 
-def test_paths_from_elsewhere_are_no_refuge():
+def test_paths_from_elsewhere_are_no_safe_loiter():
     made = begun(WALL)
     elsewhere = straight(north=500.0, levels=0.0)
     response = answered(made, starting(made), NO_PLAN, [elsewhere])

@@ -15,7 +15,7 @@ from companion.flight import flight_state, list_state
 from companion.flight.flight_state import (
     FlightState,
     StateOwner,
-    after_armed_told,
+    after_armed_reported,
     after_fences,
     after_mode_event,
     after_operator_goals,
@@ -121,7 +121,7 @@ def test_a_reload_keeps_the_fences():
 def test_ten_seconds_disarmed_after_a_flight_are_a_landing():
     state = begun()
     for now_s, is_armed in ((1.0, False), (2.0, True), (60.0, True), (61.0, False)):
-        state = after_armed_told(state, now_s, is_armed=is_armed)
+        state = after_armed_reported(state, now_s, is_armed=is_armed)
     assert not state.phase.is_over(70.9)
     assert state.phase.is_over(71.0)
     assert changed(begun(), state) >= {"phase"}
@@ -186,7 +186,7 @@ def test_the_state_cannot_be_changed():
 
 def test_the_owner_hands_out_what_the_last_transition_made():
     owner = StateOwner(begun())
-    assert owner.apply(after_armed_told, 1.0, is_armed=True) is owner.state
+    assert owner.apply(after_armed_reported, 1.0, is_armed=True) is owner.state
     assert owner.apply_to_list(list_state.after_swap_begun) is owner.listed
     assert owner.state.phase.is_armed
     assert owner.listed.is_exchanging

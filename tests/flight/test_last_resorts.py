@@ -100,7 +100,7 @@ def test_a_return_to_launch_into_a_wall_is_not(dialect, monkeypatch):
     assert harness.simulator.autopilot.mode == MISSION_MODE[dialect]
     assert not harness.simulator.truth.collision
     # The same flight without the judgement.
-    monkeypatch.setattr(replanning, "way_home", lambda state, ownship: ())
+    monkeypatch.setattr(replanning, "return_path", lambda state, ownship: ())
     harness = returning(dialect, 0.0).fly(45.0)
     assert steps(harness)[0] == "return to launch"
     assert harness.simulator.truth.collision

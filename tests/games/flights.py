@@ -13,7 +13,7 @@ from sim.faults import FaultyLink, LinkFaults
 from sim.sitl import Flight
 from sim.threats.adsb_source import SOURCE_SYSTEM
 from tests.games.generator import random_game
-from tests.games.oracle import first_caught_s, game_of, seconds_under_threat
+from tests.games.oracle import first_threatened_s, game_of, seconds_under_threat
 
 _SENDER = 5  # place of the system id in a MAVLink 2 frame
 
@@ -104,5 +104,5 @@ def outcome_of(flight, mission, kind, seed):
     return Outcome(
         kind, seed, bool(is_there.any()), truth.collision,
         seconds_under_threat(rows, truth.dt_path, game.polygons, game.reach_m),
-        first_caught_s(rows[:, :3], game), float(rows[:, 6].mean()), float(rows[-1, 0]),
+        first_threatened_s(rows[:, :3], game), float(rows[:, 6].mean()), float(rows[-1, 0]),
     )  # fmt: skip

@@ -109,7 +109,7 @@ class Game:
     @functools.cached_property
     def latest(self):
         """C on the grid."""
-        return caught_from(self)
+        return threatened_from(self)
 
     @functools.cached_property
     def shortest(self):
@@ -164,7 +164,7 @@ def arrival(game, spacing_m=SPACING_M):
     return Field(found.reshape(shape), game.bounds_m[0], game.bounds_m[2], spacing_m)
 
 
-def caught_at(game, places):
+def threatened_at(game, places):
     """C of places (N, 2): the least T of where they are within reach and in sight.
 
     T, sight and reach are exact. The best of the pursuer's start, all corners and a grid of 12.5 m is
@@ -178,10 +178,10 @@ def caught_at(game, places):
     )  # fmt: skip
 
 
-def caught_from(game):
+def threatened_from(game):
     """C on the grid: from when on the pursuer can threaten each place, whatever it does before."""
     places, shape = grid_of(game.bounds_m, SPACING_M)
-    return Field(caught_at(game, places).reshape(shape), game.bounds_m[0], game.bounds_m[2], SPACING_M)
+    return Field(threatened_at(game, places).reshape(shape), game.bounds_m[0], game.bounds_m[2], SPACING_M)
 
 
 def solve(game, speed, slack_s=SLACK_S, clear_m=CLEAR_M):
@@ -194,8 +194,8 @@ def solve(game, speed, slack_s=SLACK_S, clear_m=CLEAR_M):
     """
     motion = np.array([game.cruise_m_s, speed, game.acceleration_m_s2, game.turn_radius_m])
     _, shape = grid_of(game.bounds_m, SPACING_M)
-    is_hunted = slack_s > -math.inf
-    latest = game.latest.values.copy() if is_hunted else np.full(shape, np.inf)
+    is_pursued = slack_s > -math.inf
+    latest = game.latest.values.copy() if is_pursued else np.full(shape, np.inf)
     for _ in range(REPAIRS):
         turns, last = geometry.lattice_way(
             np.array(game.start), np.array(game.goal), np.array(game.bounds_m), motion,
@@ -204,7 +204,7 @@ def solve(game, speed, slack_s=SLACK_S, clear_m=CLEAR_M):
         if not len(turns):
             return None
         rows = _rows(game, motion, turns, last)
-        caught = caught_at(game, rows[:, 1:]) if is_hunted else np.full(len(rows), np.inf)
+        caught = threatened_at(game, rows[:, 1:]) if is_pursued else np.full(len(rows), np.inf)
         is_late = ~(rows[:, 0] + slack_s < caught)
         if not is_late.any():
             return rows
@@ -231,11 +231,11 @@ def _rows(game, motion, turns, last):
     return np.array(rows)
 
 
-def first_caught_s(rows, game):
+def first_threatened_s(rows, game):
     """First time of rows (t, east, north) that is not before C of its place; infinite if there is none."""
     rows = np.asarray(rows, dtype=float)
-    is_caught = rows[:, 0] >= caught_at(game, rows[:, 1:3])
-    return float(rows[np.argmax(is_caught), 0]) if is_caught.any() else math.inf
+    is_threatened = rows[:, 0] >= threatened_at(game, rows[:, 1:3])
+    return float(rows[np.argmax(is_threatened), 0]) if is_threatened.any() else math.inf
 
 
 def kind_of(game):
@@ -245,9 +245,9 @@ def kind_of(game):
     only just fails at cruise is none of speed.
     """
     straight_m = math.dist(game.start[:2], game.goal[:2]) - game.goal[2]
-    if caught_at(game, np.array([game.goal[:2]]))[0] < straight_m / FAST_M_S - EDGE_S:
+    if threatened_at(game, np.array([game.goal[:2]]))[0] < straight_m / FAST_M_S - EDGE_S:
         return ""  # nobody is there in time: no need to search
-    if game.shortest is None or first_caught_s(game.shortest, game) == math.inf:
+    if game.shortest is None or first_threatened_s(game.shortest, game) == math.inf:
         return ""
     if solve(game, game.cruise_m_s) is not None:
         return "route"

@@ -15,12 +15,12 @@ from tests.games.oracle import (
     SPACING_M,
     Game,
     arrival,
-    caught_at,
-    caught_from,
-    first_caught_s,
+    first_threatened_s,
     game_of,
     seconds_under_threat,
     solve,
+    threatened_at,
+    threatened_from,
 )
 
 pytestmark = pytest.mark.compiled
@@ -76,28 +76,28 @@ def test_in_the_open_it_threatens_from_as_far_as_it_reaches():
     open_field = game()
     places = np.array([(500.0, 1500.0), (1503.0, 507.0), (600.0, 600.0)])
     worked = np.maximum(np.hypot(*(places - 500.0).T) - 250.0, 0.0) / 20.0
-    caught = caught_at(open_field, places)
+    caught = threatened_at(open_field, places)
     assert np.all(caught >= worked - 1e-9)
     assert np.all(caught <= worked + LATE_S)
-    assert caught_from(open_field).nearest(500.0, 1500.0) == caught[0]
+    assert threatened_from(open_field).nearest(500.0, 1500.0) == caught[0]
 
 
 def test_a_wall_masks(walled):
     behind, beside = (1100.0, 500.0), (1100.0, 1250.0)
-    caught = caught_at(walled, np.array([behind, beside]))
+    caught = threatened_at(walled, np.array([behind, beside]))
     # Behind the wall it comes round both corners and straight on, until it is in reach.
     corners = [(500.0, 500.0), (1000.0, 1200.0), (1050.0, 1200.0)]
     assert caught[0] == pytest.approx(walked(*corners, behind) - 250.0 / 20.0, abs=LATE_S)
-    assert caught[0] > caught_at(game(), np.array([behind]))[0] + 40.0
+    assert caught[0] > threatened_at(game(), np.array([behind]))[0] + 40.0
     # The other place is seen past the near corner from a line of slope 1 : 2, in reach on its last 250 m.
     on_the_line = np.array(beside) - 250.0 * np.array([2.0, 1.0]) / math.sqrt(5.0)
     assert caught[1] == pytest.approx(walked((500.0, 500.0), on_the_line), abs=LATE_S)
 
 
 def test_the_grid_of_C_is_C(walled):
-    field = caught_from(walled)
+    field = threatened_from(walled)
     places = [(0.0, 0.0), (1975.0, 2000.0), (1150.0, 600.0)]
-    assert [field.nearest(*place) for place in places] == list(caught_at(walled, np.array(places)))
+    assert [field.nearest(*place) for place in places] == list(threatened_at(walled, np.array(places)))
     assert field.spacing_m == SPACING_M
     assert field.values.shape == (81, 81)
 
@@ -124,7 +124,7 @@ def check_way(rows, played, speed):
     assert math.dist(rows[-1, 1:], played.goal[:2]) <= played.goal[2]
     assert played.walls.distance(shapely.LineString(rows[:, 1:])) >= 30.0 - 0.2  # between places
     late = rows + np.array((SLACK_S, 0.0, 0.0))
-    assert first_caught_s(late, played) == math.inf
+    assert first_threatened_s(late, played) == math.inf
 
 
 def test_the_aircraft_goes_round_by_the_other_side():
@@ -134,7 +134,7 @@ def test_the_aircraft_goes_round_by_the_other_side():
                   goal=(1450.0, 1800.0, 60.0))  # fmt: skip
     shortest = played.shortest
     assert shortest[:, 1].min() < 1350.0
-    assert first_caught_s(shortest, played) < math.inf
+    assert first_threatened_s(shortest, played) < math.inf
     rows = solve(played, 25.0)
     check_way(rows, played, 25.0)
     assert rows[:, 1].max() > 1650.0
@@ -165,8 +165,8 @@ def test_when_a_flight_is_caught_first():
     # Flown south to north, 1 km beside a pursuer that is in reach after (1000 - 250) / 20 s = 37.5 s.
     times = np.arange(0.0, 80.0, 0.1)
     rows = np.column_stack([times, np.full(len(times), 1500.0), 500.0 + 0.001 * times])
-    assert first_caught_s(rows, game()) == pytest.approx(37.5, abs=LATE_S + 0.1)
-    assert first_caught_s(rows[:370], game()) == math.inf
+    assert first_threatened_s(rows, game()) == pytest.approx(37.5, abs=LATE_S + 0.1)
+    assert first_threatened_s(rows[:370], game()) == math.inf
 
 
 def test_seconds_under_threat_by_hand():
@@ -196,7 +196,7 @@ def test_generated_games_are_fair(seed, kind):
     assert made.walls.distance(shapely.LineString([(x, y), ahead])) >= CLEAR_M
     assert made.walls.distance(shapely.Point(made.goal[:2])) >= CLEAR_M
     assert made.walls.distance(shapely.Point(made.pursuer)) > 0.0
-    assert caught_at(made, np.array([made.start[:2]]))[0] > 0.0
+    assert threatened_at(made, np.array([made.start[:2]]))[0] > 0.0
 
 
 @settings(max_examples=15)
@@ -206,7 +206,7 @@ def test_C_agrees_with_shapely(seed, places):
     made = game_of(mission_from_text(random_game(seed % 7, "route"), "game.yaml"))
     fine = made.fine_arrival
     columns, rows = np.meshgrid(*(FINE_M * np.arange(size) for size in fine.values.shape), indexing="ij")
-    for place, caught in zip(places, caught_at(made, np.array(places)), strict=True):
+    for place, caught in zip(places, threatened_at(made, np.array(places)), strict=True):
         is_near = np.hypot(columns - place[0], rows - place[1]) <= made.reach_m
         seen_from = np.column_stack([columns[is_near], rows[is_near]])
         lines = shapely.linestrings(np.stack([seen_from, np.broadcast_to(place, seen_from.shape)], axis=1))

@@ -176,7 +176,7 @@ def test_the_first_screen_answers(window, live):
     assert page.text("#verdict-word") == "Safe"
     assert page.text("#next").startswith("Flies to the goal, 1.3 km to the east")
     assert "straight on, level" in page.text("#next")
-    assert "hunter, ground pursuer: 1.0 km to the right" in page.text("#fears")
+    assert "vehicle, ground pursuer: 1.0 km to the right" in page.text("#fears")
     assert "On the way that is flown it never can." in page.text("#fears")
     assert page.text("#pilot").startswith("Take over at any time")
     assert page.text("#decisions").split()[:4] == ["00:00", "New", "way", "flown:"]
@@ -670,9 +670,9 @@ def test_its_isochrones_are_the_planners(window, live, name):
     config = load_mission(ROOT / "mission_configs" / f"{name}.yaml")
     snapshot = world_of(config)
     west, east = snapshot.bounds[:2]
-    hunter = track(7.0, east=0.7 * east + 0.3 * west)
+    vehicle = track(7.0, east=0.7 * east + 0.3 * west)
     plane_up = config.start.up_m if config.dimension == 2 else None
-    game = pursuit_game((hunter,), snapshot.walls, plane_up, snapshot.bounds, 0.0)
+    game = pursuit_game((vehicle,), snapshot.walls, plane_up, snapshot.bounds, 0.0)
     page = window()
     page.look(server)
     world = {
@@ -684,8 +684,8 @@ def test_its_isochrones_are_the_planners(window, live, name):
         for wall in config.obstacle_list
     ]
     told = {
-        "position_enu_m": hunter.position_enu_m, "covariance": hunter.covariance.tolist(),
-        "speed_max_m_s": hunter.speed_max_m_s,
+        "position_enu_m": vehicle.position_enu_m, "covariance": vehicle.covariance.tolist(),
+        "speed_max_m_s": vehicle.speed_max_m_s,
     }  # fmt: skip
     found = page.run(
         "const [world, walls, track] = arguments; return import('/reach.js').then((reach) => {"

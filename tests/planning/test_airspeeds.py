@@ -16,7 +16,7 @@ from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings
 from companion.vehicle.vehicle_model import VehicleModel
 from tests.games.generator import random_game
-from tests.games.oracle import first_caught_s, game_of
+from tests.games.oracle import first_threatened_s, game_of
 from tests.sim.client import CONFIGS
 from tests.support.worlds import problem, track
 
@@ -41,7 +41,7 @@ def test_who_may_fly_faster_is_safe_and_who_may_not_is_caught(seed):
     game, ours, cruising = game_of(mission), planned(mission), planned(mission, "safe-rrt-cruise")
     for plan, is_safe in ((ours, True), (cruising, False)):
         rows = np.column_stack([plan.path.times_s, plan.path.positions_enu_m[:, :2]])
-        assert math.isinf(first_caught_s(rows, game)) is is_safe
+        assert math.isinf(first_threatened_s(rows, game)) is is_safe
         assert (plan.pursuit.total_s == 0.0) is is_safe
     assert cruising.path.speeds_m_s.max() == pytest.approx(25.0)
     assert "flown at 31 m/s, ahead of pursuers" in ours.notes

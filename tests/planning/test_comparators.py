@@ -52,7 +52,7 @@ def test_no_comparator_is_denied_what_is_not_its_subject(method):
 
 
 def test_a_comparator_differs_from_ours_by_its_subject_only():
-    plain = replace(OURS, plays_game=False, may_hurry=False, by_objective=False)
+    plain = replace(OURS, plays_game=False, may_fly_fast=False, by_objective=False)
     assert METHODS["taddrrt"] == replace(
         plain, use_uncertainty=False, use_goal_zoom=False, use_k_near=False, optimiser=Optimiser.NONE
     )

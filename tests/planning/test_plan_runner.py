@@ -81,20 +81,20 @@ def made(runner, monkeypatch, *, may_break_off, broken_off_s=None):
 
 
 def test_a_plan_is_broken_off_only_where_that_was_allowed(monkeypatch):
-    found, at_s, is_told = made(InlineRunner(), monkeypatch, may_break_off=True, broken_off_s=0.4)
-    assert (found, is_told) == ("a fence", True)
+    found, at_s, is_reported = made(InlineRunner(), monkeypatch, may_break_off=True, broken_off_s=0.4)
+    assert (found, is_reported) == ("a fence", True)
     assert at_s <= 0.4 + LOOK_S + 0.1
-    found, at_s, is_told = made(InlineRunner(), monkeypatch, may_break_off=False, broken_off_s=0.4)
-    assert (found, is_told) == ("A PLAN", False)
+    found, at_s, is_reported = made(InlineRunner(), monkeypatch, may_break_off=False, broken_off_s=0.4)
+    assert (found, is_reported) == ("A PLAN", False)
     assert at_s >= 1.0
 
 
 def test_in_a_replay_it_is_broken_off_as_recorded(monkeypatch):
     for was in (True, False):
         runner = RecordedRunner({1: RecordedPlanTiming(1, 0.3, is_broken_off=was)})
-        found, at_s, is_told = made(
+        found, at_s, is_reported = made(
             runner, monkeypatch, may_break_off=True, broken_off_s=None if was else 0.1
         )
-        assert is_told is was
+        assert is_reported is was
         assert found == ("" if was else "A PLAN")
         assert at_s == pytest.approx(0.35, abs=0.06)

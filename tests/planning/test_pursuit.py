@@ -17,7 +17,7 @@ from companion.planning.solver import solve
 from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game
-from tests.games.oracle import caught_at, first_caught_s, game_of
+from tests.games.oracle import first_threatened_s, game_of, threatened_at
 from tests.support.exact_paths import memberships
 from tests.support.exact_pursuit import PursuedGrid
 from tests.support.worlds import problem, track
@@ -47,8 +47,8 @@ def test_a_game_that_can_be_won_is_won_and_lost_by_a_planner_that_does_not_play(
     plan, plain = solve(asked), solve(without_game(asked))
     assert plan.reaches_goal
     assert plan.pursuit == PursuitRisk(math.inf, 0.0)
-    assert first_caught_s(rows_of(plan), game) == math.inf  # says who has not computed it
-    assert first_caught_s(rows_of(plain), game) < math.inf
+    assert first_threatened_s(rows_of(plan), game) == math.inf  # says who has not computed it
+    assert first_threatened_s(rows_of(plain), game) < math.inf
 
 
 def test_the_numbers_of_a_path_under_threat():
@@ -135,7 +135,7 @@ def test_shortening_never_leads_into_a_threat(seed):
 def test_before_a_pursuer_j_is_nearly_the_least_of_an_exact_search(east, north, speed, radius):
     """In open country, at cruise; the exact search knows no turns, and danger of 5/6 bars no way there."""
     pursuer = track(east, north, speed=speed, radius=radius)
-    asked = problem(tracks=[pursuer], strategies=replace(Strategies(), may_hurry=False))
+    asked = problem(tracks=[pursuer], strategies=replace(Strategies(), may_fly_fast=False))
     plan = solve(asked)
 
     def begins_at(places):
@@ -178,7 +178,7 @@ def trap():
 
         return PursuedGrid(
             (*bounds.east_m, *bounds.north_m), 25.0, [each.polygon_enu_m for each in obstacles], 20.0,
-            seen_at=seen_at, begins_at=lambda places: np.asarray(caught_at(game, places)),
+            seen_at=seen_at, begins_at=lambda places: np.asarray(threatened_at(game, places)),
         )  # fmt: skip
 
     return grid_of

@@ -198,7 +198,7 @@ def tallied(chases, num_pursuits, efforts, seed):
         chase = chases[number % len(chases)]
         start, heading = chase.random_start(rng)
         drive = chase.hunt(start, heading)
-        caught = np.zeros(len(chase.points), dtype=bool) if drive is None else chase.caught(drive)
+        caught = np.zeros(len(chase.points), dtype=bool) if drive is None else chase.threatened(drive)
         for name, (kind, with_corners) in ESTIMATORS.items():
             answers = chase.estimated(start, heading, kind, with_corners, efforts, rng)
             for effort, answer in zip(efforts, answers, strict=True):

@@ -41,12 +41,12 @@ def test_captures_are_what_they_say(chases):
             assert np.diff(times).min() >= 0.0
             steps = np.hypot(*np.diff(way, axis=0).T)
             assert (steps <= 25.0 * np.diff(times) + 1e-6).all()
-            caught = chase.caught(drive)
+            caught = chase.threatened(drive)
             assert caught.any()
             # From where it stands still nothing far away is caught.
             nowhere = (np.array([0.0, 1e4]), np.array([start, start]))
             away = np.hypot(*(chase.points[:, :2] - start).T)
-            assert not chase.caught(nowhere)[away > 250.0].any()
+            assert not chase.threatened(nowhere)[away > 250.0].any()
     assert hunted >= 10
 
 

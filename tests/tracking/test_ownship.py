@@ -54,7 +54,7 @@ def test_a_stale_position_is_none(estimator):
     assert estimator.state(11.6) is None
     estimator.observe(position(12.0, north_m=240.0))
     assert estimator.state(12.0) is not None
-    assert estimator.heard_s() == {
+    assert estimator.received_s() == {
         "position": 12.0, "attitude": -math.inf, "airspeed": -math.inf, "wind": -math.inf
     }  # fmt: skip
 

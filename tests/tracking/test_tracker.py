@@ -213,8 +213,8 @@ def test_vehicles_become_the_nearest_kind_of_the_mission_file():
 
 def test_a_vehicle_that_comes_back_is_what_it_was():
     target = tracker(PURSUER, PARKED)
-    target.observe(report(0.0, 0.0, 0.0, identity="hunter"), 0.0)
-    target.observe(report(100.0, 990.0, 0.0, identity="hunter"), 100.0)
+    target.observe(report(0.0, 0.0, 0.0, identity="vehicle"), 0.0)
+    target.observe(report(100.0, 990.0, 0.0, identity="vehicle"), 100.0)
     assert target.counters["aged_out"] == 1
     assert target.tracks(100.0)[0].max_threat_radius_m == 400.0
 

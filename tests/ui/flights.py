@@ -28,8 +28,8 @@ def mission(dimension=3, *, radars=True, num_goals=1, dynamic_threats=True):
         "top_m": 60.0,
     }
     radar = {"name": "radar_1", "east_m": 1400.0, "north_m": 750.0, "max_threat_radius_m": 800.0}
-    hunter = {
-        "name": "hunter",
+    vehicle = {
+        "name": "vehicle",
         "east_m": 1700.0,
         "north_m": 200.0,
         "speed_m_s": 20.0,
@@ -59,7 +59,7 @@ def mission(dimension=3, *, radars=True, num_goals=1, dynamic_threats=True):
             },
             "planning": {"sensing_horizon_m": 600.0, "time_horizon_s": 15.0, "total_planning_time_s": 80.0},
             "radars": (radar,) if radars else (),
-            "dynamic_threats": (hunter,) if dynamic_threats else (),
+            "dynamic_threats": (vehicle,) if dynamic_threats else (),
             "obstacles": (wall, hut),
         }
     )
@@ -137,16 +137,16 @@ def record(start_s=1000.0):
             line.speeds_m_s,
         ]
     )
-    hunter = np.column_stack([flown[:, 0], 1700.0 - 8.0 * line.times_s, 200.0 + 4.0 * line.times_s])
+    vehicle = np.column_stack([flown[:, 0], 1700.0 - 8.0 * line.times_s, 200.0 + 4.0 * line.times_s])
     threats = [
-        Threatening("hunter", 250.0, np.column_stack([hunter, np.zeros(len(hunter))])),
+        Threatening("vehicle", 250.0, np.column_stack([vehicle, np.zeros(len(vehicle))])),
         *standing(mission().radar_list, flown),
     ]
     masks = Masks(mission().obstacle_list)
     return FlightRecord(
         flown=flown,
-        dt_paths=(hunter,),
-        dt_tracks=(hunter[::4] + np.array([0.0, 5.0, -5.0]),),
+        dt_paths=(vehicle,),
+        dt_tracks=(vehicle[::4] + np.array([0.0, 5.0, -5.0]),),
         missions=tuple(
             UploadedMission(start_s + stamp, line.positions_enu_m[stamp // 2 :: 3], "better")
             for stamp in (0, 20, 40)

@@ -75,38 +75,38 @@ def test_the_map_of_an_empty_record_is_the_world_alone():
 
 
 def test_map_chart_and_table_tell_of_the_same_approach():
-    """At a slant: the flight is 120 m up and more, the hunter on the ground."""
+    """At a slant: the flight is 120 m up and more, the vehicle on the ground."""
     config, flight = mission(), record()
     closest = flight.encounters[0].closest
     text = f"{closest.distance_m:.0f} m at {style.clock_text(closest.stamp_s - 1000.0)}"
     with style.drawing():
         figures = flight_map(config, snapshot_of(config), flight), charts.encounter_chart(flight, 1000.0)
     assert all(any(label.endswith(text) for label in labels_of(figure)) for figure in figures)
-    row = next(row for row in encounter_table(flight, 1000.0).split("<tr>") if "hunter" in row)
+    row = next(row for row in encounter_table(flight, 1000.0).split("<tr>") if "vehicle" in row)
     assert f">{closest.distance_m:.0f}</td>" in row
     assert closest.distance_m > math.dist(closest.own_enu_m[:2], closest.other_enu_m[:2])
 
 
 def test_the_chart_of_threats_shades_what_was_in_reach_and_in_sight():
-    hunter = record().encounters[0]
-    hunter = replace(hunter, in_sight_s=hunter.in_reach_s + np.array([2.0, -3.0]))
+    vehicle = record().encounters[0]
+    vehicle = replace(vehicle, in_sight_s=vehicle.in_reach_s + np.array([2.0, -3.0]))
     with style.drawing():
-        axes = charts.encounter_chart(replace(record(), encounters=(hunter,)), 1000.0).axes[0]
+        axes = charts.encounter_chart(replace(record(), encounters=(vehicle,)), 1000.0).axes[0]
     reach, sight = axes.collections
-    for bars, stretches in ((reach, hunter.in_reach_s), (sight, hunter.in_sight_s)):
+    for bars, stretches in ((reach, vehicle.in_reach_s), (sight, vehicle.in_sight_s)):
         corners = [path.vertices for path in bars.get_paths()]
         drawn = [(east.min(), east.max()) for east in (rows[:, 0] for rows in corners)]
         np.testing.assert_allclose(drawn, stretches - 1000.0)
-        assert {rows[:, 1].max() for rows in corners} == {hunter.reach_m}
+        assert {rows[:, 1].max() for rows in corners} == {vehicle.reach_m}
     assert "8.91 s in reach, 3.91 s in sight" in axes.get_legend().get_texts()[0].get_text()
 
 
 def test_of_many_threats_the_chart_has_the_nearest():
     flight = record()
-    many = tuple(replace(flight.encounters[0], name=f"hunter {number}") for number in range(9))
+    many = tuple(replace(flight.encounters[0], name=f"vehicle {number}") for number in range(9))
     with style.drawing():
         figure = charts.encounter_chart(replace(flight, encounters=many), 1000.0)
-    assert [label[:8] for label in labels_of(figure)] == [f"hunter {number}" for number in range(4)]
+    assert [label[:8] for label in labels_of(figure)] == [f"vehicle {number}" for number in range(4)]
 
 
 def test_without_moving_threats_the_chart_says_so():

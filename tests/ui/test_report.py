@@ -100,10 +100,10 @@ def test_the_summary_has_words_and_units(written):
 
 def test_the_table_of_threats_tells_of_each_and_by_whose_paths(written, tmp_path):
     cells = Page(written[0]).cells
-    first = cells.index("hunter")
+    first = cells.index("vehicle")
     assert cells[first + 1] == "250"
-    hunter = record().encounters[0]
-    seconds = [seconds_of(stretches) for stretches in (hunter.in_reach_s, hunter.in_sight_s)]
+    vehicle = record().encounters[0]
+    seconds = [seconds_of(stretches) for stretches in (vehicle.in_reach_s, vehicle.in_sight_s)]
     assert cells[first + 2 : first + 4] == [number_text(value) for value in seconds]
     assert "By the true paths." in written[0]
     config, known = mission(), replace(record(), dt_paths=())

@@ -19,7 +19,7 @@ from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
-from companion.kernels.threat.pursuit_game import PASSES_BY, caught_from
+from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
 from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
 from companion.kernels.workspace import FilterScratch, PathRows
 
@@ -86,16 +86,16 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
     quite on time. An aircraft that flies on counts by its membership (1).
     """
     game, worst = objective.game, 0.0
-    if game.hunters.shape[0] == 0:
+    if game.vehicles.shape[0] == 0:
         return 0.0
     late = time + game.slack
-    begins = caught_from(game, x, y, z, time, late)
+    begins = threatened_from(game, x, y, z, time, late)
     if begins <= time:
         return 1.0
     if begins < late:
         worst = (late - begins) / game.slack
-    for d in range(game.hunters.shape[0]):
-        if game.hunters[d, 7] == PASSES_BY:
+    for d in range(game.vehicles.shape[0]):
+        if game.vehicles[d, 7] == PASSES_BY:
             worst = max(worst, passing_membership(objective.pursuers, d, x, y, z, time))
     return worst
 

@@ -32,7 +32,7 @@ from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.search.costs import cost_distance, threats_at, threats_when
 from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.intercept import EYE_M
-from companion.kernels.threat.pursuit_game import is_caught
+from companion.kernels.threat.pursuit_game import is_threatened
 from companion.kernels.threat.reachability import Estimator, estimate_reachability
 from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import FilterScratch, GrowthScratch, ThreatScene
@@ -205,9 +205,9 @@ def grow(
     factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
     i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
     is_barred = search.bars_pursued == 1
-    is_caught_here = is_barred and is_caught(scene.game, state[0], state[1], state[2], tree.time[i])
-    tree.caught[i] = 1 if is_caught_here else 0
-    if tree.caught[i] > tree.caught[q_n]:
+    is_caught_here = is_barred and is_threatened(scene.game, state[0], state[1], state[2], tree.time[i])
+    tree.threatened[i] = 1 if is_caught_here else 0
+    if tree.threatened[i] > tree.threatened[q_n]:
         drop_last(tree, q_n)
         stats[2] += 1
         return -1

@@ -66,7 +66,7 @@ def _cell(x: float, origin: float, spacing: float, n: int) -> int:
 def fill_arrivals(x: float, y: float, game: Game, d: int) -> None:
     """``T_D`` of DT ``d``, which is at (x, y), into ``game.arrival[d]`` [s]."""
     grid, tops, way = game.grid, game.tops, game.arrival[d]
-    stamp, v, nearer = game.hunters[d, 3], game.hunters[d, 4], game.hunters[d, 6]
+    stamp, v, nearer = game.vehicles[d, 3], game.vehicles[d, 4], game.vehicles[d, 6]
     nx, ny = tops.shape
     way[:] = math.inf
     a, b = _cell(x, grid[0], grid[2], nx), _cell(y, grid[1], grid[2], ny)
@@ -131,26 +131,26 @@ def _sweep(way: Float2D, tops: Float2D, cell: float, right: int, up: int) -> boo
 
 
 @kernel
-def caught_from(game: Game, x: float, y: float, z: float, soon: float, late: float) -> float:
+def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late: float) -> float:
     """``C(q)``, the earliest moment at which a place is under a DT's threat [s].
 
     Infinite where it never is. Any moment up to ``soon`` is as good as the earliest, and any after ``late``
     as good as never: less is looked at.
     """
     best = math.inf
-    hunters = game.hunters
-    for d in range(hunters.shape[0]):
-        kind, reach, v = hunters[d, 7], hunters[d, 5], hunters[d, 4]
+    vehicles = game.vehicles
+    for d in range(vehicles.shape[0]):
+        kind, reach, v = vehicles[d, 7], vehicles[d, 5], vehicles[d, 4]
         if kind == PASSES_BY:
             continue
-        flat = math.hypot(x - hunters[d, 0], y - hunters[d, 1])
-        up = z - hunters[d, 2] if game.is_plane == 0 else 0.0
+        flat = math.hypot(x - vehicles[d, 0], y - vehicles[d, 1])
+        up = z - vehicles[d, 2] if game.is_plane == 0 else 0.0
         if kind == DRIVES and abs(up) > reach:
             continue
         radius = math.sqrt(reach * reach - up * up) if kind == DRIVES else reach
         away = flat if kind == DRIVES else math.hypot(flat, up)
-        left = max(0.0, away - radius - hunters[d, 6] - 0.5 * game.grid[2])
-        soonest = hunters[d, 3]
+        left = max(0.0, away - radius - vehicles[d, 6] - 0.5 * game.grid[2])
+        soonest = vehicles[d, 3]
         if left > 0.0:
             soonest = soonest + left / v if v > 0.0 else math.inf
         if soonest > late or soonest >= best:
@@ -176,18 +176,18 @@ def _seen_from(
     if below <= soon:
         return below
     drives = radius + ROUNDED_CELLS * game.grid[2]
-    is_late = below < math.inf and (below - late) * game.hunters[d, 4] > drives
-    if is_late and up + game.hunters[d, 2] <= game.lowest:
+    is_late = below < math.inf and (below - late) * game.vehicles[d, 4] > drives
+    if is_late and up + game.vehicles[d, 2] <= game.lowest:
         return math.inf
-    away = math.hypot(game.hunters[d, 0] - x, game.hunters[d, 1] - y)
+    away = math.hypot(game.vehicles[d, 0] - x, game.vehicles[d, 1] - y)
     first, wide = _bearings_to(game, d, x, y, radius, late)
     best = math.inf
     if wide < 0.0:
         return best
     if away <= radius:  # where it is now, too, lies on one of the lines
-        towards = math.atan2(game.hunters[d, 1] - y, game.hunters[d, 0] - x)
+        towards = math.atan2(game.vehicles[d, 1] - y, game.vehicles[d, 0] - x)
         best = _seen_along(game, d, x, y, up, towards, away)
-    if best <= soon or game.hunters[d, 4] <= 0.0:
+    if best <= soon or game.vehicles[d, 4] <= 0.0:
         return best
     count = max(16, int(2.0 * math.pi * radius / (BEARING_CELLS * game.grid[2])))
     begin = int(math.ceil(count * first / (2.0 * math.pi)))
@@ -247,7 +247,7 @@ def _bearings_to(game: Game, d: int, x: float, y: float, radius: float, late: fl
 @kernel
 def _seen_along(game: Game, d: int, x: float, y: float, up: float, angle: float, length: float) -> float:
     """:func:`_seen_from` of the places on one line of sight, ``length`` metres long at ``angle``."""
-    grid, tops, ground, cell = game.grid, game.tops, game.hunters[d, 2], game.grid[2]
+    grid, tops, ground, cell = game.grid, game.tops, game.vehicles[d, 2], game.grid[2]
     east, north = math.cos(angle), math.sin(angle)
     best, hidden, r = math.inf, 0.0, 0.0
     while True:
@@ -269,12 +269,12 @@ def _seen_along(game: Game, d: int, x: float, y: float, up: float, angle: float,
 
 
 @kernel
-def is_caught(game: Game, x: float, y: float, z: float, time: float) -> bool:
+def is_threatened(game: Game, x: float, y: float, z: float, time: float) -> bool:
     """Whether a DT could threaten a place at a moment, ``game.slack`` taken off."""
-    if game.hunters.shape[0] == 0:
+    if game.vehicles.shape[0] == 0:
         return False
     until = time + game.slack
-    return caught_from(game, x, y, z, until, until) <= until
+    return threatened_from(game, x, y, z, until, until) <= until
 
 
 @kernel
@@ -306,17 +306,17 @@ def pop_least(keys: Float1D, values: Int1D, size: int) -> int:
 
 
 @kernel
-def caught_rows(states: Float2D, times: Float1D, first: int, n: int, game: Game) -> tuple[float, float]:
+def threatened_rows(states: Float2D, times: Float1D, first: int, n: int, game: Game) -> tuple[float, float]:
     """When a path first comes under threat, and for how long in all [s].
 
     Of rows ``first`` to ``n - 1`` of ``states`` (N, 6) at ``times`` (N,) [s]; infinite and 0 where it never
     does.
     """
     begins, total = math.inf, 0.0
-    if game.hunters.shape[0] == 0:
+    if game.vehicles.shape[0] == 0:
         return begins, total
     for k in range(first, n):
-        if is_caught(game, states[k, 0], states[k, 1], states[k, 2], times[k]):
+        if is_threatened(game, states[k, 0], states[k, 1], states[k, 2], times[k]):
             begins = min(begins, times[k])
             total += times[k] - times[max(k - 1, 0)]
     return begins, total

@@ -24,21 +24,21 @@ _LATE_PERIODS = 5.0
 class _Stream:
     rate_hz: float
     is_vital: bool
-    heard_s: float
+    received_s: float
     asked_s: float | None = None
 
     def ask(self, now_s: float) -> None:
         self.asked_s = now_s
 
     def hear(self, now_s: float) -> None:
-        self.heard_s = now_s
+        self.received_s = now_s
 
     def is_due(self, now_s: float) -> bool:
         if self.asked_s is None:
             return True
         if not self.is_vital or now_s - self.asked_s < _ASK_AGAIN_S:
             return False
-        return now_s - self.heard_s > max(_LATE_PERIODS / self.rate_hz, _FIRST_WAIT_S)
+        return now_s - self.received_s > max(_LATE_PERIODS / self.rate_hz, _FIRST_WAIT_S)
 
 
 class Streams:
@@ -62,7 +62,7 @@ class Streams:
         return tuple(
             number
             for number, stream in self._streams.items()
-            if stream.is_vital and stream.asked_s is not None and stream.heard_s <= stream.asked_s
+            if stream.is_vital and stream.asked_s is not None and stream.received_s <= stream.asked_s
         )
 
     @property

@@ -192,7 +192,7 @@ class Tracks:
             emitter,
             float(message.tslc),
             place(message.lat, message.lon, "track_position"),
-            self._adsb_height(message, emitter, is_told=has_altitude),
+            self._adsb_height(message, emitter, is_reported=has_altitude),
             moving,
             None,
         )
@@ -205,9 +205,9 @@ class Tracks:
             raise RefusedError("track_identity")
         return f"callsign:{callsign}"
 
-    def _adsb_height(self, message: Message, emitter: Emitter, *, is_told: bool) -> Height:
+    def _adsb_height(self, message: Message, emitter: Emitter, *, is_reported: bool) -> Height:
         """Transponders tell the pressure's, whatever the QNH; what is geometric is the receiver's."""
-        if is_told:
+        if is_reported:
             datum = _ADSB_DATUMS.get(message.altitude_type, Datum.PRESSURE)
             return Height(altitude(message.altitude * 1e-3, "track_altitude"), datum)
         if emitter is Emitter.AIR or self._telemetry.home_altitude_amsl_m is None:

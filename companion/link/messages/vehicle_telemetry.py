@@ -20,7 +20,7 @@ from companion.types.events import (
     GlobalPosition,
     Heartbeat,
     HomePosition,
-    LandedTold,
+    LandedReported,
     MissionCurrent,
     MissionItemReached,
     Rebooted,
@@ -263,8 +263,8 @@ class Telemetry:
     def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:
         return MissionItemReached(stamp_s, message.seq)
 
-    def _landed(self, message: Message, _frame: RawFrame, stamp_s: float) -> LandedTold:
-        return LandedTold(stamp_s, message.landed_state)
+    def _landed(self, message: Message, _frame: RawFrame, stamp_s: float) -> LandedReported:
+        return LandedReported(stamp_s, message.landed_state)
 
     def _home(self, message: Message, _frame: RawFrame, stamp_s: float) -> HomePosition:
         latitude, longitude = place(message.latitude, message.longitude, "home")

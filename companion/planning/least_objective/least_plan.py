@@ -45,7 +45,7 @@ def plan_by_objective(
     searched_s = timer() - began - search.shortening_s
     objective, route, reached, cost_s = searched.objective, searched.route, searched.reached, searched.cost_s
     notes = searched.notes if reached else (shortfall(route, problem, searched.num_nodes),)
-    if exploration.is_hunted:
+    if exploration.is_pursued:
         grow_pursuers_along(exploration, route)
     flown_route = None if flown is None or len(flown) < MIN_ROWS else route_from_path(exploration, flown)
     if flown_route is not None and (

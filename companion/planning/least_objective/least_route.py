@@ -124,7 +124,7 @@ class LeastRouteSearch:
     ) -> None:
         self._exploration, self._should_stop, self._timer = exploration, should_stop, timer
         self._place = exploration.problem.start.position_enu_m
-        tried = exploration.airspeeds_m_s if exploration.is_hunted else exploration.airspeeds_m_s[:1]
+        tried = exploration.airspeeds_m_s if exploration.is_pursued else exploration.airspeeds_m_s[:1]
         self._airspeeds = [self._at(airspeed) for airspeed in tried]
         self.bound_s = min(each.bound_s for each in self._airspeeds)
         self.shortening_s = 0.0
@@ -137,10 +137,10 @@ class LeastRouteSearch:
         """
         if math.isinf(self.bound_s):
             return self._to_goals_before()
-        if not len(self._exploration.game.hunters):
+        if not len(self._exploration.game.vehicles):
             return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
         found = None
-        if self._exploration.is_hunted:
+        if self._exploration.is_pursued:
             found = self._at_cheapest_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_cheapest_airspeed(MOST_DANGER)
@@ -249,7 +249,7 @@ class LeastRouteSearch:
         """V for an aircraft that keeps farther away from everything."""
         limits = objective.limits
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
-        if not len(self._exploration.game.hunters):
+        if not len(self._exploration.game.vehicles):
             return cost_to_go_of(self._exploration.problem, wide).fine
         return field_before_pursuers(self._exploration.problem, wide, danger_max)
 
@@ -268,6 +268,6 @@ class LeastRouteSearch:
         notes = []
         if known.airspeed_m_s > self._airspeeds[0].airspeed_m_s:
             notes.append(f"flown at {known.airspeed_m_s:.0f} m/s, ahead of pursuers")
-        if danger_max == MOST_DANGER and self._exploration.is_hunted:
+        if danger_max == MOST_DANGER and self._exploration.is_pursued:
             notes.append("no path that pursuers could not bar was found")
         return tuple(notes)

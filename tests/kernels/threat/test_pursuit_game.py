@@ -16,7 +16,7 @@ from companion.planning.settings import PlannerSettings
 from companion.types.threat import Obstacle
 from companion.world.pursuit import DEVIATIONS, pursuit_game
 from tests.games.generator import random_game
-from tests.games.oracle import caught_at, game_of
+from tests.games.oracle import game_of, threatened_at
 from tests.support.worlds import packed, track
 
 BOUNDS = (0.0, 2000.0, 0.0, 2000.0, 0.0, 300.0)
@@ -36,7 +36,7 @@ def arrival(made, x, y, d=0):
 
 
 def latest(made, x, y, z=100.0):
-    return k.caught_from(made, x, y, z, -math.inf, math.inf)
+    return k.threatened_from(made, x, y, z, -math.inf, math.inf)
 
 
 def test_in_the_open_a_dt_drives_straight_and_is_taken_to_be_nearer():
@@ -92,8 +92,8 @@ def test_of_two_the_sooner_counts_and_slack_is_taken_off():
     alone = game(track(1500.0, 1500.0))
     assert latest(made, 1500.0, 1100.0) == latest(alone, 1500.0, 1100.0)
     moment = latest(made, 1500.0, 1100.0)
-    assert k.is_caught(made, 1500.0, 1100.0, 100.0, moment - 2.9)
-    assert not k.is_caught(made, 1500.0, 1100.0, 100.0, moment - 3.1)
+    assert k.is_threatened(made, 1500.0, 1100.0, 100.0, moment - 2.9)
+    assert not k.is_threatened(made, 1500.0, 1100.0, 100.0, moment - 3.1)
 
 
 @pytest.mark.compiled
@@ -109,7 +109,7 @@ def test_c_is_within_the_slack_of_the_oracles(seed):
     places = np.column_stack([rng.uniform(b[0], b[1], 500), rng.uniform(b[2], b[3], 500)])
     places = places[shapely.distance(exact.walls, shapely.points(places)) > 30.0]
     ours = np.array([latest(made, x, y) for x, y in places])
-    theirs = np.asarray(caught_at(exact, places))
+    theirs = np.asarray(threatened_at(exact, places))
     both = np.isfinite(ours) & np.isfinite(theirs)
     late = ours[both] - theirs[both]
     assert (np.isfinite(ours) == np.isfinite(theirs)).mean() > 0.99
@@ -127,10 +127,10 @@ def test_whoever_comes_sooner_is_no_more_threatened(seed):
     states = np.zeros((40, 6))
     states[:, :2], states[:, 2] = rng.uniform(0.0, 2000.0, (40, 2)), 100.0
     times = np.sort(rng.uniform(0.0, 200.0, 40))
-    later = k.caught_rows(states, times, 0, 40, made)
-    first = [is_in for is_in in range(40) if k.is_caught(made, *states[is_in, :3], times[is_in])]
+    later = k.threatened_rows(states, times, 0, 40, made)
+    first = [is_in for is_in in range(40) if k.is_threatened(made, *states[is_in, :3], times[is_in])]
     assert later[0] == (times[first[0]] if first else math.inf)
-    sooner = sum(k.is_caught(made, *row[:3], time - 5.0) for row, time in zip(states, times, strict=True))
+    sooner = sum(k.is_threatened(made, *row[:3], time - 5.0) for row, time in zip(states, times, strict=True))
     assert sooner <= len(first)
 
 
@@ -147,7 +147,7 @@ def test_no_line_of_sight_that_counts_is_left_out(seed, in_space):
     all_lines = made._replace(least=np.full_like(made.least, -math.inf), lowest=-math.inf)
     for x, y, up, time in rng.uniform(0.0, (2000.0, 2000.0, 150.0, 90.0), (100, 4)):
         z = up if in_space else 100.0
-        assert k.is_caught(made, x, y, z, time) == k.is_caught(all_lines, x, y, z, time)
+        assert k.is_threatened(made, x, y, z, time) == k.is_threatened(all_lines, x, y, z, time)
 
 
 def test_lines_of_sight_lead_where_a_dt_can_be_in_time():

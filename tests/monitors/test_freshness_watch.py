@@ -6,8 +6,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
+from companion.monitors.freshness_watch import Input
 from companion.types.events import Dialect
-from companion.upkeep.freshness_watch import Input
 from sim.faults import FaultyLink, LinkFaults
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness
@@ -16,7 +16,7 @@ BEGIN_S, END_S = 20.0, 32.0
 
 
 @pytest.mark.parametrize(
-    ("heard_s", "now_s", "since_s", "fault"),
+    ("received_s", "now_s", "since_s", "fault"),
     [
         (10.0, 11.5, -math.inf, ""),
         (10.0, 11.6, -math.inf, "no position for 1.5 s"),
@@ -25,8 +25,8 @@ BEGIN_S, END_S = 20.0, 32.0
         (5.0, 11.0, 10.0, ""),
     ],
 )
-def test_an_age_counts_from_when_it_was_to_be_heard(heard_s, now_s, since_s, fault):
-    assert Input("position", heard_s, 1.5).fault(now_s, since_s) == fault
+def test_an_age_counts_from_when_it_was_to_be_heard(received_s, now_s, since_s, fault):
+    assert Input("position", received_s, 1.5).fault(now_s, since_s) == fault
 
 
 def test_what_is_heard_may_be_doubted():

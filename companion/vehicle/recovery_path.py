@@ -65,7 +65,7 @@ class Surroundings:
         return away
 
 
-def way_out(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits) -> FloatArray | None:
+def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits) -> FloatArray | None:
     """Rows of the shortest way out, the start first; None where it may begin here, or no way was found.
 
     Parameters

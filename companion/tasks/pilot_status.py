@@ -10,7 +10,7 @@ from companion.tasks.composition import Composition
 _DIGITS = 1  # decimetres
 
 
-class Standing:
+class PilotStatus:
     """Sums the service up.
 
     Parameters

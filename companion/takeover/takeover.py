@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from companion.departure.capability import shortfalls
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import Operator, position_of
+from companion.takeover.capability import shortfalls
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship

@@ -109,7 +109,7 @@ def test_a_fence_drawn_about_the_aircraft_is_left_by_the_shortest_way(dialect, m
     inside_s, swaps = flies()
     assert inside_s < 15.0
     assert any(not text.startswith("emergency") for text in swaps)  # a plan to the goal
-    monkeypatch.setattr(solver, "way_out", lambda *arguments: None)
+    monkeypatch.setattr(solver, "recovery_path", lambda *arguments: None)
     _, without = flies(CHANGED_S + 4.0)
     assert all(text.startswith("emergency") for text in without)
 

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from companion.config import mission_from_text
-from companion.departure.capability import shortfalls
-from companion.flight.flight_state import after_settings_told, first_state
+from companion.flight.flight_state import after_settings_reported, first_state
 from companion.flight.flown_track import guidance_of
+from companion.takeover.capability import shortfalls
 from companion.types.state import AutopilotSettings
 from tests.flight.test_app import at, both
 from tests.flight.test_flight_day import day, off, uploaded
@@ -52,7 +52,7 @@ def test_what_was_told_is_what_tracks_are_foreseen_by():
         acceptance_radius_m=30.0, guidance_period_s=22.0, guidance_damping=0.8, bank_max_deg=35.0,
         loiter_radius_m=-90.0, climb_max_m_s=2.0,
     )  # fmt: skip
-    guidance = guidance_of(after_settings_told(first_state(MISSION, 0.0), told))
+    guidance = guidance_of(after_settings_reported(first_state(MISSION, 0.0), told))
     assert (guidance.acceptance_radius_m, guidance.l1_period_s, guidance.l1_damping) == (30.0, 22.0, 0.8)
     assert (guidance.loiter_radius_m, guidance.climb_rate_max_m_s) == (-90.0, 2.0)
     assert guidance.bank_max_rad == pytest.approx(math.radians(35.0))

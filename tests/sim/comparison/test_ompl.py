@@ -14,9 +14,9 @@ from tests.sim.client import CONFIGS
 
 base = pytest.importorskip("ompl.base")
 
-from sim.beside.anytime_runs import OURS, AnytimeRunner, _exploration  # noqa: E402
-from sim.beside.ompl_edges import Edges  # noqa: E402
-from sim.beside.ompl_planners import searched  # noqa: E402
+from sim.comparison.anytime_runs import OURS, AnytimeRunner, _exploration  # noqa: E402
+from sim.comparison.ompl_edges import Edges  # noqa: E402
+from sim.comparison.ompl_planners import searched  # noqa: E402
 
 pytestmark = [pytest.mark.slow, pytest.mark.compiled]
 SPEC = f"""\

@@ -11,8 +11,8 @@ from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.errors import TransferError
 from companion.flight.flight_state import StateOwner, first_state
+from companion.monitors.geofences import AGAIN_BUSY_S, AGAIN_S, NAMED_AGAIN_S, READING_SHARE, Geofences
 from companion.types.events import Dialect, MissionCurrent
-from companion.upkeep.geofences import AGAIN_BUSY_S, AGAIN_S, NAMED_AGAIN_S, READING_SHARE, Geofences
 from tests.sim.client import PLAIN
 
 

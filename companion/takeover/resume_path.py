@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.departure.foresight import list_track
 from companion.flight.flight_state import FlightState
 from companion.frames import FloatArray
+from companion.takeover.start_prediction import list_track
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
@@ -17,7 +17,7 @@ MARGIN_SHARE = 0.5  # of clearance_min_m
 
 
 @dataclass(frozen=True, slots=True)
-class WayBack:
+class ResumePath:
     """The way that the autopilot takes when the mission mode is selected.
 
     Parameters
@@ -38,7 +38,7 @@ class WayBack:
     way_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
 
 
-def way_back(state: FlightState, current: MissionCurrent | None, ownship: Ownship) -> WayBack:
+def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Ownship) -> ResumePath:
     """The way from here to the item that is resumed, as the autopilot steers it, judged.
 
     Parameters
@@ -52,12 +52,12 @@ def way_back(state: FlightState, current: MissionCurrent | None, ownship: Ownshi
     """
     track = None if current is None else list_track(state, current, ownship, is_direct=True)
     if track is None or current is None:
-        return WayBack(False, "NOT safe: it is not known what is flown", "mission not known")
+        return ResumePath(False, "NOT safe: it is not known what is flown", "mission not known")
     seen = track.positions_enu_m[track.times_s <= LOOKED_AT_S]
     wrong = state.rules.checker.check_track(
         seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     )
     if wrong:
         text = f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}"
-        return WayBack(False, text, wrong[0].in_short, seen)
-    return WayBack(True, f"safe, to item {current.sequence}", "", seen)
+        return ResumePath(False, text, wrong[0].in_short, seen)
+    return ResumePath(True, f"safe, to item {current.sequence}", "", seen)

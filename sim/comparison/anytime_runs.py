@@ -19,8 +19,8 @@ from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
 from companion.planning.route import cost_between, route_along, route_from_path
 from companion.planning.solver import solve
-from sim.beside.ompl_edges import Edges, Pose
-from sim.beside.ompl_planners import searched
+from sim.comparison.ompl_edges import Edges, Pose
+from sim.comparison.ompl_planners import searched
 
 MARKS_S = (0.1, 1.0, 10.0)
 ENDLESS = 10_000_000  # iterations: the clock ends the search

@@ -9,7 +9,7 @@ from companion.config import mission_from_text
 from companion.page.feed import Feed
 from companion.recording import mcap_schema as channels
 from companion.recording.recorder import TRACK
-from companion.tasks.glimpses import POSITIONS_HZ, TRACKS_HZ
+from companion.tasks.progress_notices import POSITIONS_HZ, TRACKS_HZ
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 from tests.tracking.reports import report
 
@@ -51,9 +51,9 @@ def test_each_position_is_told_as_it_is_heard(watched):
         for at, topic, message, is_written in told
         if topic == channels.OWNSHIP and at > 5.0
     ]
-    glimpses = [at for at, _, is_written in places if not is_written]
-    assert len(glimpses) == pytest.approx(POSITIONS_HZ * (UNTIL_S - 5.0), abs=2)
-    assert max(later - earlier for earlier, later in itertools.pairwise(glimpses)) < 0.15
+    progress_notices = [at for at, _, is_written in places if not is_written]
+    assert len(progress_notices) == pytest.approx(POSITIONS_HZ * (UNTIL_S - 5.0), abs=2)
+    assert max(later - earlier for earlier, later in itertools.pairwise(progress_notices)) < 0.15
     assert all(stamp_s == pytest.approx(at, abs=0.03) for at, stamp_s, _ in places), "moved on to now"
 
 
@@ -87,15 +87,15 @@ def test_nothing_hangs_on_it(watched):
 
 def test_a_flood_is_told_no_more_often_than_it_can_be_looked_at():
     _, told = flown(flood=4)  # two hundred reports a second
-    glimpses = [at for at, topic, *_ in told if topic == TRACK and at >= FLOODED_S]
-    assert len(glimpses) <= TRACKS_HZ * (UNTIL_S - FLOODED_S + 1.0)
-    assert len(glimpses) >= 0.9 * TRACKS_HZ * (UNTIL_S - FLOODED_S)
+    progress_notices = [at for at, topic, *_ in told if topic == TRACK and at >= FLOODED_S]
+    assert len(progress_notices) <= TRACKS_HZ * (UNTIL_S - FLOODED_S + 1.0)
+    assert len(progress_notices) >= 0.9 * TRACKS_HZ * (UNTIL_S - FLOODED_S)
 
 
 def test_the_feed_passes_it_on_and_keeps_it_for_nobody():
     feed, woken = Feed(), []
     feed.wake_by(lambda: woken.append(1))
-    feed.glimpse(TRACK, b'{"stamp_s":1.0}')
+    feed.notice(TRACK, b'{"stamp_s":1.0}')
     assert woken == [1]
     assert feed.news() == ([b'/track {"stamp_s":1.0}'], False)
     assert not [line for line in feed.snapshot() if line.startswith(b"/track")]

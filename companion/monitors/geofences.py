@@ -8,13 +8,13 @@ import math
 from companion.clock import Clock
 from companion.comms.announcer import Announcer
 from companion.config.compose import bounds_of
-from companion.departure.capability import FENCE_CIRCLE, FENCE_HEIGHT
 from companion.errors import CompanionError
 from companion.flight.decision import DecisionKind
 from companion.flight.flight_state import StateOwner, after_fences
 from companion.flight.situation import Situation
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.fences import FenceError, FenceLimits, fence_obstacles, fences_of
+from companion.takeover.capability import FENCE_CIRCLE, FENCE_HEIGHT
 from companion.types.mission import MissionItem
 
 # Between two readings of a list that has no name. A PX4 that is being read denies uploads meanwhile.

@@ -29,7 +29,7 @@ class Input:
     ----------
     name : str
         What it is, in words.
-    heard_s : float
+    received_s : float
         When it was heard last, by the clock [s]; minus infinity if it never was.
     use_by_s : float
         Age up to which it is gone by [s].
@@ -38,7 +38,7 @@ class Input:
     """
 
     name: str
-    heard_s: float
+    received_s: float
     use_by_s: float
     doubt: str = ""
 
@@ -52,7 +52,7 @@ class Input:
         since_s : float
             When it was to be heard from [s]: what never came is missing since then.
         """
-        age_s = now_s - max(self.heard_s, since_s)
+        age_s = now_s - max(self.received_s, since_s)
         if age_s > self.use_by_s:
             return f"no {self.name} for {self.use_by_s:g} s"
         return f"{self.name}: {self.doubt}" if self.doubt else ""
@@ -84,7 +84,7 @@ def inputs(
         POSITION: use_by.position_s, "attitude": use_by.attitude_s,
         "airspeed": use_by.airspeed_s, "wind": use_by.wind_s,
     }  # fmt: skip
-    heard = ownship.heard_s()
+    heard = ownship.received_s()
     own = [
         Input(name, heard[name], float(age), ownship.doubt(now_s) if name == POSITION else "")
         for name, age in ages.items()
@@ -142,7 +142,7 @@ class FreshnessWatch:
             return False
         self._since_s = min(self._since_s, now_s)
         was_blind = self.is_blind
-        tracks = self._situation.tracker.heard_s(now_s)
+        tracks = self._situation.tracker.received_s(now_s)
         found = inputs(
             self._flight.state.mission.use_by, self._situation.ownship, self._link.current, tracks, now_s
         )
@@ -155,14 +155,14 @@ class FreshnessWatch:
     def _follow(self, entry: Input, now_s: float) -> None:
         name, is_vital = entry.name, entry.name in VITAL
         fault = entry.fault(now_s, self._since_s)
-        heard_s, last_s = self._stale.get(name, (max(entry.heard_s, self._since_s), now_s))
+        received_s, last_s = self._stale.get(name, (max(entry.received_s, self._since_s), now_s))
         if fault:
             if name not in self._stale:
                 text, tell = (fault + STANDS, "missing") if is_vital else (fault, "old")
                 age = f"{entry.use_by_s:g}"
                 self._announcer.decide(DecisionKind.STALE, text, tell=tell, about=name, what=name, age=age)
-            self._stale[name] = heard_s, now_s
+            self._stale[name] = received_s, now_s
         elif name in self._stale and (is_vital or now_s - last_s >= SETTLED_S):
             del self._stale[name]
-            text = f"{name} again, after {last_s - heard_s:.0f} s"
+            text = f"{name} again, after {last_s - received_s:.0f} s"
             self._announcer.decide(DecisionKind.FRESH, text, tell="back", about=name, what=name.capitalize())

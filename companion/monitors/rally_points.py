@@ -9,7 +9,7 @@ from companion.clock import Clock
 from companion.comms.announcer import Announcer
 from companion.errors import CompanionError
 from companion.flight.decision import DecisionKind
-from companion.flight.flight_state import StateOwner, after_rally_points, after_rally_told
+from companion.flight.flight_state import StateOwner, after_rally_points, after_rally_reported
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.rally import rally_points_of
 from companion.types.mission import MissionItem
@@ -53,7 +53,7 @@ class RallyPoints:
             Whether to read also a list that has no name, and as many points as before.
         """
         told, now = self._told_now(), self._clock.now_s()
-        self._flight.apply(after_rally_told, holds_any=told != (0, 0))
+        self._flight.apply(after_rally_reported, holds_any=told != (0, 0))
         is_news = told != self._told or (is_again and told[0] > 0)
         if told == (0, 0):
             self._items, self._told = (), told

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.departure.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
 from companion.flight.flight_state import FlightState
 from companion.flight.flown_track import guidance_of
 from companion.flight.progress import Start, lead_s, start_after, start_at
 from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, altitude_amsl_of, position_of
+from companion.takeover.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
-from companion.departure.way_home import way_home, ways_home
 from companion.flight.flight_state import (
-    after_home_told,
+    after_home_reported,
     after_rally_points,
-    after_rally_told,
-    after_settings_told,
+    after_rally_reported,
+    after_settings_reported,
 )
 from companion.mission.operator import Operator
+from companion.takeover.return_path import return_path, ways_home
 from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings
@@ -37,10 +37,10 @@ PX4 = AutopilotSettings(loiter_radius_m=125.0, return_height_m=60.0, return_radi
 def made(settings=ARDUPLANE, *, extra="", home=(0.0, 0.0, 0.0), rally=()):
     """A state with home and parameters told."""
     begins = replace(begun(extra), flies_by=settings.rally_limit_km is not None)
-    begins = after_settings_told(begins, settings)
+    begins = after_settings_reported(begins, settings)
     latitude, longitude, altitude = begins.mission.frame.global_from_local(*home)
-    begins = after_home_told(begins, HomePosition(1.0, latitude, longitude, altitude))
-    begins = after_rally_told(begins, holds_any=bool(rally))
+    begins = after_home_reported(begins, HomePosition(1.0, latitude, longitude, altitude))
+    begins = after_rally_reported(begins, holds_any=bool(rally))
     return after_rally_points(begins, tuple(rally))
 
 
@@ -121,7 +121,7 @@ def test_where_a_px4_returns_to_by_its_rtl_type(kind, landing, north_m, end):
 
 
 def test_a_px4_with_rally_points_may_fly_anywhere():
-    assert way_home(made(PX4, rally=[(2000.0, 0.0, 20.0)]), HERE) is None
+    assert return_path(made(PX4, rally=[(2000.0, 0.0, 20.0)]), HERE) is None
 
 
 def test_to_the_landing_the_height_may_be_lost_on_the_way_or_in_the_circle():
@@ -164,15 +164,15 @@ def test_a_px4_climbs_in_a_circle_before_it_leaves():
     ],
 )  # fmt: skip
 def test_what_is_not_foreseen_is_not_known(settings):
-    assert way_home(made(settings), HERE) is None
+    assert return_path(made(settings), HERE) is None
 
 
 def test_rally_points_that_were_told_of_and_not_read_may_be_anywhere():
-    assert way_home(after_rally_told(made(), holds_any=True), HERE) is None
+    assert return_path(after_rally_reported(made(), holds_any=True), HERE) is None
 
 
 def test_without_a_home_it_is_not_known():
-    assert way_home(replace(made(), home_enu_m=None), HERE) is None
+    assert return_path(replace(made(), home_enu_m=None), HERE) is None
 
 
 def test_with_rtl_autoland_2_it_leads_to_the_landing_sequence():
@@ -183,10 +183,10 @@ def test_with_rtl_autoland_2_it_leads_to_the_landing_sequence():
 
 def test_what_the_way_breaks_is_told():
     wall = "obstacles:\n" + BLOCK.format("barn", 1400, -200, 1450, 200)
-    wrong = way_home(made(extra=wall), HERE)
+    wrong = return_path(made(extra=wall), HERE)
     assert wrong[0].rule == "clearance"
     assert "barn" in wrong[0].detail
-    assert way_home(made(), HERE) == ()
+    assert return_path(made(), HERE) == ()
 
 
 @given(

@@ -12,7 +12,7 @@ POSITIONS_HZ, TRACKS_HZ = 10.0, 20.0  # more are seen with the recording's next 
 _BURST_S = 0.2
 
 
-class Glimpses:
+class ProgressNotices:
     """Tells an own position, or a vehicle that was detected, as soon as it was taken in.
 
     Parameters
@@ -34,10 +34,8 @@ class Glimpses:
         if isinstance(event, GlobalPosition) and self._positions.takes(now_s):
             ownship = self._situation.ownship.state(now_s)
             if ownship is not None:
-                self._recorder.glimpse(
-                    channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",))
-                )
+                self._recorder.notice(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
         elif isinstance(event, TrackReport) and self._tracks.takes(now_s):
             track = self._situation.tracker.track(event.identity, now_s)
             if track is not None:
-                self._recorder.glimpse(TRACK, now_s, {"track": channels.table_of(track)})
+                self._recorder.notice(TRACK, now_s, {"track": channels.table_of(track)})

@@ -21,11 +21,11 @@ from dataclasses import replace
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.departure.way_back import MARGIN_SHARE
 from companion.flight.flight_state import FlightState
 from companion.flight.flown_track import guidance_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
+from companion.takeover.resume_path import MARGIN_SHARE
 from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.vehicle.guidance import Guidance, Track, track_of_circle
@@ -42,7 +42,7 @@ HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE
 Place = tuple[float, float, float]
 
 
-def way_home(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
+def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
     """What the way home breaks from here; None where it is not known what the autopilot would fly.
 
     Parameters
@@ -69,7 +69,7 @@ def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
     Parameters
     ----------
     state, ownship
-        As of :func:`way_home`.
+        As of :func:`return_path`.
 
     Returns
     -------

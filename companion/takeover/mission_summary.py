@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.departure.capability import shortfalls
-from companion.departure.takeover import described, last_item_of, takeoff_of
-from companion.departure.way_home import is_unforeseeable
 from companion.flight.flight_state import FlightState
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
+from companion.takeover.capability import shortfalls
+from companion.takeover.return_path import is_unforeseeable
+from companion.takeover.takeover import described, last_item_of, takeoff_of
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
@@ -21,7 +21,7 @@ FAULTS_TOLD = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Briefing:
+class MissionSummary:
     """What is told of a list.
 
     Parameters
@@ -45,7 +45,7 @@ class Briefing:
     faults: tuple[str, ...]
 
 
-def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> Briefing:
+def mission_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> MissionSummary:
     """What is to be told of the list as it was read.
 
     Parameters
@@ -59,7 +59,7 @@ def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int
     """
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
-        return Briefing("", "", "", has_end=False, faults=("no mission in the autopilot",))
+        return MissionSummary("", "", "", has_end=False, faults=("no mission in the autopilot",))
     goals = state.goals_left
     count = len(operator.items) - num_home_items
     plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
@@ -71,7 +71,7 @@ def briefing_of(state: FlightState, ownship: Ownship | None, num_home_items: int
         plan += f", {1e-3 * length:.1f} km"
     faults = tuple(_faults(state, operator, ownship))
     has_end = operator.tail < len(operator.items)
-    return Briefing(plan, described(state), _landing(operator), has_end, faults)
+    return MissionSummary(plan, described(state), _landing(operator), has_end, faults)
 
 
 def _landing(operator: Operator) -> str:
