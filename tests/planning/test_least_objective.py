@@ -142,7 +142,7 @@ def test_a_gap_that_is_narrower_is_flown_all_the_same():
 
 
 def test_a_gap_too_narrow_to_be_flown_to_is_flown_around():
-    """On this map V leads through 4 m between the margin of a box and the bounds, along which nothing turns."""
+    """On this map V leads through a slit of 4 m between the margin of a box and the bounds."""
     plan = solve(RandomMap(99, 2).problem(2.16))
     assert plan.reaches_goal
     assert plan.objective_s < 1.1 * plan.bound_s
