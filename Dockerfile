@@ -50,8 +50,8 @@ ENV PATH=/opt/companion/bin:$PATH NUMBA_CACHE_DIR=/var/cache/companion NUMBA_CPU
 # Kernels are compiled here, so that the service plans at once. They are for any processor of the
 # architecture: compiled for the one that builds the image, they would not be used on another. What is
 # imported for it leaves its .pyc, of the standard library, too: the service's user could write none.
-RUN python -c 'import companion.campaign.runs, companion.doctor.doctor_command' \
-    && python -c 'import companion.replay.replay_command, companion.service.service' \
+RUN python -c 'import companion.research.campaign.runs, companion.service.doctor.doctor_command' \
+    && python -c 'import companion.service.replay.replay_command, companion.service.process.service' \
     && companion warm-up \
     && chown -R companion:companion /var/cache/companion
 USER companion

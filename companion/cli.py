@@ -34,7 +34,7 @@ from companion.cli_options import (
     make_ready_with_bar,
 )
 from companion.errors import CompanionError, ConfigError
-from companion.service.log_format import LogKind, PlainFormatter, set_up
+from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
 if TYPE_CHECKING:
     from companion.config import MissionConfig
@@ -118,7 +118,7 @@ def check(
 
     if plot is not None:
         from companion.config.compose import world_of
-        from companion.ui.plots import plot_mission
+        from companion.ui.reports.plots import plot_mission
 
     config = load_mission(mission)
     if json_file is not None:
@@ -147,11 +147,11 @@ def plan(
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run here.")] = None,
 ) -> None:
     """Make one offline plan, or several, from the mission file's start."""
-    from companion.campaign.runs import plan_runs, result_of, results_table
     from companion.config import load_mission
+    from companion.research.campaign.runs import plan_runs, result_of, results_table
 
     if plot is not None:
-        from companion.ui.plots import plot_plan
+        from companion.ui.reports.plots import plot_plan
 
     config = load_mission(mission)
     require_goals(config, mission)
@@ -204,7 +204,7 @@ def run(
     """Run the service beside an autopilot until it is stopped."""
     import asyncio
 
-    from companion.service.service import serve
+    from companion.service.process.service import serve
 
     set_up(log)
     asyncio.run(
@@ -271,7 +271,7 @@ def replay(
     With --page it is looked at in a browser, and with a mission file what would be decided now beside it.
     """
     from companion.config import load_mission
-    from companion.replay import replay_command as replaying
+    from companion.service.replay import replay_command as replaying
 
     config = None if mission is None else load_mission(mission)
     screen = Console(stderr=json_file is not None and str(json_file) == "-")
@@ -309,7 +309,7 @@ def doctor(
     """Look for what would keep the service from working; exit 1 for a failure, 3 without an autopilot."""
     import asyncio
 
-    from companion.doctor.doctor_command import examined, findings_table
+    from companion.service.doctor.doctor_command import examined, findings_table
 
     findings, code = asyncio.run(examined(mission, link, seconds, record))
     if json_file is not None:
@@ -325,8 +325,8 @@ def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
     """Make the report of a flight from its recording alone."""
-    from companion.replay import flight_summary as told
-    from companion.ui.report import write_report
+    from companion.service.replay import flight_summary as told
+    from companion.ui.reports.report import write_report
 
     mission, world, record = told.flight_of(flight)
     with _writing(flight, "report"):
@@ -349,7 +349,7 @@ def export(
     ] = False,
 ) -> None:
     """Write a recording as a picture for Foxglove, and beside it a layout that opens it; or for rerun."""
-    from companion.replay import replay_command as replaying
+    from companion.service.replay import replay_command as replaying
 
     console.print(replaying.exported(flight, target, is_for_rerun=rerun), markup=False, soft_wrap=True)
 
@@ -370,7 +370,7 @@ def campaign(
     ] = None,
 ) -> None:
     """Plan or fly by the thousand: methods by missions, settings and seeds, each run a row."""
-    from companion.evidence.evidence_commands import campaign_from_file
+    from companion.research.evidence.evidence_commands import campaign_from_file
 
     if (engine == "dask") != (scheduler is not None):
         found, expected = scheduler or "nothing", "with --engine dask an address, else none"
@@ -390,7 +390,7 @@ def results(
     ] = None,
 ) -> None:
     """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
-    from companion.evidence.evidence_commands import results_in
+    from companion.research.evidence.evidence_commands import results_in
 
     results_in(folder, console, keep=keep, page=page)
 
@@ -406,7 +406,7 @@ def identify(
     json_file: JsonFile = None,
 ) -> None:
     """Tell an aircraft's noise from its flights, as keys of a mission file; exit 1 if there is too little."""
-    from companion.identification import identify_command as identifying
+    from companion.research.identification import identify_command as identifying
 
     flights, found = identifying.identify(recordings, mission)
     if json_file is not None:

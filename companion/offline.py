@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast
 
-from companion.campaign.run_places import FLIGHT, places
-from companion.campaign.runs import plan_runs, result_of
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
+from companion.research.campaign.run_places import FLIGHT, places
+from companion.research.campaign.runs import plan_runs, result_of
 from companion.types.path import Path as FlightPath
 from companion.types.plan import Plan
 from companion.types.record import FlightRecord
@@ -75,7 +75,7 @@ class Planned:
 
     def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
         """Draw the plan with its search, as a PNG."""
-        from companion.ui.plots import plot_plan  # drawing is an extra  # noqa: PLC0415
+        from companion.ui.reports.plots import plot_plan  # drawing is an extra  # noqa: PLC0415
 
         plot_plan(Path(file), self.mission, self.world, self.answer, dpi)
         return Path(file)
@@ -114,8 +114,8 @@ class Flown:
 
     def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
         """Draw what was flown, and where the threats moved, as a PNG."""
-        from companion.ui import style  # drawing is an extra  # noqa: PLC0415
-        from companion.ui.plots import flight_map  # noqa: PLC0415
+        from companion.ui.reports import style  # drawing is an extra  # noqa: PLC0415
+        from companion.ui.reports.plots import flight_map  # noqa: PLC0415
 
         with style.drawing():
             world = world_of(self.mission, none_known=False)

@@ -1,6 +1,6 @@
 """A whole flight in one process: simulator, link and service on simulated time.
 
-The two talk MAVLink bytes, as over a wire, in the steps of :mod:`companion.replay.lockstep`: the same
+The two talk MAVLink bytes, as over a wire, in the steps of :mod:`companion.service.replay.lockstep`: the same
 seed gives the same flight.
 """
 
@@ -17,16 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from companion.clock import ManualClock
-from companion.comms.vehicle_link import VehicleLink
 from companion.config import MissionConfig
 from companion.errors import NoAutopilotError
-from companion.flight.modes import Mode
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.state.modes import Mode
+from companion.flight.tasks.app import App, stop
+from companion.flight.tasks.composition import composed
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
-from companion.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
-from companion.tasks.app import App, stop
-from companion.tasks.composition import composed
+from companion.service.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
 from sim.faults import FaultyLink
 from sim.flight_measures import FlightMeasures, Measures, measured

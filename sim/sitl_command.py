@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from companion.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.cli import EXIT_FAILED, require_goals, write_json
 from companion.cli_options import (
     MissionFile,
@@ -24,6 +23,7 @@ from companion.cli_options import (
     PageToken,
     make_ready_with_bar,
 )
+from companion.research.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
@@ -70,9 +70,9 @@ def sitl(
 
     from companion.config import load_mission
     from companion.config.compose import world_of
-    from companion.page.live_page import page_of
-    from companion.page.playback_page import wait_for_interrupt
     from companion.recording.retention import folder_for
+    from companion.ui.page.live_page import page_of
+    from companion.ui.page.playback_page import wait_for_interrupt
     from sim.sitl import Flight
 
     if not headless and importlib.util.find_spec("matplotlib") is None:
@@ -83,7 +83,7 @@ def sitl(
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     shown_on = page_of(page, page_listen, page_token, page_ground)
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
-    logging.getLogger("companion.tasks.app").setLevel(logging.WARNING)
+    logging.getLogger("companion.flight.tasks.app").setLevel(logging.WARNING)
     make_ready_with_bar(console)
     flight = Flight(
         config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
@@ -111,7 +111,7 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
-        from companion.ui.report import write_report
+        from companion.ui.reports.report import write_report
         from sim.flight_record import record_of
 
         report, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))

@@ -14,9 +14,9 @@ FUNCTION_LINES_MAX = 80
 
 # Where every exception is caught, and why that is right there.
 BROAD_EXCEPTS: dict[str, str] = {
-    "companion/campaign/engines/process_engine.py": "the top of a run: its fault becomes its row",
+    "companion/research/campaign/engines/process_engine.py": "the top of a run: its fault becomes its row",
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
-    "companion/tasks/app.py": "the top of each task: logs the fault with its trace, and raises it again",
+    "companion/flight/tasks/app.py": "the top of each task: logs the fault with its trace, raises it again",
     "companion/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",
 }
 
@@ -208,7 +208,7 @@ def test_every_file_name_occurs_once():
 ASSIGNED_ELSEWHERE = {
     "companion/kernels/native/compiler.py": {"self.state", "self.state.func_id", "each", "flags"},
     "companion/link/messages/codec.py": {"self._writer"},
-    "companion/replay/engine.py": {"self.result", "result"},
+    "companion/service/replay/engine.py": {"self.result", "result"},
 }
 
 
@@ -249,9 +249,9 @@ def test_no_object_is_assigned_from_outside(source):
 
 # Elsewhere code asks a dialect for what follows from it, not which it is.
 DIALECT_FILES = {
-    "companion/doctor/parameter_checks.py",
+    "companion/service/doctor/parameter_checks.py",
     "companion/link/messages/flight_modes.py",
-    "companion/swapping/protocols.py",
+    "companion/flight/exchange/protocols.py",
     "companion/types/events.py",
 }
 

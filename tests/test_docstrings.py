@@ -128,5 +128,5 @@ def test_public_functions_above_the_kernels_have_sections():
     code = "def f():\n  def g(): ...\ndef _h(): ...\nclass C:\n  def m(self): ..."
     public = {node.name: public for node, public in functions_of(ast.parse(code))}
     assert public == {"f": True, "g": False, "_h": False, "m": False}
-    assert kinds_of("companion/ui/plots.py", public=True) == ("numpydoc",)
+    assert kinds_of("companion/ui/reports/plots.py", public=True) == ("numpydoc",)
     assert kinds_of("companion/kernels/arrays.py", public=True) == ("kernel",)

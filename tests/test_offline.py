@@ -8,10 +8,10 @@ import pytest
 
 import companion
 from companion import load_mission, offline, plan
-from companion.campaign import run_places
 from companion.cli import EXTRA_COMMANDS
 from companion.config import mission_from_text
 from companion.errors import ConfigError
+from companion.research.campaign import run_places
 from companion.types.plan import PlanStatus
 from tests.sim.client import CONFIGS
 

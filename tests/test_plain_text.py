@@ -10,16 +10,16 @@ from rich.console import Console
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.doctor.doctor_command import findings_table
-from companion.doctor.finding import warn
 from companion.plain_text import in_page, printable
 from companion.recording.reader import Recording
-from companion.replay.comparison import first_difference
-from companion.replay.engine import Replayed
-from companion.replay.replay_command import show
-from companion.service.log_format import JsonFormatter, PlainFormatter
+from companion.service.doctor.doctor_command import findings_table
+from companion.service.doctor.finding import warn
+from companion.service.process.log_format import JsonFormatter, PlainFormatter
+from companion.service.replay.comparison import first_difference
+from companion.service.replay.engine import Replayed
+from companion.service.replay.replay_command import show
 from companion.types.record import Decision, FlightRecord
-from companion.ui.report import write_report
+from companion.ui.reports.report import write_report
 from tests.cli.calls import FIRST_FLIGHT, changed, in_a_process
 
 HOSTILE = "a\x1b[2Jb\r\nfake\u202edrow\u2028line\x9b31m\ud800$\\frac{$[/]</b>"

@@ -11,14 +11,14 @@ from companion.config import load_mission
 from companion.config.compose import world_of
 from companion.config.pilot_parameters import Parameters
 from companion.errors import RecordError
-from companion.flight.checkpoint import Checkpoint
+from companion.flight.state.checkpoint import Checkpoint
 from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import TlogWriter
 from companion.recording.mcap_writer import FlightLog
 from companion.recording.recorder import About, Recorder
 from companion.safe_files import make_folder, open_to_write, read_file, replace_file, set_aside
-from companion.service import service
-from companion.ui.plots import plot_mission
+from companion.service.process import service
+from companion.ui.reports.plots import plot_mission
 from tests.sim.client import CONFIGS
 
 

@@ -11,8 +11,8 @@ from companion.config.models import MissionConfig
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot, first_snapshot
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 ALTITUDE_TOLERANCE_M = 20.0
 

@@ -13,7 +13,7 @@ from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
 from companion.types.state import AutopilotSettings
 from companion.types.threat import Obstacle
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 REPLAN_SHARE = 0.3  # of a first plan's iterations
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency

@@ -1,4 +1,4 @@
-"""What is known and decided of one flight: its state, the situation, plans and what is thought of them.
+"""One flight: what is known and decided of it, who flies when, and how missions reach the autopilot.
 
-Synchronous and without a clock; touches configuration, planning, assurance and missions, never the link.
+``tasks`` waits and composes; ``state`` decides, without a clock and without the link.
 """

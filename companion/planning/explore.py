@@ -15,9 +15,9 @@ from companion.kernels.search.growth import FAR, assess
 from companion.kernels.threat.pursuit_game import PASSES_BY, is_threatened
 from companion.kernels.workspace import ThreatScene, workspace
 from companion.planning.problem import Problem
-from companion.vehicle.lqg import tables_once, with_gusts
 from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import pursuit_game
+from companion.world.vehicle.lqg import tables_once, with_gusts
 
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 

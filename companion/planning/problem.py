@@ -9,8 +9,8 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.planning.settings import PlannerSettings
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import Snapshot
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from companion.kernels.arrays import Limits, Search, ThreatModel
 from companion.planning.comparators import METHODS, Certainty, Strategies
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
 

@@ -20,7 +20,7 @@ from companion.planning.route import (
 )
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus
-from companion.vehicle.recovery_path import recovery_path
+from companion.world.vehicle.recovery_path import recovery_path
 
 
 def never() -> bool:

@@ -14,8 +14,8 @@ from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.mcap_reader import Document, number, text
 from companion.types.threat import Obstacle
-from companion.ui.field import threat_field
 from companion.world.snapshot import Snapshot
+from companion.world.threat_field import threat_field
 
 TRANSFORM, LOG = "/tf", "/log"
 # Each has all of its own in its last message: who is sent into a recording's middle is shown that alone.

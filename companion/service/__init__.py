@@ -1,5 +1,4 @@
-"""The service as a process: its start and end, and what it tells systemd, Prometheus and the ground station.
+"""The service as a process, the check of its surroundings before a flight, and the replay of a recorded one.
 
-The only folder that reads the environment, opens ports of its own and listens to signals. It composes the
-flight, and decides nothing about it.
+The only room that reads the environment, opens ports of its own and listens to signals.
 """

@@ -1,5 +1,4 @@
-"""Pictures and reports of missions, plans and flights.
+"""What people look at: the page in a browser, and the pictures and reports of plans and flights.
 
-Only listens: it draws what it is given and writes the files that are named. The only folder that knows
-matplotlib, which the extra ``plot`` brings.
+Only listens: nothing in it is waited for, and nothing decides on it.
 """

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Makes companion/page/static/vendor anew, from the packages that package-lock.json names. Needs node and npm;
+# Makes companion/ui/page/static/vendor anew, from the packages that package-lock.json names. Needs node and npm;
 # what it makes is kept in the source, so that nothing else does.
 set -euo pipefail
 cd "$(dirname "$0")"
-vendor=../../companion/page/static/vendor
+vendor=../../companion/ui/page/static/vendor
 npm ci --ignore-scripts --no-audit --no-fund
 mkdir -p "$vendor"
 npx --no-install esbuild uplot.js --bundle --format=esm --minify --legal-comments=none --outfile="$vendor/uplot.js"

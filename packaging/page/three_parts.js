@@ -1,4 +1,4 @@
-// The parts of three.js that companion/page/static/view3d.js uses.
+// The parts of three.js that companion/ui/page/static/view3d.js uses.
 export {
   AmbientLight, BufferGeometry, CanvasTexture, Color, ConeGeometry, DirectionalLight, DoubleSide, EdgesGeometry,
   ExtrudeGeometry, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Mesh,

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.flight.flight_state import WINDOW_ROWS
-from companion.flight.modes import Mode
+from companion.flight.state.flight_state import WINDOW_ROWS
+from companion.flight.state.modes import Mode
 from companion.frames import FloatArray
 from companion.mission.path_progress import progress_on, time_at
 from companion.types.events import Dialect

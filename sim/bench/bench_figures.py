@@ -8,8 +8,8 @@ import statistics
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from companion.campaign.runs import plan_runs
 from companion.config import load_mission
+from companion.research.campaign.runs import plan_runs
 from companion.types.events import Dialect
 from sim.bench.arrival import fly_in_wind
 from sim.bench.reaction import CHANGES, reaction_s

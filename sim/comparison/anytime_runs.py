@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.campaign.campaign_spec import Campaign, Run, Scalar
-from companion.campaign.engines.runners import Outcome
-from companion.campaign.flown_methods import ANYTIME_METHODS
-from companion.campaign.runs import offline_problem, offline_world
 from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
 from companion.planning.route import cost_between, route_along, route_from_path
 from companion.planning.solver import solve
+from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
+from companion.research.campaign.engines.runners import Outcome
+from companion.research.campaign.flown_methods import ANYTIME_METHODS
+from companion.research.campaign.runs import offline_problem, offline_world
 from sim.comparison.ompl_edges import Edges, Pose
 from sim.comparison.ompl_planners import searched
 

@@ -7,7 +7,6 @@ import time
 import numpy as np
 import pytest
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.kernels.aircraft.lqg_mp import propagate
 from companion.kernels.arrays import Float1D, Float2D, Obstacles, Pursuers, Tree, Uncertainty
@@ -19,6 +18,7 @@ from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.threat.reachability import gets_to
 from companion.kernels.workspace import FilterScratch, KNearest, ThreatScene, threat_scene
 from companion.planning.explore import Exploration
+from companion.research.campaign.runs import offline_problem, offline_world
 from tests.sim.client import CONFIGS
 
 pytestmark = pytest.mark.bench

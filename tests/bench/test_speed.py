@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from companion.assurance.checker import Checker
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
-from companion.flight.flight_state import first_state
-from companion.flight.shaping import waypoints_of
+from companion.flight.state.flight_state import first_state
+from companion.flight.state.shaping import waypoints_of
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from sim.simulator import Simulator
 from tests.sim.client import CONFIGS
 

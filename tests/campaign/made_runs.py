@@ -5,7 +5,7 @@ import os
 import signal
 import time
 
-from companion.campaign.engines.runners import Outcome
+from companion.research.campaign.engines.runners import Outcome
 
 ROUNDS = 20_000  # a few milliseconds
 

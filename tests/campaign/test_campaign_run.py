@@ -12,11 +12,11 @@ import sys
 import pytest
 from rich.console import Console
 
-from companion.campaign import run_places
-from companion.campaign.campaign_progress import run_campaign
-from companion.campaign.campaign_spec import load_campaign
-from companion.campaign.run_store import DATABASE, RunStore
 from companion.errors import CompanionError, ConfigError, RecordError
+from companion.research.campaign import run_places
+from companion.research.campaign.campaign_progress import run_campaign
+from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.campaign.run_store import DATABASE, RunStore
 from tests.cli.calls import FIRST_FLIGHT
 from tests.sim.client import CONFIGS
 
@@ -169,7 +169,7 @@ def started(file, folder, place):
     offered = (
         ""
         if place is None
-        else f"from companion.campaign import run_places as r; r.offer('plans', '{place}'); "
+        else f"from companion.research.campaign import run_places as r; r.offer('plans', '{place}'); "
     )
     program = f"{offered}from companion.cli import main; main()"
     options = ["--out", str(folder), "--jobs", "2", "--resume"]
@@ -184,7 +184,7 @@ def ended_by_a_full_disk(file, folder, size):
     program = (
         f"import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
-        f"from companion.campaign import run_places as r; r.offer('plans', '{HERE}:Quick'); "
+        f"from companion.research.campaign import run_places as r; r.offer('plans', '{HERE}:Quick'); "
         f"from companion.cli import main; main()"
     )
     return subprocess.run(

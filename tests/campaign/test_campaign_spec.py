@@ -2,8 +2,8 @@
 
 import pytest
 
-from companion.campaign.campaign_spec import load_campaign
 from companion.errors import ConfigError
+from companion.research.campaign.campaign_spec import load_campaign
 from tests.cli.calls import FIRST_FLIGHT
 from tests.sim.client import CONFIGS
 

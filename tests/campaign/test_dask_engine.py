@@ -11,11 +11,11 @@ import threading
 import pytest
 from rich.console import Console
 
-from companion.campaign import run_places
-from companion.campaign.campaign_progress import run_campaign
-from companion.campaign.campaign_spec import load_campaign
-from companion.campaign.run_store import RunStore
 from companion.errors import CompanionError
+from companion.research.campaign import run_places
+from companion.research.campaign.campaign_progress import run_campaign
+from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.campaign.run_store import RunStore
 from tests.campaign.test_campaign_run import HERE, ROOT, SPEC, num_rows, repeatable, run
 
 pytest.importorskip("distributed")
@@ -157,7 +157,7 @@ def test_what_processes_began_workers_finish(cluster, file, tmp_path, monkeypatc
 
 
 def test_without_a_scheduler_that_is_told(file, tmp_path, monkeypatch):
-    monkeypatch.setattr("companion.campaign.engines.dask_engine.CONNECT_S", 1)
+    monkeypatch.setattr("companion.research.campaign.engines.dask_engine.CONNECT_S", 1)
     nobody = type("Nobody", (), {"address": f"tcp://127.0.0.1:{free_port()}"})
     with pytest.raises(CompanionError, match="no Dask scheduler at tcp"):
         on(nobody, file, tmp_path / "out")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.campaign.measures import PursuitMeasures, pursuit_measures
+from companion.research.campaign.measures import PursuitMeasures, pursuit_measures
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 from companion.world.snapshot import first_snapshot
 from tests.support.paths import box, path_of

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from companion.campaign.campaign_spec import Campaign, CampaignConfig
-from companion.campaign.engines.runners import Outcome, packed
-from companion.campaign.plan_outcomes import PlanRunner
-from companion.campaign.runs import plan_runs, result_of
 from companion.config.load import mission_from_text, text_of
 from companion.config.models import DynamicThreatConfig
+from companion.research.campaign.campaign_spec import Campaign, CampaignConfig
+from companion.research.campaign.engines.runners import Outcome, packed
+from companion.research.campaign.plan_outcomes import PlanRunner
+from companion.research.campaign.runs import plan_runs, result_of
 from tests.support.sitl_harness import FIRST_FLIGHT
 
 PLACE = {"pursuers": "tests.campaign.test_plan_outcomes:beside"}
@@ -89,7 +89,9 @@ def test_a_budget_ends_a_plan(monkeypatch):
     made = campaign(budget_s=0.5)
     runner = PlanRunner(made, {})
     runner.warm_up()
-    monkeypatch.setattr("companion.campaign.plan_outcomes.time.perf_counter", lambda: float(next(looks)))
+    monkeypatch.setattr(
+        "companion.research.campaign.plan_outcomes.time.perf_counter", lambda: float(next(looks))
+    )
     found = runner.outcome(made.runs[0]).measures
     assert (found["success"], found["status"]) == (False, "approximate")
 

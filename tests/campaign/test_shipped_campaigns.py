@@ -5,8 +5,8 @@ import sqlite3
 
 import pytest
 
-from companion.campaign.campaign_spec import load_campaign
-from companion.campaign.run_store import DATABASE
+from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.campaign.run_store import DATABASE
 from tests.sim.client import CONFIGS
 
 CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))

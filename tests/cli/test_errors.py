@@ -126,7 +126,7 @@ def test_link_failures_exit_with_three(companion, monkeypatch):
     async def refused(*_, **__):
         raise LinkError("udpin://0.0.0.0:14540: address in use")
 
-    monkeypatch.setattr("companion.service.service.serve", refused)
+    monkeypatch.setattr("companion.service.process.service.serve", refused)
     result = companion("run", FIRST_FLIGHT, "--link", "udpin://0.0.0.0:14540")
     assert result.code == 3
     assert only_line(result) == "error: udpin://0.0.0.0:14540: address in use"
@@ -177,7 +177,9 @@ def test_a_package_that_is_not_installed(tmp_path, monkeypatch, package, extra, 
 
 def test_any_other_module_that_is_missing_is_a_fault_of_our_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = in_a_process("check", FIRST_FLIGHT, "--plot", "mission.png", without="companion.ui.plots")
+    result = in_a_process(
+        "check", FIRST_FLIGHT, "--plot", "mission.png", without="companion.ui.reports.plots"
+    )
     assert result.code == 4
     assert "internal error" in result.err
 

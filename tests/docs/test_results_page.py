@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from companion.evidence.document.kept_rows import kept_evidence
-from companion.evidence.document.reasons import load_reasons
-from companion.evidence.document.results_document import REASONS, results_document
-from companion.evidence.verdicts import Verdict, judged
+from companion.research.evidence.document.kept_rows import kept_evidence
+from companion.research.evidence.document.reasons import load_reasons
+from companion.research.evidence.document.results_document import REASONS, results_document
+from companion.research.evidence.verdicts import Verdict, judged
 
 ROOT = Path(__file__).parents[2]
 ROWS = ROOT / "campaigns" / "results"

@@ -7,8 +7,8 @@ import pytest
 
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import ENABLE, TABLE, Parameters
-from companion.doctor.parameter_checks import PARAMETER_CHECKS, parameter_names
-from companion.flight.decision import DecisionKind, Verdict
+from companion.flight.state.decision import DecisionKind, Verdict
+from companion.service.doctor.parameter_checks import PARAMETER_CHECKS, parameter_names
 from companion.types.events import Dialect
 from tests.support.sitl_harness import FIRST_FLIGHT
 

@@ -9,13 +9,19 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.config import mission_from_text
-from companion.doctor import host_checks as doctor
-from companion.doctor.finding import Verdict
-from companion.doctor.link_checks import LinkDoctor
-from companion.doctor.parameter_checks import ARDUPLANE, PX4, parameter_findings, parameter_names, version
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import VersionTold
 from companion.link.wire.memory_transport import MemoryTransport
+from companion.service.doctor import host_checks as doctor
+from companion.service.doctor.finding import Verdict
+from companion.service.doctor.link_checks import LinkDoctor
+from companion.service.doctor.parameter_checks import (
+    ARDUPLANE,
+    PX4,
+    parameter_findings,
+    parameter_names,
+    version,
+)
 from companion.types.events import Dialect
 from sim.simulator import Simulator
 from tests.support.sitl_harness import FIRST_FLIGHT

@@ -1,7 +1,7 @@
 """Rows that were never run."""
 
-from companion.campaign.run_store import Row
-from companion.evidence.samples import Case, Evidence, Sample
+from companion.research.campaign.run_store import Row
+from companion.research.evidence.samples import Case, Evidence, Sample
 
 
 def sample(name, values, method="m", successes=None):

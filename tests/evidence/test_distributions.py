@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from companion.evidence.distributions import distributions, violins
-from companion.ui import style
+from companion.research.evidence.distributions import distributions, violins
+from companion.ui.reports import style
 from tests.evidence.made_evidence import case, sample
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from companion.evidence.intervals import bootstrap, paired_shares, runs_to_decide, wilson
+from companion.research.evidence.intervals import bootstrap, paired_shares, runs_to_decide, wilson
 
 
 @pytest.mark.parametrize(

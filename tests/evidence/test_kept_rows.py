@@ -6,13 +6,13 @@ import json
 import pytest
 from rich.console import Console
 
-from companion.campaign import run_places
-from companion.campaign.campaign_spec import load_campaign
-from companion.campaign.run_store import RunStore
 from companion.errors import ConfigError
-from companion.evidence.document.kept_rows import kept_evidence, kept_text
-from companion.evidence.evidence_commands import campaign_from_file, results_in
-from companion.evidence.samples import evidence_of
+from companion.research.campaign import run_places
+from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.campaign.run_store import RunStore
+from companion.research.evidence.document.kept_rows import kept_evidence, kept_text
+from companion.research.evidence.evidence_commands import campaign_from_file, results_in
+from companion.research.evidence.samples import evidence_of
 from tests.sim.client import CONFIGS
 
 SPEC = f"""\

@@ -3,11 +3,11 @@
 import pytest
 
 from companion.errors import ConfigError
-from companion.evidence.document.flown_tables import best_text, flown_table
-from companion.evidence.document.paper_tables import counts_table, ordering_tables, value_tables
-from companion.evidence.document.reasons import Reason, Reasons, load_reasons
-from companion.evidence.orderings import Ordering
-from companion.evidence.verdicts import judge, judged
+from companion.research.evidence.document.flown_tables import best_text, flown_table
+from companion.research.evidence.document.paper_tables import counts_table, ordering_tables, value_tables
+from companion.research.evidence.document.reasons import Reason, Reasons, load_reasons
+from companion.research.evidence.orderings import Ordering
+from companion.research.evidence.verdicts import judge, judged
 from tests.evidence.made_evidence import case, evidence, sample
 
 PC = Ordering(1, 2, "PC", "safe-rrt", "taddrrt", 135.43, 149.94)

@@ -10,9 +10,9 @@ from html.parser import HTMLParser
 import pytest
 from rich.console import Console
 
-from companion.campaign import run_places
-from companion.campaign.run_store import DATABASE
-from companion.evidence.evidence_commands import campaign_from_file, results_in
+from companion.research.campaign import run_places
+from companion.research.campaign.run_store import DATABASE
+from companion.research.evidence.evidence_commands import campaign_from_file, results_in
 from tests.sim.client import CONFIGS
 
 SPEC = f"""\
@@ -130,7 +130,7 @@ def test_who_stops_a_campaign_is_told_how_to_go_on(tmp_path, monkeypatch, compan
     def stopped(*_arguments, **_named):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("companion.evidence.evidence_commands.run_campaign", stopped)
+    monkeypatch.setattr("companion.research.evidence.evidence_commands.run_campaign", stopped)
     file = tmp_path / "spec.yaml"
     file.write_text(SPEC, encoding="utf-8")
     done = companion_command("campaign", file, "--out", tmp_path / "out")

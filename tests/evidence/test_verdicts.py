@@ -2,10 +2,10 @@
 
 import pytest
 
-from companion.campaign.paper import TABLE_1
-from companion.evidence.orderings import TABLES, Ordering, orderings
-from companion.evidence.samples import GROUPS
-from companion.evidence.verdicts import Verdict, counts_table, judge, judged, verdicts_table
+from companion.research.campaign.paper import TABLE_1
+from companion.research.evidence.orderings import TABLES, Ordering, orderings
+from companion.research.evidence.samples import GROUPS
+from companion.research.evidence.verdicts import Verdict, counts_table, judge, judged, verdicts_table
 from tests.evidence.made_evidence import case, evidence, sample
 
 PC = Ordering(1, 2, "PC", "safe-rrt", "taddrrt", 135.43, 149.94)

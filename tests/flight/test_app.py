@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.mission.item_difference import difference
 from companion.types.events import MissionCurrent
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness

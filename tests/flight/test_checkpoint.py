@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.flight.checkpoint import Checkpoint, key_of
+from companion.flight.state.checkpoint import Checkpoint, key_of
 from tests.mission.made import item, path_along
 
 GOALS = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
@@ -159,7 +159,7 @@ def test_a_small_archive_does_not_fill_the_memory(tmp_path):
     code = (
         "import base64, resource, sys\n"
         "from pathlib import Path\n"
-        "from companion.flight.checkpoint import Checkpoint\n"
+        "from companion.flight.state.checkpoint import Checkpoint\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "assert Checkpoint(Path(sys.argv[1])).flown(1) is None\n"
         "sys.stdout.write(str((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024))\n"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import Command
 from tests.flight.test_app import at, both, when

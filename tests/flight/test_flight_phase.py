@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S, FlightPhase, after_armed_state
+from companion.flight.state.flight_phase import GROUND_MAX_S, LANDED_S, FlightPhase, after_armed_state
 
 
 def heard(*beats):

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.config import mission_from_text
-from companion.flight import flight_state, list_state
-from companion.flight.flight_state import (
+from companion.flight.state import flight_state, list_state
+from companion.flight.state.flight_state import (
     FlightState,
     StateOwner,
     after_armed_reported,
@@ -25,8 +25,8 @@ from companion.flight.flight_state import (
     after_swap,
     first_state,
 )
-from companion.flight.list_state import FlownPath, ListState, after_asked, after_swap_ended
-from companion.flight.modes import Mode, ModeEvent
+from companion.flight.state.list_state import FlownPath, ListState, after_asked, after_swap_ended
+from companion.flight.state.modes import Mode, ModeEvent
 from companion.mission.list_layout import new_banks
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import OperatorGoal

@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import LineString, Point
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.mission_types import MissionKind

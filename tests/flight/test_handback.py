@@ -4,7 +4,7 @@ import numpy as np
 from shapely.geometry import LineString, Polygon
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from tests.flight.test_app import at, both, switch
 from tests.flight.test_operator import BOTH, MISSION_MODE
 from tests.sim.client import PLAIN

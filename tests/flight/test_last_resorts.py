@@ -7,8 +7,8 @@ import pytest
 from shapely import LineString, Polygon
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
-from companion.tasks import replanning
+from companion.flight.state.modes import Mode
+from companion.flight.tasks import replanning
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.vehicle.control import Level

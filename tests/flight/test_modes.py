@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from companion.flight import modes
-from companion.flight.modes import Mode, ModeEvent, next_mode
+from companion.flight.state import modes
+from companion.flight.state.modes import Mode, ModeEvent, next_mode
 
 ROWS = {
     (Mode.WAITING, ModeEvent.MISSION_FLOWN): Mode.DEPARTING,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.checkpoint import Checkpoint
-from companion.flight.modes import Mode
+from companion.flight.state.checkpoint import Checkpoint
+from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.px4.px4_store import stored

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from companion.comms.announcer import REPEAT_S, Announcer
-from companion.comms.pilot_messages import PathNews, is_another_path
-from companion.flight.decision import DecisionKind
+from companion.flight.messages.announcer import REPEAT_S, Announcer
+from companion.flight.messages.pilot_messages import PathNews, is_another_path
+from companion.flight.state.decision import DecisionKind
 from companion.types.path import Path
 
 SPEED_M_S = 20.0

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.mission.mission_id import mission_id
 from companion.types.events import Dialect
 from sim.autopilot.px4.px4_store import stored

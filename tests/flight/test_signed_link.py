@@ -5,12 +5,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
 from companion.errors import ConfigError
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.link.messages.codec import signer_of
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import read_tlog
-from companion.service.signing_setup import signing_of
+from companion.service.process.signing_setup import signing_of
 from companion.types.events import Dialect
 from sim.threats.adsb_source import SOURCE_SYSTEM
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness

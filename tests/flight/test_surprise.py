@@ -8,11 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from shapely.geometry import Point
 
 from companion.config import mission_from_text
+from companion.flight.exchange.handover import Handover
+from companion.flight.tasks.plan_maker import PlanMaker
+from companion.flight.tasks.replanning import Replanning
+from companion.flight.tasks.surprise_watch import SurpriseWatch
 from companion.planning.plan_runner import InlineRunner, PlanTiming, StopRule
-from companion.swapping.handover import Handover
-from companion.tasks.plan_maker import PlanMaker
-from companion.tasks.replanning import Replanning
-from companion.tasks.surprise_watch import SurpriseWatch
 from companion.types.events import Dialect
 from sim.bench.reaction import MISSION, reaction_in
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence, flown

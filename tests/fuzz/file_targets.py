@@ -16,7 +16,7 @@ from companion.errors import ConfigError, RecordError
 from companion.link.wire.tlog import read_tlog
 from companion.recording import mcap_schema as channels
 from companion.recording.reader import load_recording
-from companion.replay.flight_summary import flight_of
+from companion.service.replay.flight_summary import flight_of
 from tests.fuzz.mission_targets import MISSION
 from tests.fuzz.scripts import Reader, packed, pieces_of
 from tests.fuzz.targets import Target, Work, promise

@@ -18,13 +18,13 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
-from companion.comms.vehicle_link import VehicleLink
 from companion.config import load_mission
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.tasks.app import App, stop
+from companion.flight.tasks.composition import composed
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import Recorder
-from companion.tasks.app import App, stop
-from companion.tasks.composition import composed
 from tests.hostile.messages import Hostile
 from tests.link.pymavlink_frames import heartbeat, packed, position
 

@@ -4,10 +4,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
-from companion.comms.vehicle_link import VehicleLink
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import ENABLE
-from companion.flight.modes import Mode
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.state.modes import Mode
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.recorder import Recorder
 from companion.types.events import Dialect

@@ -10,7 +10,7 @@ from companion.recording.recorder import About, Recorder
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus
 from companion.types.record import PlanRecord, SwapRecord
-from companion.vehicle.lqg import regulator_gains
+from companion.world.vehicle.lqg import regulator_gains
 from tests.link.pymavlink_frames import heartbeat, packed
 
 H = np.eye(5, 6)

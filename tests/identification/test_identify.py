@@ -12,9 +12,9 @@ from scipy.stats import chi2
 from companion.config import load_mission, mission_from_text
 from companion.config.compose import vehicle_of
 from companion.errors import RecordError
-from companion.identification.flown_samples import flown_of
-from companion.identification.identify_command import document_of, fragment_of, identify
-from companion.identification.noise_estimate import identified, independent_samples, interval_of
+from companion.research.identification.flown_samples import flown_of
+from companion.research.identification.identify_command import document_of, fragment_of, identify
+from companion.research.identification.noise_estimate import identified, independent_samples, interval_of
 from sim.vehicle.sensors import Accuracy
 from tests.identification import synthetic
 from tests.link.pymavlink_frames import heartbeat

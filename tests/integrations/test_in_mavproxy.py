@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from companion.page.access import Access
-from companion.page.feed import Feed
-from companion.page.page_server import PageServer
+from companion.ui.page.access import Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.page_server import PageServer
 from tests.docs.test_commands import free_port
 from tests.page.flown import Told
 

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.frames import LocalFrame
-from companion.page.access import Access
-from companion.page.feed import Feed
-from companion.page.page_server import PageServer
+from companion.ui.page.access import Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.page_server import PageServer
 from tests.page.flown import Told
 
 FILE = Path(__file__).parents[2] / "integrations" / "mavproxy" / "mavproxy_companion.py"

@@ -5,9 +5,9 @@ import asyncio
 import pytest
 
 from companion.errors import TransferError
+from companion.flight.exchange.swap_px4 import replace_whole
 from companion.mission.mission_id import mission_id
 from companion.mission.swap import SwapOutcome
-from companion.swapping.swap_px4 import replace_whole
 from companion.types.events import MissionCurrent
 from companion.types.mission import Mission
 from tests.mission.made import item

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from companion.errors import NoAutopilotError
+from companion.flight.exchange.swap_arduplane import store
 from companion.mission.item_difference import difference
 from companion.mission.swap import SwapOutcome, enter
-from companion.swapping.swap_arduplane import store
 from companion.types.mission import Command, MavFrame, Mission
 from tests.mission.made import ScriptedLink, item
 

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.monitors.freshness_watch import Input
+from companion.flight.monitors.freshness_watch import Input
 from companion.types.events import Dialect
 from sim.faults import FaultyLink, LinkFaults
 from tests.sim.client import PLAIN

@@ -10,8 +10,8 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.errors import TransferError
-from companion.flight.flight_state import StateOwner, first_state
-from companion.monitors.geofences import AGAIN_BUSY_S, AGAIN_S, NAMED_AGAIN_S, READING_SHARE, Geofences
+from companion.flight.monitors.geofences import AGAIN_BUSY_S, AGAIN_S, NAMED_AGAIN_S, READING_SHARE, Geofences
+from companion.flight.state.flight_state import StateOwner, first_state
 from companion.types.events import Dialect, MissionCurrent
 from tests.sim.client import PLAIN
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.service.service import Service
+from companion.service.process.service import Service
 from tests.packaging.tools import needed
 
 PACKAGING = Path(__file__).parents[2] / "packaging"

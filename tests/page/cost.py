@@ -15,14 +15,14 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from companion.page.access import Access
-from companion.page.feed import Feed
-from companion.page.page_server import PageServer
-from companion.page.world_document import WorldDocument
 from companion.recording import mcap_schema as channels
 from companion.recording.mcap_reader import messages_of
 from companion.recording.mcap_writer import FlightLog, encoded
 from companion.recording.reader import stamp_of
+from companion.ui.page.access import Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.page_server import PageServer
+from companion.ui.page.world_document import WorldDocument
 
 PACE = 10.0
 VIEWER = """

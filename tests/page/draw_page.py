@@ -10,9 +10,9 @@ from pathlib import Path
 from PIL import Image
 
 from companion.config import load_mission
-from companion.page.access import Access
-from companion.page.page_server import PageServer
-from companion.page.playback import recorded_playback
+from companion.ui.page.access import Access
+from companion.ui.page.page_server import PageServer
+from companion.ui.page.playback import recorded_playback
 from tests.docs.test_commands import free_port
 from tests.page.browser import Browser
 from tests.page.made_ground import write_ground

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from companion.page.feed import HISTORY_MAX, NEWS_MAX, Feed
 from companion.recording import mcap_schema as channels
+from companion.ui.page.feed import HISTORY_MAX, NEWS_MAX, Feed
 from tests.page.flown import Told, ownship
 
 

@@ -16,11 +16,11 @@ from companion.config import load_mission
 from companion.config.load import text_of
 from companion.errors import ConfigError
 from companion.frames import LocalFrame
-from companion.page.access import Access
-from companion.page.feed import Feed
-from companion.page.ground import CELLS, SPREAD, ground_at
-from companion.page.page_server import PageServer
-from companion.page.playback import Playback
+from companion.ui.page.access import Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.ground import CELLS, SPREAD, ground_at
+from companion.ui.page.page_server import PageServer
+from companion.ui.page.playback import Playback
 from tests.page import made_ground
 from tests.page.flown import Told
 from tests.page.test_playback import asked

@@ -13,12 +13,12 @@ import pytest
 
 from companion.config import load_mission
 from companion.config.compose import world_of
-from companion.page.access import Access
-from companion.page.feed import Feed
-from companion.page.ground import ground_at
-from companion.page.page_server import PageServer
-from companion.page.playback import Playback
-from companion.ui.report import write_report
+from companion.ui.page.access import Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.ground import ground_at
+from companion.ui.page.page_server import PageServer
+from companion.ui.page.playback import Playback
+from companion.ui.reports.report import write_report
 from companion.world.pursuit import pursuit_game
 from tests.docs.test_commands import free_port
 from tests.page import browser, made_ground

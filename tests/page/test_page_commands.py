@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from companion.page import playback_page
 from companion.recording import mcap_schema as channels
 from companion.types.events import Dialect
+from companion.ui.page import playback_page
 from tests.page.test_playback import asked, lines_of
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded

@@ -10,13 +10,13 @@ import pytest
 
 from companion.config.load import text_of
 from companion.errors import ConfigError, LinkError
-from companion.page import world_document
-from companion.page.access import COOKIE, Access
-from companion.page.feed import Feed
-from companion.page.live_page import LivePage, page_of
-from companion.page.page_server import ALIVE_S, CONNECTIONS_MAX, TIMEOUT_S, WAITING_MAX, PageServer
-from companion.page.pages import static_files
 from companion.recording.recorder import Recorder
+from companion.ui.page import world_document
+from companion.ui.page.access import COOKIE, Access
+from companion.ui.page.feed import Feed
+from companion.ui.page.live_page import LivePage, page_of
+from companion.ui.page.page_server import ALIVE_S, CONNECTIONS_MAX, TIMEOUT_S, WAITING_MAX, PageServer
+from companion.ui.page.pages import static_files
 from tests.page.flown import Told
 
 TOKEN = "correct horse"

@@ -6,9 +6,9 @@ import socket
 import pytest
 
 from companion.errors import RecordError
-from companion.page.access import Access
-from companion.page.page_server import PageServer
-from companion.page.playback import Playback, recorded_playback
+from companion.ui.page.access import Access
+from companion.ui.page.page_server import PageServer
+from companion.ui.page.playback import Playback, recorded_playback
 from tests.page.flown import Told
 from tests.page.test_page_server import request
 

@@ -6,10 +6,10 @@ import json
 import pytest
 
 from companion.config import mission_from_text
-from companion.page.feed import Feed
+from companion.flight.tasks.progress_notices import POSITIONS_HZ, TRACKS_HZ
 from companion.recording import mcap_schema as channels
 from companion.recording.recorder import TRACK
-from companion.tasks.progress_notices import POSITIONS_HZ, TRACKS_HZ
+from companion.ui.page.feed import Feed
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 from tests.tracking.reports import report
 

@@ -6,12 +6,12 @@ import urllib.request
 
 import pytest
 
-from companion.flight.flight_phase import LANDED_S
+from companion.flight.state.flight_phase import LANDED_S
 from companion.link.wire.memory_transport import MemoryTransport
-from companion.page.access import Access
-from companion.page.live_page import LivePage
-from companion.service import service as services
-from companion.service.service import Service
+from companion.service.process import service as services
+from companion.service.process.service import Service
+from companion.ui.page.access import Access
+from companion.ui.page.live_page import LivePage
 from tests.page.test_page_server import Heard, request
 from tests.service.test_recorded_flights import AUTO, FBWA, MISSION, Bench, served
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission, mission_from_text
 from companion.config.rules import rules_of
 from companion.errors import ConfigError
-from companion.flight.shaping import commanded_airspeed_m_s
+from companion.flight.state.shaping import commanded_airspeed_m_s
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.games.generator import random_game
 from tests.games.oracle import first_threatened_s, game_of
 from tests.sim.client import CONFIGS

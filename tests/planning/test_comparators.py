@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.comparators import METHODS, Optimiser, Strategies
 from companion.planning.explore import Exploration
@@ -13,6 +12,7 @@ from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import pursuit_risk, route_from_path
 from companion.planning.settings import SUB_TASK_ITERATIONS
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from tests.planning.test_solver import checker_for
 from tests.sim.client import CONFIGS
 from tests.support.worlds import problem, track

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.comparators import METHODS, Certainty
 from companion.planning.settings import settings_for
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.threat import Radar
 from tests.support.exact_paths import ExactGrid, memberships
 from tests.support.paths import box

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.explore import Exploration
 from companion.planning.printed.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import Assessment, assess_route
 from companion.planning.solver import never, solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from tests.support.paths import box
 from tests.support.worlds import problem
 

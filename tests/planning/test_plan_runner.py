@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from companion.clock import ManualClock
+from companion.flight.tasks.plan_maker import LOOK_S, PlanMaker, plan_request
 from companion.planning.plan_runner import (
     InlineRunner,
     PlanBrokenOffError,
@@ -15,7 +16,6 @@ from companion.planning.plan_runner import (
     ThreadRunner,
 )
 from companion.recording.reader import _taken_of
-from companion.tasks.plan_maker import LOOK_S, PlanMaker, plan_request
 
 
 def test_what_is_broken_off_stops_at_the_next_question_and_for_good():

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission, mission_from_text
 from companion.planning.comparators import Strategies
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game

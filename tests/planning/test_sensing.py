@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.threat import Radar
 from tests.support.worlds import problem, track
 

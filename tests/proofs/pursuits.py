@@ -16,13 +16,13 @@ import numpy as np
 import shapely
 from matplotlib.figure import Figure
 
-from companion.campaign.runs import offline_world
 from companion.config import load_mission
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
 from companion.kernels.threat import reachability as r
 from companion.kernels.workspace import reach_scratch
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_world
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import threat_trees
 from sim.threats.roads import Roads

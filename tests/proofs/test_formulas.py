@@ -118,7 +118,7 @@ def test_what_nothing_calls_is_told_from_what_is_flown():
     assert ("companion.planning.solver", "solve") in FLOWN
     assert ("companion.kernels.search.path_edit", "ramp") in FLOWN  # by climb_profile, by join, by splice
     assert ("companion.kernels.search.path_edit", "no_such_kernel") not in FLOWN
-    assert ("companion.campaign.measures", "pursuit_measures") not in FLOWN
+    assert ("companion.research.campaign.measures", "pursuit_measures") not in FLOWN
 
 
 @pytest.mark.parametrize(("file", "name"), TESTS)

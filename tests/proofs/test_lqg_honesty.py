@@ -11,12 +11,12 @@ import pytest
 import shapely
 from scipy.stats import binom
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.frames import direction_from_course
 from companion.kernels.aircraft.lqg_mp import collision_free, look_up_gain
 from companion.planning.solver import solve
-from companion.vehicle.lqg import uncertainty_tables
+from companion.research.campaign.runs import offline_problem, offline_world
+from companion.world.vehicle.lqg import uncertainty_tables
 from tests.sim.client import CONFIGS
 
 FLIGHTS = 5000

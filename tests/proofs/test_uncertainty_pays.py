@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from companion.campaign.runs import offline_problem, offline_world
 from companion.config import load_mission
 from companion.planning.solver import solve
+from companion.research.campaign.runs import offline_problem, offline_world
 from tests.proofs import test_lqg_honesty as honesty
 from tests.sim.client import CONFIGS
 

@@ -13,7 +13,7 @@ from companion.kernels.aircraft.motion import advance, steer
 from companion.kernels.arrays import empty_tree
 from companion.kernels.search.growth import add_node
 from companion.planning.printed.sub_goal import horizon_points
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.worlds import scene_of, small_settings, work_for
 
 BOUNDS = (-9000.0, 9000.0, -9000.0, 9000.0, 0.0, 500.0)

@@ -21,7 +21,7 @@ from companion.config.compose import check_limits_of, vehicle_of
 from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.types.threat import Obstacle
-from companion.vehicle.guidance import default_guidance, track_of_legs
+from companion.world.vehicle.guidance import default_guidance, track_of_legs
 from tests.real.held_missions import HeldMission, messages_of
 from tests.real.rig.autopilots import KINDS, is_mission_mode
 from tests.real.rig.deck import is_standing

@@ -17,7 +17,7 @@ from companion.link.wire.tlog import read_tlog
 from companion.recording import mcap_reader
 from companion.recording.mcap_reader import messages_of, number
 from companion.recording.reader import load_recording
-from companion.replay.flight_summary import flight_of
+from companion.service.replay.flight_summary import flight_of
 from tests.cli.calls import in_a_process
 from tests.link.pymavlink_frames import heartbeat, position
 from tests.sim.client import CONFIGS
@@ -87,7 +87,7 @@ import resource, sys
 from pathlib import Path
 from companion.errors import CompanionError
 from companion.recording.reader import load_recording
-from companion.replay.flight_summary import flight_of
+from companion.service.replay.flight_summary import flight_of
 taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 room = taken + int(sys.argv[2]) * 2**20
 resource.setrlimit(resource.RLIMIT_AS, (room, room))

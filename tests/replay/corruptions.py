@@ -16,7 +16,7 @@ import numpy as np
 from companion.config import load_mission
 from companion.config.models import Goal
 from companion.recording.reader import load_recording
-from companion.replay.engine import Replay
+from companion.service.replay.engine import Replay
 
 DATA = Path(__file__).parents[1] / "data"
 RECORDINGS = {

@@ -12,8 +12,8 @@ from companion.link.messages.codec import _EXTRAS
 from companion.link.wire.framing import raw_frame, renumbered
 from companion.link.wire.tlog import read_tlog
 from companion.recording import recorder as record
-from companion.replay import replay_command as replaying
-from companion.replay.comparison import first_difference
+from companion.service.replay import replay_command as replaying
+from companion.service.replay.comparison import first_difference
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.cli.calls import in_a_process

@@ -8,10 +8,10 @@ import pytest
 from companion.config import load_mission
 from companion.errors import RecordError
 from companion.recording.recorder import About, Recorder
-from companion.replay.flight_summary import flight_of
-from companion.replay.frames_record import FROM_TLOG, ON_BOARD
+from companion.service.replay.flight_summary import flight_of
+from companion.service.replay.frames_record import FROM_TLOG, ON_BOARD
 from companion.types.events import Dialect
-from companion.ui.plots import flight_start
+from companion.ui.reports.plots import flight_start
 from sim.flight_record import record_of
 from tests.sim.client import CONFIGS
 from tests.support.recorded import recorded

@@ -14,8 +14,8 @@ import pytest
 from companion.config import load_mission
 from companion.link.wire.tlog import read_tlog
 from companion.recording.reader import load_recording
-from companion.replay.comparison import item_line
-from companion.replay.engine import Replay
+from companion.service.replay.comparison import item_line
+from companion.service.replay.engine import Replay
 from tests.replay.corruptions import DATA, RECORDINGS
 from tests.replay.renew import FLIGHTS, FOLDER
 

@@ -3,9 +3,9 @@
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.checkpoint import Checkpoint
+from companion.flight.state.checkpoint import Checkpoint
 from companion.recording.recorder import About, Recorder
-from companion.replay.comparison import first_difference
+from companion.service.replay.comparison import first_difference
 from companion.types.events import Dialect
 from sim.sitl import EPOCH_S, STEP_S
 from tests.support.recorded import replayed
@@ -59,6 +59,6 @@ def test_without_what_was_remembered_the_replay_would_part(tmp_path, monkeypatch
         harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
 
     harness = RestartedService(tmp_path, Dialect.ARDUPILOT).fly(70.0, kill)
-    monkeypatch.setattr("companion.replay.replayed_app.checkpoint_of", lambda about: Checkpoint())
+    monkeypatch.setattr("companion.service.replay.replayed_app.checkpoint_of", lambda about: Checkpoint())
     recording, result = replayed(harness.log(1) / "flight.tlog", harness.flight.mission)
     assert first_difference(recording, result) is not None

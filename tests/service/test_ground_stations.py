@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
 from companion.link.messages.codec import Codec
-from companion.service.telemetry_out import TelemetryReporter
+from companion.service.process.telemetry_out import TelemetryReporter
 from companion.types.plan import Measures, Plan, PlanStatus
 from sim.faults import FaultyLink, LinkFaults
 from tests.flight.test_app import at, both, switch

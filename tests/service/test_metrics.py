@@ -15,13 +15,13 @@ from companion.config import mission_from_text
 from companion.errors import ConfigError, LinkError
 from companion.link.wire.link_quality import LinkQuality
 from companion.mission.swap import SwapOutcome
-from companion.service import log_format as logs
-from companion.service import metrics
-from companion.service.host_status import host_status
-from companion.service.metrics import Endpoint, Metrics
-from companion.service.sd_notify import Notifier
-from companion.service.telemetry_out import COMPUTER_PERIODS, TelemetryReporter
-from companion.service.watchdog import Report, Supervision
+from companion.service.process import log_format as logs
+from companion.service.process import metrics
+from companion.service.process.host_status import host_status
+from companion.service.process.metrics import Endpoint, Metrics
+from companion.service.process.sd_notify import Notifier
+from companion.service.process.telemetry_out import COMPUTER_PERIODS, TelemetryReporter
+from companion.service.process.watchdog import Report, Supervision
 from companion.types.plan import Measures, Plan, PlanStatus
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 

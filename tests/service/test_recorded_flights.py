@@ -13,14 +13,14 @@ from companion.clock import ManualClock
 from companion.config import load_mission
 from companion.config.reload import prepared_mission
 from companion.errors import LinkError
-from companion.flight.checkpoint import Checkpoint
-from companion.flight.flight_phase import GROUND_MAX_S, LANDED_S
-from companion.flight.modes import Mode, ModeEvent
+from companion.flight.state.checkpoint import Checkpoint
+from companion.flight.state.flight_phase import GROUND_MAX_S, LANDED_S
+from companion.flight.state.modes import Mode, ModeEvent
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import load_recording
-from companion.replay.comparison import first_difference
-from companion.service import service as services
-from companion.service.service import Service
+from companion.service.process import service as services
+from companion.service.process.service import Service
+from companion.service.replay.comparison import first_difference
 from tests.sim.client import CONFIGS
 from tests.support.recorded import replayed
 

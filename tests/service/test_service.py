@@ -9,7 +9,7 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.link.wire.memory_transport import MemoryTransport
-from companion.service.recorded_flight import REPORT_SILENCE_S, RecordedFlight
+from companion.service.process.recorded_flight import REPORT_SILENCE_S, RecordedFlight
 
 URL = "udpin://127.0.0.1:14540"
 

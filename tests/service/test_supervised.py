@@ -13,9 +13,9 @@ from tests.service.processes import FIRST_FLIGHT, Manager, ended, free_port, ser
 
 HANG = """
 import threading
-from companion.service import service
-from companion.tasks.plan_maker import Planner
-from companion.tasks import replanning
+from companion.service.process import service
+from companion.flight.tasks.plan_maker import Planner
+from companion.flight.tasks import replanning
 service.make_ready = lambda report: None  # it plans, too
 def hang(*parts, **named):
     threading.Event().wait()

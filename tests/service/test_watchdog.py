@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from companion.clock import ManualClock
 from companion.config import mission_from_text
-from companion.service.sd_notify import Notifier, watchdog_of
-from companion.service.watchdog import EXTENSION_S, WARM_UP_MAX_S, Report, Supervision
+from companion.service.process.sd_notify import Notifier, watchdog_of
+from companion.service.process.watchdog import EXTENSION_S, WARM_UP_MAX_S, Report, Supervision
 from companion.types.events import Dialect
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 

@@ -8,13 +8,13 @@ import pytest
 import shapely
 from rich.console import Console
 
-from companion.campaign import run_places
-from companion.campaign.campaign_progress import run_campaign
-from companion.campaign.campaign_spec import load_campaign
-from companion.campaign.runs import plan_runs
 from companion.config import load_mission
 from companion.config.models import DynamicThreatConfig
 from companion.errors import ConfigError, NoAutopilotError
+from companion.research.campaign import run_places
+from companion.research.campaign.campaign_progress import run_campaign
+from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.campaign.runs import plan_runs
 from sim.bench.campaign_runs import FlightRunner, _flat, driven
 from sim.sitl import Flight
 from tests.mission.made import path_along

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.config import load_mission
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.types.events import Dialect
 from sim.faults import FaultKind, random_schedule

@@ -9,8 +9,8 @@ from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.settings import settings_for
 from companion.types.threat import Obstacle, Radar
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.snapshot import first_snapshot
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.exact_paths import ExactGrid
 
 SIDE = 3000.0

@@ -7,11 +7,11 @@ import sys
 from dataclasses import replace
 
 from companion.config import mission_from_text
-from companion.flight.modes import Mode
-from companion.flight.progress import start_by_motion
+from companion.flight.state.modes import Mode
+from companion.flight.state.progress import start_by_motion
+from companion.flight.tasks.plan_maker import Planner, least_threat_request
 from companion.kernels.native.kernel import refuse_compiling
 from companion.kernels.native.ready import make_ready
-from companion.tasks.plan_maker import Planner, least_threat_request
 from companion.types.events import Dialect
 from tests.flight.test_app import at, both, switch
 from tests.flight.test_surprise import ahead, sighted

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.config import load_mission
 from companion.recording.reader import load_recording
-from companion.replay.engine import Replay
+from companion.service.replay.engine import Replay
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.sim.client import CONFIGS

@@ -5,12 +5,12 @@ import asyncio
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
-from companion.comms.vehicle_link import VehicleLink
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.tasks.app import App, stop
+from companion.flight.tasks.composition import composed
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.planning.plan_runner import InlineRunner
-from companion.tasks.app import App, stop
-from companion.tasks.composition import composed
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.sim.client import CONFIGS

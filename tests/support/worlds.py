@@ -11,12 +11,12 @@ from companion.kernels.workspace import workspace
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.settings import PlannerSettings
 from companion.types.threat import TrackState
-from companion.vehicle.lqg import uncertainty_tables
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
 from companion.world.pursuit import pursuit_game
 from companion.world.snapshot import first_snapshot
 from companion.world.threats import packed_threats
+from companion.world.vehicle.lqg import uncertainty_tables
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 BOUNDS = (0.0, 1500.0, 0.0, 1500.0, 50.0, 250.0)
 VEHICLE = VehicleModel()

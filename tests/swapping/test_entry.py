@@ -10,15 +10,15 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
-from companion.flight.flight_state import first_state
-from companion.flight.flown_track import guidance_of
-from companion.flight.shaping import waypoints_of
-from companion.swapping import entry
-from companion.swapping.entry import entry_of, may_be_entered
-from companion.swapping.swap_protocol import Entry
+from companion.flight.exchange import entry
+from companion.flight.exchange.entry import entry_of, may_be_entered
+from companion.flight.exchange.swap_protocol import Entry
+from companion.flight.state.flight_state import first_state
+from companion.flight.state.flown_track import guidance_of
+from companion.flight.state.shaping import waypoints_of
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
-from companion.vehicle.guidance import track_of_legs
+from companion.world.vehicle.guidance import track_of_legs
 from tests.mission.made import path_along, waypoints
 from tests.sim.client import CONFIGS, PLAIN, mission_file
 

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.flight_state import after_settings_reported, first_state
-from companion.flight.flown_track import guidance_of
-from companion.takeover.capability import shortfalls
+from companion.flight.state.flight_state import after_settings_reported, first_state
+from companion.flight.state.flown_track import guidance_of
+from companion.flight.takeover.capability import shortfalls
 from companion.types.state import AutopilotSettings
 from tests.flight.test_app import at, both
 from tests.flight.test_flight_day import day, off, uploaded

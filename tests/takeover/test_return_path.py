@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
-from companion.flight.flight_state import (
+from companion.flight.state.flight_state import (
     after_home_reported,
     after_rally_points,
     after_rally_reported,
     after_settings_reported,
 )
+from companion.flight.takeover.return_path import return_path, ways_home
 from companion.mission.operator import Operator
-from companion.takeover.return_path import return_path, ways_home
 from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from sim.faults import FaultKind, LinkFaults, Schedule, random_schedule
 from tests.torture.harness import KINDS, TortureHarness, flown

@@ -18,16 +18,16 @@ from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.config.compose import check_limits_of, vehicle_of
 from companion.errors import RecordError
-from companion.flight.checkpoint import Checkpoint
-from companion.flight.modes import Mode
+from companion.flight.state.checkpoint import Checkpoint
+from companion.flight.state.modes import Mode
+from companion.flight.tasks.app import stop
 from companion.frames import speed_made_good
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.mission.waypoints import equivalent_airspeed
-from companion.tasks.app import stop
 from companion.types.events import Dialect
 from companion.types.mission import Command
 from companion.types.state import Ownship
-from companion.vehicle.guidance import default_guidance, track_of_legs
+from companion.world.vehicle.guidance import default_guidance, track_of_legs
 from sim.faults import FaultKind, FaultyLink, LinkFaults, OtherUploader, Schedule, random_schedule
 from tests.sim.client import CONFIGS, PLAIN
 from tests.support.sitl_harness import SitlHarness

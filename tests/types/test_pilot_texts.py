@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from companion.flight.decision import DecisionKind
+from companion.flight.state.decision import DecisionKind
 from companion.types.pilot_texts import SUBJECTS, TEXTS, kind_of, pilot_message
 from tests.docs.write_pilot_messages import PAGE, page
 

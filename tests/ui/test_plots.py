@@ -8,10 +8,10 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 
-from companion.ui import charts, style
-from companion.ui.perspective import circle, prism_faces
-from companion.ui.plots import flight_map, plot_mission, plot_plan
-from companion.ui.threats_met import encounter_table
+from companion.ui.reports import charts, style
+from companion.ui.reports.perspective import circle, prism_faces
+from companion.ui.reports.plots import flight_map, plot_mission, plot_plan
+from companion.ui.reports.threats_met import encounter_table
 from tests.ui.flights import empty_record, mission, path, plan, record, snapshot_of
 
 
@@ -48,7 +48,9 @@ def test_a_plan_is_drawn_whether_or_not_there_is_a_path(tmp_path, dimension, fou
 
 def test_of_very_many_circles_a_sample_is_drawn_and_named_so(tmp_path, monkeypatch):
     seen = []
-    monkeypatch.setattr("companion.ui.basemap.MapSheet.finish", lambda sheet: seen.extend(sheet.handles))
+    monkeypatch.setattr(
+        "companion.ui.reports.basemap.MapSheet.finish", lambda sheet: seen.extend(sheet.handles)
+    )
     found = plan()
     circles = np.tile(found.trace.reach_circles_enu_m, (60, 1))
     config = mission(2)

@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 import pytest
 
 from companion.assurance.encounters import seconds_of
-from companion.ui.report import write_report
-from companion.ui.style import number_text
+from companion.ui.reports.report import write_report
+from companion.ui.reports.style import number_text
 from tests.ui.flights import empty_record, mission, record, snapshot_of
 
 VOID = {"meta", "img", "br", "path", "use", "rect", "image"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from companion.ui import style
+from companion.ui.reports import style
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ import re
 
 import pytest
 
-from companion.flight.decision import DecisionKind
-from companion.page.pages import static_files
+from companion.flight.state.decision import DecisionKind
 from companion.types.mavlink_enums import Severity
-from companion.ui import report, style
-from companion.ui.vocabulary import DANGER, KINDS, WATCH, as_script, decision_words
+from companion.ui.page.pages import static_files
+from companion.ui.reports import report, style
+from companion.ui.reports.vocabulary import DANGER, KINDS, WATCH, as_script, decision_words
 
 # Names in the page's style sheet, and what the report's drawings call the same.
 SHARED = {

@@ -1,10 +1,10 @@
 """Who flew when: every state of the service's has its words, and a day is told from its decisions alone."""
 
-from companion.flight.modes import Mode
+from companion.flight.state.modes import Mode
+from companion.flight.tasks.app import TOLD
 from companion.recording.reader import load_recording
-from companion.tasks.app import TOLD
 from companion.types.record import Decision
-from companion.ui.who_flew import WHO, watches, who_flew_table, who_of
+from companion.ui.reports.who_flew import WHO, watches, who_flew_table, who_of
 from tests.flight.test_app import at, both
 from tests.flight.test_flight_day import MISSION_MODE, off, uploaded
 from tests.sim.client import plain_mission

@@ -15,8 +15,8 @@ from companion.mission.waypoints import density_ratio
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import Ownship
-from companion.vehicle.guidance import default_guidance, track_of_circle, track_of_legs
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.guidance import default_guidance, track_of_circle, track_of_legs
+from companion.world.vehicle.vehicle_model import VehicleModel
 from sim.simulator import Simulator
 from sim.vehicle.control import Circle
 from tests.sim.client import plain_mission

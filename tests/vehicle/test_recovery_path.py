@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.vehicle.recovery_path import Surroundings, recovery_path
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.recovery_path import Surroundings, recovery_path
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
 
 BOUNDS = (0.0, 3000.0, 0.0, 3000.0, 50.0, 200.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.vehicle.lqg import NUM_PARTICLES, regulator_gains, uncertainty_tables, with_gusts
+from companion.world.vehicle.lqg import NUM_PARTICLES, regulator_gains, uncertainty_tables, with_gusts
 from tests.support.worlds import VEHICLE, tables
 
 

@@ -12,7 +12,7 @@ from scipy.special import gammainc
 from companion.kernels.aircraft import lqg_mp as u
 from companion.kernels.aircraft.motion import advance
 from companion.kernels.workspace import filter_scratch
-from companion.vehicle.lqg import regulator_gains, riccati_solutions
+from companion.world.vehicle.lqg import regulator_gains, riccati_solutions
 from tests.support.worlds import VEHICLE, tables
 
 TABLES, SCRATCH = tables(3), filter_scratch()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from companion.kernels.aircraft import motion as m
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 VEHICLE = VehicleModel()
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 0.0, 300.0)

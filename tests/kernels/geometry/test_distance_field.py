@@ -11,7 +11,7 @@ from companion.kernels.printed.dynamic_domain_rrt import DRAWS, greedy_connect
 from companion.planning.explore import Exploration
 from companion.planning.printed.sub_tasks import SubTasks
 from companion.types.threat import Radar
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
 from tests.support.worlds import packed, problem
 

@@ -26,8 +26,8 @@ from companion.kernels.objective.cost_to_go import (
 )
 from companion.kernels.objective.row_costs import Objective, Prices
 from companion.types.threat import Obstacle
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.worlds import scene_of, work_for
 
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 50.0, 250.0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go, fill_cost_to_go, solved
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 
 SPACING_M = 25.0
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 0.0, 200.0)

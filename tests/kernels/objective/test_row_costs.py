@@ -15,11 +15,11 @@ from companion.kernels.objective.row_costs import (
 )
 from companion.kernels.workspace import PathRows
 from companion.types.threat import Obstacle, Radar
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.obstacles import packed_obstacles
 from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import pursuit_game
 from companion.world.threats import packed_threats
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.worlds import track
 
 BOUNDS = (0.0, 2000.0, 0.0, 2000.0, 0.0, 300.0)

@@ -14,8 +14,8 @@ from companion.kernels.printed import extension, near_nodes
 from companion.kernels.search import costs, growth
 from companion.kernels.workspace import Step, empty_nearest, threat_scene
 from companion.types.threat import Radar
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
 from tests.support.worlds import VEHICLE, packed, small_settings, threat_model
 

@@ -12,8 +12,8 @@ from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.printed import sub_goals as sg
 from companion.types.threat import Radar
-from companion.vehicle.vehicle_model import VehicleModel
 from companion.world.threats import packed_threats
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
 from tests.support.worlds import packed, scene_of
 

@@ -13,7 +13,7 @@ from companion.frames import course_from_direction
 from companion.kernels.aircraft import dubins
 from companion.kernels.search import path_edit as s
 from companion.kernels.workspace import PathRows
-from companion.vehicle.vehicle_model import VehicleModel
+from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box, check_limits, path_of
 from tests.support.worlds import packed
 

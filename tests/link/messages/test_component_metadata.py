@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 from pymavlink.mavftp import MAVFTP
 
-from companion.comms.speech import Speech
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import TABLE, Parameters
+from companion.flight.messages.speech import Speech
 from companion.link.messages.codec import Codec, signer_of
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.signing import Timestamps

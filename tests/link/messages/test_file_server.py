@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.comms.speech import Speech
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import Parameters
+from companion.flight.messages.speech import Speech
 from companion.link.messages.codec import Codec
 from companion.link.messages.file_server import (
     BURST_MAX,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.campaign.campaign_spec import Run, load_campaign
 from companion.planning.route import cost_between, route_along, route_from_path
 from companion.planning.solver import solve
+from companion.research.campaign.campaign_spec import Run, load_campaign
 from tests.sim.client import CONFIGS
 
 base = pytest.importorskip("ompl.base")

@@ -1,0 +1,213 @@
+"""Reads the autopilot's mission list, and tells whose it is and what in it is flown."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from companion.config import MissionConfig
+from companion.errors import CompanionError
+from companion.flight.exchange.protocols import SwapProtocols
+from companion.flight.messages.announcer import Announcer
+from companion.flight.state.checkpoint import Checkpoint, key_of
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import (
+    StateOwner,
+    after_list_adopted,
+    after_operator_goals,
+    after_restart,
+)
+from companion.flight.state.list_state import (
+    FlownPath,
+    MissionPosition,
+    after_adopted,
+    after_current_reported,
+    after_found_as_left,
+    after_found_flown,
+    after_landing_missed,
+    after_text_reported,
+)
+from companion.flight.state.modes import ModeEvent
+from companion.mission.list_layout import Layout
+from companion.mission.operator import Operator, goals_of_operator, operator_of, position_of
+from companion.mission.path_progress import progress_on
+from companion.types.events import MissionCurrent, StatusText
+from companion.types.mission import Mission, MissionItem
+
+
+class ListReadResult(Enum):
+    """What the autopilot was found to hold."""
+
+    OURS = "ours, or nothing new"
+    FOREIGN = "another mission"
+    UNREADABLE = "not to be read"
+
+
+class ListReader:
+    """Keeps what is known of the autopilot's list up to date.
+
+    Parameters
+    ----------
+    protocols : SwapProtocols
+        How lists are laid out, and what is worked with: the flight's state, the link, the aircraft.
+    announcer : Announcer
+        Told what the pilot should know.
+    checkpoint : Checkpoint
+        For the path that a mission found in the autopilot carries, and the goals reached before.
+    """
+
+    def __init__(self, protocols: SwapProtocols, announcer: Announcer, checkpoint: Checkpoint) -> None:
+        self._parts = protocols.parts
+        self._protocols = protocols
+        self._announcer = announcer
+        self._checkpoint = checkpoint
+        self._flight, self._link = self._parts.flight, self._parts.link
+
+    @property
+    def position(self) -> MissionPosition:
+        """Where in its list the autopilot is."""
+        return self._flight.listed.position(self._link.current)
+
+    @property
+    def current(self) -> MissionCurrent | None:
+        """The item that the autopilot flies."""
+        return self._link.current
+
+    def note(self, event: MissionCurrent | StatusText) -> None:
+        """Watch for missions that we did not send, and for items that we did not choose."""
+        if isinstance(event, StatusText):
+            self._flight.apply_to_list(after_text_reported, event.text)
+            return
+        self._flight.apply_to_list(
+            after_current_reported,
+            event,
+            is_flying_ours=self._flight.state.flown is not None,
+            num_home_items=self._protocols.dialect.num_home_items,
+        )
+
+    async def prepare(self) -> ListReadResult:
+        """Read the autopilot's list if it is not known, or may have been changed by somebody else."""
+        listed = self._flight.listed
+        if listed.layout is not None and not listed.suspected:
+            return ListReadResult.OURS
+        try:
+            read = await self._parts.read()
+        except CompanionError as error:
+            text = f"the autopilot's mission cannot be read: {error}"
+            self._announcer.decide(DecisionKind.REJECTED, text, tell="unreadable")
+            return ListReadResult.UNREADABLE
+        is_first = self._flight.listed.layout is None
+        if not is_first and self._flight.listed.is_as_left(read):
+            self._flight.apply_to_list(after_found_as_left, self._link.current)
+            return ListReadResult.OURS
+        layout = self._adopt(read)
+        span = self._span_flown(read, layout)
+        if is_first and span is not None:
+            layout = self._protocols.now.layout_as_flown(layout, read[slice(*span)])
+            self._flight.apply_to_list(after_found_flown, layout)
+            self._recover(read, span)
+            reached = self._checkpoint.reached([goal.position_enu_m for goal in self._flight.state.goals])
+            self._flight.apply(after_restart, num_goals_reached=reached)
+            text = f"the autopilot flies a mission of ours; {reached} goals reached"
+            self._announcer.decide(DecisionKind.RESTART, text, tell="restarted")
+        return ListReadResult.OURS if is_first else ListReadResult.FOREIGN
+
+    def _span_flown(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
+        """Where ours lie in a list as read, if the aircraft flies one of them."""
+        if not self._flight.state.phase.is_moving:  # on the ground they are the last flight's
+            return None
+        current, span = self._link.current, self._protocols.now.span_of_ours(read, layout)
+        if current is None or span is None or not span[0] <= current.sequence < span[1]:
+            return None
+        return span
+
+    def _recover(self, read: tuple[MissionItem, ...], span: tuple[int, int]) -> None:
+        """Take up the path of a mission that the autopilot flies since before a restart."""
+        kept = self._checkpoint.flown(key_of(read[slice(*span)]))
+        state = self._parts.state()
+        if kept is None or state is None:
+            return
+        path, until_s = kept
+        row = progress_on(path, state.position_enu_m).row
+        self._flight.apply(after_restart, FlownPath(path, Mission(read, span[0], 0), until_s, row))
+
+    def _adopt(self, read: tuple[MissionItem, ...]) -> Layout:
+        """Take a list as the operator's, but for what in it is ours."""
+        layout = adopt(self._flight, self._protocols, read)
+        listed, operator = self._flight.listed, self._flight.listed.operator
+        is_missed = bool(read) and operator is not None and not operator.has_landing
+        if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
+            self._flight.apply_to_list(after_landing_missed)
+            text = "no landing in the autopilot's mission"
+            fault = "PX4 does not arm without a landing item"
+            self._announcer.decide(DecisionKind.LANDING, text, tell="check", about=text, fault=fault)
+        return layout
+
+    async def knows_mission(self) -> tuple[bool, ModeEvent | None]:
+        """Whether the autopilot's list is known and left to us; another uploader's is respected.
+
+        Returns
+        -------
+        bool
+            Whether plans can be made for it.
+        ModeEvent or None
+            That somebody else's mission is flown.
+        """
+        result = await self.prepare()
+        if result is ListReadResult.UNREADABLE:
+            return False, None
+        state = self._flight.state
+        if result is ListReadResult.FOREIGN:
+            if not state.mission.goals_from_autopilot:
+                return False, ModeEvent.OTHER_MISSION
+            words = f"{len(state.goals)} goals"
+            self._announcer.decide(
+                DecisionKind.MISSION,
+                f"another mission was uploaded: {words} from it",
+                tell="other mission",
+                mission=words,
+            )
+        if not state.goals:
+            text = "the autopilot's mission has no waypoint to fly to"
+            self._announcer.decide(DecisionKind.NO_PLAN, text, tell="no goal")
+        return bool(state.goals), None
+
+
+def adopt(flight: StateOwner, protocols: SwapProtocols, read: tuple[MissionItem, ...]) -> Layout:
+    """Take a list as the operator's, but for what in it is ours; returns how ours are to stand in it.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    protocols : SwapProtocols
+        How lists are laid out.
+    read : tuple of MissionItem
+        The list as read.
+    """
+    protocol, link = protocols.now, protocols.parts.link
+    mission, current, home = flight.state.mission, link.current, link.home_altitude_amsl_m
+    place = None
+    if mission.goals:
+        last = mission.goals[-1]
+        place = float(last.east_m), float(last.north_m), float(last.acceptance_radius_m)
+    num_home_items = protocols.dialect.num_home_items
+    operator = operator_of(
+        protocol.without_ours(read), mission.frame, home, place, num_home_items=num_home_items
+    )
+    layout = protocol.layout_of(read, operator, current.sequence if current is not None else 0)
+    listed = after_adopted(flight.listed, read, layout, operator, current, home)
+    flight.apply(after_list_adopted, listed, _tail_position(mission, operator, home))
+    if mission.goals_from_autopilot:
+        flight.apply(after_operator_goals, goals_of_operator(operator, mission.frame, home))
+    return layout
+
+
+def _tail_position(
+    mission: MissionConfig, operator: Operator, home_amsl_m: float | None
+) -> tuple[float, float, float] | None:
+    """Where the operator goes on after the goal; None where that is not known."""
+    for item in operator.items[operator.tail :]:
+        place = position_of(item, mission.frame, home_amsl_m)
+        if place is not None:
+            return place
+    return None

@@ -1,0 +1,88 @@
+"""What the pilot reads of a new path: whether it is safe, the first turn, and the arrival."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.list_state import FlownPath
+from companion.types.path import Path
+
+TURN_BEGINS_RAD = math.radians(5.0)  # A course that has changed by more has begun to turn.
+TURN_RAD = math.radians(25.0)  # A smaller change of course is no turn that a pilot would notice.
+NEARBY_M = 50.0  # Paths this close to each other look the same on a map.
+LOOK_AHEAD_S = 60.0  # Two paths are compared so far ahead.
+ARRIVAL_CHANGE_S = 15.0  # A smaller change of the arrival is no news.
+
+
+class PathNews:
+    """What the pilot reads of the paths that are flown, one after the other."""
+
+    def __init__(self) -> None:
+        self._was_safe: bool | None = None
+
+    def of(
+        self, state: FlightState, path: Path, before: FlownPath | None, now_s: float
+    ) -> tuple[str, str, str]:
+        """Which text tells of a new path, the first turn, and the time to the goal.
+
+        There is no text, '', where a pilot would see no difference. Of a path that does not lead to the goal
+        the pilot reads as an emergency.
+
+        Parameters
+        ----------
+        state : FlightState
+            Goals and limits.
+        path : Path
+            What is flown from now on.
+        before : FlownPath or None
+            What was flown up to now.
+        now_s : float
+            The clock's reading [s].
+        """
+        goal, was_safe = state.goals[-1], self._was_safe
+        leads_to_goal = math.dist(path.positions_enu_m[-1], goal.position_enu_m) <= goal.acceptance_radius_m
+        self._was_safe = is_safe = not state.violations_of(path) if leads_to_goal else None
+        is_same = before is not None and is_safe is was_safe and not is_another_path(path, before.path, now_s)
+        if is_safe is None or is_same:
+            return "", "", ""
+        left_s = max(0, round(float(path.times_s[-1]) - now_s))
+        time = f"{left_s // 60}:{left_s % 60:02d}"
+        return "path" if is_safe else "unsafe path", _first_turn(path, now_s), time
+
+
+def _first_turn(path: Path, now_s: float) -> str:
+    """The first turn of a path from now on, in words."""
+    first = min(int(np.searchsorted(path.times_s, now_s)), len(path) - 1)
+    turned = np.unwrap(path.courses_rad[first:]) - path.courses_rad[first]
+    turns = np.flatnonzero(np.abs(turned) > TURN_RAD)
+    if not len(turns):
+        return "Straight on"
+    side = math.copysign(1.0, turned[turns[0]])
+    begun = np.flatnonzero(side * turned[: turns[0] + 1] <= TURN_BEGINS_RAD)[-1]
+    places = path.positions_enu_m[first : first + begun + 1]
+    away_m = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    words = "Right turn" if side > 0.0 else "Left turn"
+    return f"{words} now" if away_m < NEARBY_M else f"{words} in {50 * round(away_m / 50.0)} m"
+
+
+def is_another_path(path: Path, before: Path, now_s: float) -> bool:
+    """Whether a pilot would see a difference between two paths: on the map, or in the time of arrival.
+
+    Parameters
+    ----------
+    path, before : Path
+        What is flown from now on, and what was flown up to now.
+    now_s : float
+        The clock's reading [s].
+    """
+    if abs(path.times_s[-1] - before.times_s[-1]) > ARRIVAL_CHANGE_S:
+        return True
+    times = np.arange(now_s, min(now_s + LOOK_AHEAD_S, path.times_s[-1], before.times_s[-1]), 1.0)
+    here, there = (
+        np.column_stack([np.interp(times, one.times_s, one.positions_enu_m[:, axis]) for axis in range(3)])
+        for one in (path, before)
+    )
+    return bool(len(times)) and float(np.linalg.norm(here - there, axis=1).max()) > NEARBY_M

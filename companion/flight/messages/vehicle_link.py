@@ -1,0 +1,159 @@
+"""Everything about the vehicle's link: frames in and out, what is asked for, answered and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from companion.clock import Clock
+from companion.config import MissionConfig
+from companion.flight.messages.observer import Observer
+from companion.flight.messages.speech import Speech
+from companion.link.messages.codec import Codec
+from companion.link.messages.component import ParameterStore
+from companion.link.messages.streams import Streams
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.link.wire.framing import frames_in
+from companion.link.wire.link_quality import LinkQuality
+from companion.link.wire.signing import Signer
+from companion.link.wire.source_limits import SourceLimits
+from companion.link.wire.transport import Address, Transport
+from companion.recording.recorder import Recorder
+from companion.types.events import Event
+
+LinkKind = Callable[[Codec, Clock, Callable[[bytes], None]], AutopilotLink]
+
+
+class VehicleLink:
+    """The link to one vehicle.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file, for its section ``link``.
+    transport : Transport
+        To the autopilot.
+    clock : Clock
+        The service's.
+    recorder : Recorder
+        Keeps every frame of both directions.
+    signer : Signer, optional
+        Signs what is sent and verifies what comes in.
+    link_kind : callable
+        Makes what carries out mission transfers, as ``AutopilotLink`` is made; tests put one in whose
+        time is simulated, too, and a replay one that goes on where the recorded autopilot does not answer.
+    observer : Observer, optional
+        Told when an exchange with the autopilot gets on.
+
+    Attributes
+    ----------
+    codec : Codec
+        Frames to events, and messages to bytes.
+    autopilot : AutopilotLink
+        Calls that the autopilot answers.
+    streams : Streams
+        Which messages it is asked for.
+    quality : LinkQuality
+        How many of its frames arrive.
+    """
+
+    def __init__(
+        self,
+        mission: MissionConfig,
+        transport: Transport,
+        clock: Clock,
+        recorder: Recorder,
+        *,
+        signer: Signer | None = None,
+        link_kind: LinkKind = AutopilotLink,
+        observer: Observer | None = None,
+    ) -> None:
+        settings = mission.link
+        limits = SourceLimits(float(settings.source_rate_max_hz), settings.systems)
+        self.codec = Codec(settings.vehicle_system_id, settings.track_sources, signer=signer, limits=limits)
+        self.transport = transport
+        self.streams = Streams(float(settings.stream_rate_hz))
+        self.quality = LinkQuality()
+        self._clock = clock
+        self._recorder = recorder
+        self._observer = observer or Observer()
+        self._take: Callable[[Event, float], None] = _ignore
+        self._speech = Speech(self.codec, transport.bytes_per_s)
+        self.autopilot = link_kind(self.codec, clock, self.send)
+
+    @property
+    def has_heard(self) -> bool:
+        """Whether the vehicle is known, and was heard."""
+        return self.autopilot.dialect is not None
+
+    async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
+        """Open the transport.
+
+        Parameters
+        ----------
+        take : callable
+            Takes each event, and when it was heard by the clock [s].
+        parameters : ParameterStore
+            What others may ask for or set.
+        """
+        self._take = take
+        self._speech.begin(parameters)
+        self.transport.set_receiver(self.receive)
+        await self.transport.open()
+
+    def receive(self, data: bytes, address: Address | None = None) -> None:
+        """Take bytes from the transport: record, pass on and answer each frame, then hand out its events."""
+        now_s, peer, had_heard = self._clock.now_s(), self.codec.identity.peer, self.has_heard
+        frames = self.codec.feed(data, now_s, address)
+        if (now_at := self.codec.identity.peer) is not None and now_at != peer:
+            self.transport.answer_to(now_at)
+        for frame in frames:
+            self._recorder.frame(now_s, frame.raw)
+            if self.codec.identity.is_autopilot(frame.system_id, frame.component_id):
+                self.streams.note(frame, now_s)
+                self.quality.note(frame.raw)
+            self.autopilot.receive(frame)
+            if self.autopilot.is_part_of_exchange(frame):
+                self._observer.progress()
+            self.send(self._speech.answer(frame, now_s))
+            for event in frame.events:
+                self._take(event, now_s)
+        if self.has_heard and not had_heard:
+            self.send(self.streams.due(self.codec, now_s))
+
+    def send(self, data: bytes) -> None:
+        """Send packed frames, signed where there is a key, and record them."""
+        if self.transport.is_open and data:
+            data = self.codec.on_the_wire(data)
+            self.transport.send(data)
+            for raw in frames_in(data):
+                self._recorder.frame(self._clock.now_s(), raw)
+
+    def tell(self, severity: int, text: str) -> None:
+        """Tell the pilot in words, with a MAV_SEVERITY; nobody before the vehicle is heard."""
+        if self.has_heard:
+            self.send(self._speech.text(severity, text, self._clock.now_s()))
+
+    def keep_up(self, now_s: float, state: int) -> None:
+        """Send what is due every second: the heartbeat with its MAV_STATE, and requests for streams."""
+        if self.has_heard:
+            self.send(self.codec.heartbeat(state))
+            self.send(self.streams.due(self.codec, now_s))
+
+    def status(self) -> dict[str, object]:
+        """How the link is, for the recording."""
+        dialect = self.autopilot.dialect
+        return {
+            "dialect": None if dialect is None else dialect.value,
+            "vehicle_system_id": self.codec.vehicle_system_id,
+            "counters": {**self.codec.counters, **self.autopilot.counters},
+            "missing_streams": self.streams.missing,
+        }
+
+    async def close(self) -> None:
+        """End the calls under way, and the transport."""
+        await self.autopilot.close()
+        await self.transport.close()
+
+
+def _ignore(event: Event, now_s: float) -> None:
+    """Before the link is opened nobody takes events."""

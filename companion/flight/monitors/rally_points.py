@@ -1,0 +1,88 @@
+"""The autopilot's rally points, read when it tells that they are others."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+from companion.clock import Clock
+from companion.errors import CompanionError
+from companion.flight.messages.announcer import Announcer
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import StateOwner, after_rally_points, after_rally_reported
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.mission.rally import rally_points_of
+from companion.types.mission import MissionItem
+
+AGAIN_S = 30.0  # between two readings, whatever is told
+
+_log = logging.getLogger(__name__)
+
+
+class RallyPoints:
+    """Keeps the flight's rally points up to date.
+
+    A PX4 names its list in MISSION_CURRENT; an ArduPlane tells the number of points as a parameter. Where
+    there are none nothing is asked.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state, which is to have them.
+    link : AutopilotLink
+        To the autopilot.
+    announcer : Announcer
+        Told how many there are.
+    clock : Clock
+        The service's.
+    """
+
+    def __init__(self, flight: StateOwner, link: AutopilotLink, announcer: Announcer, clock: Clock) -> None:
+        self._flight, self._link = flight, link
+        self._announcer, self._clock = announcer, clock
+        self._items: tuple[MissionItem, ...] = ()
+        self._told: tuple[int, int] = (0, 0)
+        self._asked_s = -math.inf
+
+    async def renew(self, *, is_again: bool = False) -> None:
+        """Read them if they are others than those that are known, by what the autopilot tells.
+
+        Parameters
+        ----------
+        is_again : bool
+            Whether to read also a list that has no name, and as many points as before.
+        """
+        told, now = self._told_now(), self._clock.now_s()
+        self._flight.apply(after_rally_reported, holds_any=told != (0, 0))
+        is_news = told != self._told or (is_again and told[0] > 0)
+        if told == (0, 0):
+            self._items, self._told = (), told
+        elif is_news and now - self._asked_s >= AGAIN_S:
+            self._asked_s = now
+            try:
+                self._items = await self._link.download_rally_points()
+                self._told = told
+            except CompanionError as error:
+                _log.debug("rally points: %s", error)
+        self._apply()
+
+    def _told_now(self) -> tuple[int, int]:
+        """How many points an ArduPlane tells of, and the name that a PX4 gives the list."""
+        current = self._link.current
+        number = self._flight.state.settings.num_rally_points or 0.0
+        return int(number), 0 if current is None else current.rally_id
+
+    def _apply(self) -> None:
+        state = self._flight.state
+        home_amsl_m = self._link.home_altitude_amsl_m
+        places = rally_points_of(self._items, state.mission.frame, home_amsl_m)
+        if len(places) == len(state.rally_points) and all(
+            math.dist(new, known) < 1.0 for new, known in zip(places, state.rally_points, strict=True)
+        ):  # the height of home is told anew with every position
+            return
+        self._flight.apply(after_rally_points, places)
+        num_unplaced = len(self._items) - len(places)
+        text = f"{len(places)} rally point{'s' * (len(places) != 1)}"
+        unplaced = f", {num_unplaced} at a height that is not known" if num_unplaced else ""
+        points = f"{len(places)}{unplaced}"
+        self._announcer.decide(DecisionKind.RALLY, text + unplaced, tell="rally points", points=points)

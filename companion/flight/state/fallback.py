@@ -1,0 +1,222 @@
+"""What to fly when no plan passes: the candidates of the emergency strategy, and the step they allow.
+
+Synchronous and without a clock. Whoever plans carries the step out and announces it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.assurance.checker import Violation
+from companion.assurance.emergency import (
+    EmergencyDecision,
+    EmergencyOptions,
+    EmergencyStep,
+    emergency_decision,
+)
+from companion.assurance.violation import keeps_hard_constraints
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.progress import Start
+from companion.flight.state.shaping import carried, waypoints_of
+from companion.frames import course_from_direction
+from companion.mission.waypoints import Waypoints
+from companion.planning.problem import GoalRegion, StartState, rows_at_goals
+from companion.types.path import Path, straight_path
+from companion.types.plan import Plan
+
+AHEAD_ROWS = 24  # of straight flight, tried where no plan leads anywhere
+ROWS_TO_LOITER = 4  # at least
+ROWS_BETWEEN = 2  # places that are tried
+ROW_S = 1.0
+AS_SAFE = 0.1  # of the threat level: with no more than that on the way a place behind a goal is as safe
+
+
+@dataclass(frozen=True, slots=True)
+class EscapeRoute:
+    """A path, its waypoints, and the path's time at their end [s]."""
+
+    path: Path
+    waypoints: Waypoints
+    carried_until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The step to take, why, by what it was chosen, and what is flown by it."""
+
+    decision: EmergencyDecision
+    options: EmergencyOptions
+    route: EscapeRoute | None
+
+
+def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] | None:
+    """What the rest of the flown path breaks; None where nothing of ours is flown.
+
+    A refuge that was taken before is judged by itself: the way to it and the circle, not the goal.
+    """
+    if state.flown is None:
+        return None
+    if state.flies_to_goal:
+        return None if start.rest is None else state.violations_of(start.rest)
+    _, violations = carried(state, state.flown.path, len(state.flown.path) - 1)
+    return violations
+
+
+def respond(
+    state: FlightState,
+    start: Start,
+    least_threat: Plan,
+    failed: Sequence[Path | None],
+    max_waypoints: int,
+    *,
+    may_return: bool,
+    return_path: tuple[Violation, ...] | None = None,
+) -> Response:
+    """Choose the step, and what to fly by it.
+
+    Parameters
+    ----------
+    state : FlightState
+        What is flown, and by which rules.
+    start : Start
+        From where a new mission would be flown.
+    least_threat : Plan
+        The plan that weighs threats most and has no limit to them.
+    failed : sequence of Path or None
+        Other paths, from other starts or refused, along which a refuge may lie.
+    max_waypoints : int
+        Waypoints that a mission may have.
+    may_return : bool
+        Whether the mission file allows return to launch.
+    return_path : tuple of Violation or None
+        What the way home breaks; None where that is not known.
+    """
+    straight_on, by_threat = _least_threat(state, least_threat, max_waypoints)
+    refuge, by_loiter = _safe_loiter(state, start, (least_threat.path, *failed), max_waypoints)
+    options = EmergencyOptions(
+        flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
+        may_return=may_return, return_path=return_path,
+    )  # fmt: skip
+    decision = emergency_decision(options)
+    if decision.step is EmergencyStep.LOITER and refuge is not None:
+        decision = decision._replace(reason=decision.reason + _goals_before(state, refuge.path))
+    ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: refuge}
+    return Response(decision, options, ways.get(decision.step))
+
+
+def respond_by_rally_point(
+    state: FlightState, options: EmergencyOptions, plan: Plan, place: GoalRegion, max_waypoints: int
+) -> Response:
+    """Choose the step anew, once a plan to a rally point was made.
+
+    Parameters
+    ----------
+    state : FlightState
+        By which rules it is flown.
+    options : EmergencyOptions
+        By what the step was chosen without it.
+    plan : Plan
+        To the rally point.
+    place : GoalRegion
+        The rally point.
+    max_waypoints : int
+        Waypoints that a mission may have.
+    """
+    route = None
+    if plan.path is not None and plan.reaches_goal:
+        waypoints, carried_s, wrong = waypoints_of(state, plan.path, max_waypoints, is_whole=True)
+        on_path = state.violations_to(place, plan.path)
+        route = EscapeRoute(plan.path, waypoints, carried_s)
+        options = replace(options, rally=(*on_path, *wrong))
+    decision = emergency_decision(options)
+    return Response(decision, options, route if decision.step is EmergencyStep.RALLY_POINT else None)
+
+
+def _least_threat(
+    state: FlightState, plan: Plan, max_waypoints: int
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
+    """The least-threat plan as a mission, and what is wrong with it; None where none reaches the goal."""
+    if plan.path is None or not plan.reaches_goal:
+        return None, None
+    waypoints, carried_s, violations = waypoints_of(state, plan.path, max_waypoints)
+    return EscapeRoute(plan.path, waypoints, carried_s), (*state.violations_of(plan.path), *violations)
+
+
+def _safe_loiter(
+    state: FlightState, start: Start, paths: Sequence[Path | None], max_waypoints: int
+) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
+    """The reachable place to circle with the least threat, and what is wrong with it.
+
+    Places lie along paths that begin at the start, as far as these keep the hard constraints, and
+    straight ahead. Without any that passes, the violations of the one tried first.
+    """
+    wrong: tuple[Violation, ...] | None = None
+    for path, row, *_ in _places(state, start, paths):
+        waypoints, violations = carried(state, path, row)
+        if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
+            return EscapeRoute(path.until(row), waypoints, float(path.times_s[row])), ()
+        wrong = wrong or violations
+    return None, wrong
+
+
+class _Place(NamedTuple):
+    """A row of a path at which to circle, its threat level and the highest before it, the goals before it."""
+
+    path: Path
+    row: int
+    level: float
+    highest: float
+    num_goals: int
+
+
+def _goals_before(state: FlightState, path: Path) -> str:
+    """How many of the goals left are on the way to a refuge, in words; '' if none is."""
+    passed = len(rows_at_goals(path.positions_enu_m, state.goals_left))
+    return f", behind {passed} of {len(state.goals_left)} goals" if passed else ""
+
+
+def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[_Place]:
+    """Every place to try: behind the most goals where the way there is as safe; the safest; the nearest."""
+    begin = np.asarray(start.state.position_enu_m)
+    places: list[_Place] = []
+    for path in (*paths, straight_ahead(start.state, state.wind_enu_m_s)):
+        if (
+            path is None
+            or len(path) <= ROWS_TO_LOITER
+            or np.linalg.norm(path.positions_enu_m[0] - begin) > 1.0
+        ):
+            continue
+        found = state.violations_to(None, path)
+        hard = [entry.row for entry in found if not keeps_hard_constraints([entry])]
+        last = min([len(path) - 1, *(row - 1 for row in hard)])
+        places += _places_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
+    safe = min((place.level for place in places), default=0.0) + AS_SAFE
+
+    def wanted(place: _Place) -> tuple[int, float, int]:
+        return -place.num_goals if place.highest <= safe else 0, place.level, place.row
+
+    return sorted(places, key=wanted)
+
+
+def _places_along(path: Path, last: int, at_goals: Sequence[int]) -> Iterator[_Place]:
+    """The places to try along a path up to row ``last``, with those behind the goals ``at_goals``."""
+    highest = np.maximum.accumulate(path.threat_levels)
+    rows = {*range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN), *(row + 1 for row in at_goals if row < last)}
+    for row in sorted(rows):
+        num_goals = sum(at < row for at in at_goals)
+        yield _Place(path, row, float(path.threat_levels[row]), float(highest[row]), num_goals)
+
+
+def straight_ahead(state: StartState, wind_enu_m_s: tuple[float, float]) -> Path:
+    """Level flight on from a start at its airspeed; nothing is known of threats along it."""
+    return straight_path(
+        ROW_S * np.arange(AHEAD_ROWS + 1.0), state.stamp_s, np.asarray(state.position_enu_m),
+        course_from_direction(state.direction_rad), state.airspeed_m_s,
+        covariance_m2=state.error_covariance[:3, :3],
+        threat_level=1.0,  # not known: every place that is known comes first
+        wind_enu_m_s=wind_enu_m_s,
+    )  # fmt: skip

@@ -1,0 +1,451 @@
+"""What is being flown, by which rules, and who flies: one frozen value, and its one owner.
+
+Theory of operation. :class:`FlightState` is all that a decision depends on besides the situation. It is
+never changed, only replaced, and only by :meth:`StateOwner.apply`, which takes a function of this module
+or of :mod:`companion.flight.state.list_state`: each maps the state and one event to the next state.
+
+====================  ===================================================================
+event                 function
+====================  ===================================================================
+the pilot takes over  :func:`after_mode_event`, and when he hands back
+armed, disarmed       :func:`after_armed_reported`
+its parameters        :func:`after_settings_reported`
+off the ground        :func:`after_landed_reported`, :func:`after_movement_reported`
+mission file reloaded :func:`after_reload`
+restart in flight     :func:`after_restart`, once it is known what the autopilot flies
+fences read           :func:`after_fences`
+rally points          :func:`after_rally_reported`, :func:`after_rally_points` once they are read
+home told             :func:`after_home_reported`
+the list              :func:`after_list`, with a function of ``list_state``
+list laid out anew    :func:`after_list_adopted`
+taken over            :func:`after_takeover`
+a mission flown       :func:`after_swap`
+own position          :func:`after_position`
+====================  ===================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Concatenate, ParamSpec
+
+import numpy as np
+
+from companion.assurance.violation import Violation, keeps_hard_constraints
+from companion.config import MissionConfig
+from companion.config.rules import Rules, rules_of
+from companion.flight.state.flight_phase import (
+    FlightPhase,
+    after_armed_state,
+    after_landed_state,
+    after_movement,
+)
+from companion.flight.state.list_state import (
+    FlownPath,
+    ListState,
+    after_landing,
+    after_other_goals,
+    after_pause,
+    after_taken,
+)
+from companion.flight.state.modes import Mode, ModeEvent, next_mode
+from companion.mission.list_layout import Layout
+from companion.mission.operator import OperatorGoal
+from companion.mission.path_progress import progress_on
+from companion.planning.problem import GoalRegion
+from companion.types.events import HomePosition, MissionCurrent
+from companion.types.mission import MissionItem
+from companion.types.path import Path
+from companion.types.state import AutopilotSettings, Ownship
+from companion.types.threat import Obstacle, ThreatPicture
+
+WIND_SHARE_MAX = 0.6  # of cruise, up to which plans are made
+WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
+NARROWED, NARROWED_LAST = 0.6, 0.75
+GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
+
+Arguments = ParamSpec("Arguments")
+
+
+@dataclass(frozen=True, slots=True)
+class FlightState:
+    """The state of one flight.
+
+    Parameters
+    ----------
+    rules : Rules
+        What plans and missions are held to: mission file and fences.
+    phase : FlightPhase
+        Whether the aircraft is, or was, armed.
+    mode : Mode
+        What the service may do.
+    goals : tuple of GoalRegion
+        To be reached in order: the mission file's, or the operator's waypoints.
+    actions : tuple of tuple of MissionItem
+        The operator's DO_ items to carry out at each goal.
+    goal_items : tuple of int
+        The operator's items that the goals are; empty where they are the mission file's.
+    next_goal : int
+        Index of the first goal that is not reached.
+    flown : FlownPath or None
+        What is flown of ours.
+    tail_enu_m : tuple of float, or None
+        Where the operator goes on after the last goal [m]; None where that is not known.
+    wind_enu_m_s : tuple of float
+        Velocity of the air as it was told last, east and north [m/s].
+    wind_std_m_s : float
+        How well it is known [m/s].
+    picture : ThreatPicture
+        Threats that were sighted by the last look at the world.
+    flies_by : bool
+        Whether the autopilot turns before a waypoint, as ArduPlane does.
+    settings : AutopilotSettings
+        What its parameters say of how it flies.
+    home_enu_m : tuple of float, or None
+        Where it returns to; None until it is told [m].
+    rally_points : tuple of tuple of float
+        Where it may return to instead, as far as they were read [m].
+    holds_rally_points : bool
+        Whether it has told that there are any.
+    mission_list : ListState
+        What is known of the autopilot's list.
+    """
+
+    rules: Rules
+    phase: FlightPhase
+    mode: Mode = Mode.WAITING
+    goals: tuple[GoalRegion, ...] = ()
+    actions: tuple[tuple[MissionItem, ...], ...] = ()
+    goal_items: tuple[int, ...] = ()
+    next_goal: int = 0
+    flown: FlownPath | None = None
+    tail_enu_m: tuple[float, float, float] | None = None
+    wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
+    wind_std_m_s: float = 0.0
+    picture: ThreatPicture = field(default_factory=ThreatPicture)
+    flies_by: bool = True
+    settings: AutopilotSettings = field(default_factory=AutopilotSettings)
+    home_enu_m: tuple[float, float, float] | None = None
+    rally_points: tuple[tuple[float, float, float], ...] = ()
+    holds_rally_points: bool = False
+    mission_list: ListState = field(default_factory=ListState)
+
+    @property
+    def mission(self) -> MissionConfig:
+        """The mission file in force."""
+        return self.rules.mission
+
+    @property
+    def may_act(self) -> bool:
+        """Whether the aircraft is left to us."""
+        return self.mode is Mode.ACTIVE
+
+    @property
+    def may_write(self) -> bool:
+        """Whether the list may be changed: while the pilot flies, to keep a way back ready, too."""
+        is_kept_ready = self.mode is Mode.SUSPENDED and self.mission.authority.keep_ready
+        return self.may_act or (is_kept_ready and self.mission.authority.resume == "auto")
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the last goal was reached."""
+        return bool(self.goals) and self.next_goal == len(self.goals)
+
+    @property
+    def goals_left(self) -> tuple[GoalRegion, ...]:
+        """Goals not reached yet.
+
+        All are planned for more narrowly than they count as reached, those to fly on from most: a path that
+        just touches one is flown a few metres beside it, and the aircraft would turn back.
+        """
+        left = self.goals[self.next_goal :]
+        num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
+        shares = [NARROWED if number < num_passed else NARROWED_LAST for number in range(len(left))]
+        return tuple(
+            replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
+            for goal, share in zip(left, shares, strict=True)
+        )
+
+    @property
+    def flies_to_goal(self) -> bool:
+        """Whether what is flown leads to the last goal, and not to a place to circle at meanwhile."""
+        if self.flown is None or not self.goals:
+            return False
+        away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
+        return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
+
+    def region_at(self, place_enu_m: tuple[float, float, float]) -> GoalRegion:
+        """A place of the operator's [m] as one to be planned to; in the plane at the mission's level."""
+        if self.mission.dimension == 2:
+            place_enu_m = (*place_enu_m[:2], self.rules.level_m)
+        return GoalRegion(place_enu_m, GOAL_RADIUS_M)
+
+    @property
+    def turn_radius_m(self) -> float:
+        """Of the tightest turn that can be flown on any course in the wind there is [m]."""
+        return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
+
+    @property
+    def wind_fault(self) -> str:
+        """Why nothing is planned: the wind is too strong for it to be flown as it is meant; '' if not."""
+        wind = math.hypot(*self.wind_enu_m_s)
+        if wind <= WIND_SHARE_MAX * self.rules.vehicle.airspeed_cruise_m_s:
+            return ""
+        return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"
+
+    def violations_of(self, path: Path) -> tuple[Violation, ...]:
+        """What is wrong with a path that should reach the last goal."""
+        return self.violations_to(self.goals[-1], path)
+
+    def limits_kept(self, path: Path) -> tuple[bool, bool]:
+        """Whether a path that should reach the last goal keeps all limits; and all but threat and quality."""
+        found = self.violations_of(path)
+        return not found, keeps_hard_constraints(found)
+
+    def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
+        """What is wrong with a path in the wind there is, that should reach a goal if one is given."""
+        return self.rules.checker.check_path(
+            path,
+            goal_enu_m=None if goal is None else goal.position_enu_m,
+            acceptance_radius_m=None if goal is None else goal.acceptance_radius_m + 1.0,
+            wind_enu_m_s=self.wind_enu_m_s,
+            wind_std_m_s=self.wind_std_m_s,
+            picture=self.picture,
+            may_come_back=True,
+        )
+
+
+class StateOwner:
+    """Holds the state of a flight, and alone replaces it.
+
+    Parameters
+    ----------
+    state : FlightState
+        The first.
+    """
+
+    def __init__(self, state: FlightState) -> None:
+        self._state = state
+
+    @property
+    def state(self) -> FlightState:
+        """The state now."""
+        return self._state
+
+    @property
+    def listed(self) -> ListState:
+        """What is known of the autopilot's list now."""
+        return self._state.mission_list
+
+    def apply(
+        self,
+        transition: Callable[Concatenate[FlightState, Arguments], FlightState],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> FlightState:
+        """Replace the state by what a transition makes of it; returns the new one."""
+        self._state = transition(self._state, *arguments, **named)
+        return self._state
+
+    def see(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
+        """Judge by this wind and these threats from now on, as plans do; returns the new state."""
+        self._state = replace(_in_wind(self._state, ownship), picture=picture)
+        return self._state
+
+    def apply_to_list(
+        self,
+        transition: Callable[Concatenate[ListState, Arguments], ListState],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> ListState:
+        """Replace what is known of the list by what a transition makes of it; returns the new."""
+        listed = transition(self._state.mission_list, *arguments, **named)
+        self._state = after_list(self._state, listed)
+        return listed
+
+
+def first_state(mission: MissionConfig, now_s: float) -> FlightState:
+    """The state before anything was heard.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    now_s : float
+        The clock's reading [s].
+    """
+    rules = rules_of(mission)
+    return FlightState(rules=rules, phase=FlightPhase(now_s), goals=rules.goals)
+
+
+def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
+    """The state after something that decides who flies; see the table in :mod:`companion.flight.state.modes`.
+
+    Whenever the aircraft is left to us anew, others may have used the pause: the list is read again. With
+    a landing everything of the flight is forgotten: the next one begins with the list as it is then.
+    """
+    mode = next_mode(state.mode, event, may_resume=state.mission.authority.resume == "auto")
+    if mode is state.mode:
+        return state
+    if event is ModeEvent.LANDED:
+        return replace(
+            state,
+            mode=mode,
+            next_goal=0,
+            flown=None,
+            tail_enu_m=None,
+            mission_list=after_landing(state.mission_list),
+        )
+    is_back = mode is Mode.ACTIVE and event is ModeEvent.MISSION_FLOWN
+    listed = after_pause(state.mission_list) if is_back else state.mission_list
+    return replace(state, mode=mode, mission_list=listed)
+
+
+def after_armed_reported(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
+    """The state after a heartbeat told whether the aircraft is armed; not to be so for a while is landing."""
+    return replace(state, phase=after_armed_state(state.phase, now_s, is_armed=is_armed))
+
+
+def after_landed_reported(state: FlightState, landed_state: int) -> FlightState:
+    """The state after the autopilot told whether it is on the ground, by MAV_LANDED_STATE."""
+    return replace(state, phase=after_landed_state(state.phase, landed_state))
+
+
+def after_movement_reported(
+    state: FlightState, height_above_home_m: float, ground_speed_m_s: float
+) -> FlightState:
+    """The state after the autopilot told a position: height above home [m], speed over ground [m/s]."""
+    phase = after_movement(state.phase, height_above_home_m, ground_speed_m_s)
+    return state if phase is state.phase else replace(state, phase=phase)
+
+
+def after_autopilot_reported(state: FlightState, *, flies_by: bool) -> FlightState:
+    """The state after a heartbeat told whose autopilot it is."""
+    return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
+
+
+def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:
+    """The state after the autopilot told parameters of how it flies; it may bank less than was thought."""
+    rules = rules_of(state.mission, state.rules.fences, settings)
+    is_same = rules.vehicle == state.rules.vehicle
+    return replace(state, settings=settings, rules=state.rules if is_same else rules)
+
+
+def after_home_reported(state: FlightState, home: HomePosition) -> FlightState:
+    """The state after the autopilot told where home is."""
+    place = state.mission.frame.local_from_global(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
+    return replace(state, home_enu_m=place)
+
+
+def after_rally_points(state: FlightState, places: tuple[tuple[float, float, float], ...]) -> FlightState:
+    """The state with the autopilot's rally points, each east, north, up [m]."""
+    return replace(state, rally_points=places)
+
+
+def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
+    """The state after the autopilot told whether it holds rally points."""
+    return state if state.holds_rally_points is holds_any else replace(state, holds_rally_points=holds_any)
+
+
+def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
+    """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
+    rules = rules_of(mission, state.rules.fences, state.settings)
+    goals, next_goal = state.goals, state.next_goal
+    if not mission.goals_from_autopilot and rules.goals != goals:
+        goals, next_goal = rules.goals, 0
+    is_other = mission.goals != state.mission.goals
+    return replace(
+        state,
+        rules=rules,
+        goals=goals,
+        next_goal=next_goal,
+        mission_list=after_other_goals(state.mission_list) if is_other else state.mission_list,
+    )
+
+
+def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
+    """The state with the autopilot's fences, to which plans and missions are held from now on."""
+    return replace(state, rules=rules_of(state.mission, fences, state.settings))
+
+
+def after_list(state: FlightState, listed: ListState) -> FlightState:
+    """The state with what is known of the list now."""
+    return replace(state, mission_list=listed)
+
+
+def after_list_adopted(
+    state: FlightState, listed: ListState, tail_enu_m: tuple[float, float, float] | None
+) -> FlightState:
+    """The state after a list was taken as the operator's: nothing of ours is known to be flown."""
+    return replace(state, mission_list=listed, flown=None, tail_enu_m=tail_enu_m)
+
+
+def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
+    """The state with the operator's waypoints for goals; in the plane at the mission's level."""
+    return replace(
+        state,
+        goals=tuple(state.region_at(goal.position_enu_m) for goal in goals),
+        actions=tuple(goal.actions for goal in goals),
+        goal_items=tuple(goal.sequence for goal in goals),
+        next_goal=0,
+    )
+
+
+def after_takeover(state: FlightState, sequence: int) -> FlightState:
+    """The state once the service takes over while an item is flown: goals before it are flown already.
+
+    The item itself, where the operator has the aircraft hold at it, is one of those.
+    """
+    if state.mission_list.found_flown:
+        return state
+    is_held = state.mission.takeover.when == "holding"
+    passed = sum(item < sequence or (is_held and item == sequence) for item in state.goal_items)
+    return replace(state, next_goal=max(state.next_goal, passed))
+
+
+def after_restart(
+    state: FlightState, flown: FlownPath | None = None, num_goals_reached: int = 0
+) -> FlightState:
+    """The state after a restart in flight: the path that is flown, and the goals that were reached before.
+
+    Parameters
+    ----------
+    state : FlightState
+        As begun.
+    flown : FlownPath, optional
+        What was remembered of the mission that the autopilot flies.
+    num_goals_reached : int
+        Goals that were reached before.
+    """
+    return replace(state, flown=flown or state.flown, next_goal=max(state.next_goal, num_goals_reached))
+
+
+def after_swap(
+    state: FlightState, layout: Layout, flown: FlownPath, current: MissionCurrent | None
+) -> FlightState:
+    """The state once a mission of ours is flown."""
+    listed = after_taken(state.mission_list, layout, flown.mission.items, current)
+    return replace(state, flown=flown, mission_list=listed)
+
+
+def after_position(state: FlightState, ownship: Ownship) -> FlightState:
+    """The state with the goals passed by now, the wind, and how far along its path the aircraft is."""
+    next_goal, flown = state.next_goal, state.flown
+    while next_goal < len(state.goals):
+        goal = state.goals[next_goal]
+        away = np.linalg.norm(np.subtract(goal.position_enu_m, ownship.position_enu_m))
+        if away > goal.acceptance_radius_m:
+            break
+        next_goal += 1
+    if flown is not None:
+        flown = replace(
+            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
+        )
+    return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
+
+
+def _in_wind(state: FlightState, ownship: Ownship) -> FlightState:
+    """The state with the wind that is known now."""
+    return replace(state, wind_enu_m_s=ownship.wind_enu_m_s, wind_std_m_s=ownship.wind_std_m_s)

@@ -1,0 +1,167 @@
+"""Where the aircraft is on what it flies, and where it will be when a plan takes effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.config.rules import Rules
+from companion.flight.state.flight_state import WINDOW_ROWS, FlightState
+from companion.frames import direction_from_course
+from companion.mission.path_progress import progress_on, rest_of_path, time_at
+from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.route import reassessed
+from companion.tracking.ownship import predicted
+from companion.types.path import Path
+from companion.types.plan import PursuitRisk
+from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
+
+OFF_TRACK_MAX_M = 80.0
+LAST_LEG_S = 10.0
+URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3  # at most, of a plan that answers a surprise
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a plan begins, what is left of the flown path from there, None off it, and what that risks."""
+
+    state: StartState
+    rest: Path | None
+    risk: PursuitRisk | None = None
+
+
+def budget_s(rules: Rules, *, is_urgent: bool = False) -> float:
+    """How long a plan may take [s]; one that answers a surprise is handed over as soon as it will do."""
+    budget = float(rules.mission.planning.planning_budget_s)
+    return min(budget, URGENT_BUDGET_S) if is_urgent else budget
+
+
+def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
+    """How long until a plan begun now is flown: planning, the exchange with the autopilot, margin [s]."""
+    margin = float(state.mission.planning.swap_margin_s)
+    if is_urgent:
+        margin = min(margin, URGENT_MARGIN_S)
+    return budget_s(state.rules, is_urgent=is_urgent) + margin + state.mission_list.exchange_s
+
+
+def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
+    """The start with what is left of the flown path as it is to be judged in the world of now.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals and rules.
+    start : Start
+        Where a plan would begin.
+    snapshot : Snapshot
+        The world of now.
+    """
+    if start.rest is None:
+        return start
+    rest, risk = reassessed(problem_at(state, start, snapshot), start.rest)
+    return replace(start, rest=rest, risk=risk)
+
+
+def problem_at(state: FlightState, start: Start, snapshot: Snapshot) -> Problem:
+    """What paths from a start are judged by, in the world of a snapshot."""
+    rules = state.rules
+    return Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
+
+
+def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:
+    """Whether the flown path ends before a new plan, flown in ``ahead_s``, could be of use."""
+    flown = state.flown
+    if flown is None or not state.flies_to_goal or flown.carried_until_s < flown.path.times_s[-1]:
+        return False
+    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS)
+    left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)
+    return progress.off_track_m <= OFF_TRACK_MAX_M and left < ahead_s + LAST_LEG_S
+
+
+def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
+    """Where the aircraft will be in ``ahead_s``: along the flown path, else by its own motion."""
+    rest = _rest_after(state, ownship, ahead_s)
+    if rest is not None:
+        east, north, up = (float(value) for value in rest.positions_enu_m[0])
+        begin = start_at(
+            state.rules,
+            ownship,
+            float(rest.times_s[0]),
+            (east, north, up),
+            course_rad=float(rest.courses_rad[0]),
+            climb_rad=float(rest.climb_angles_rad[0]),
+            airspeed_m_s=float(rest.speeds_m_s[0]),
+        )
+        return replace(begin, rest=rest)
+    return start_by_motion(state.rules, ownship, ahead_s)
+
+
+def start_by_motion(rules: Rules, ownship: Ownship, ahead_s: float) -> Start:
+    """Where the aircraft will be in ``ahead_s`` if it goes on turning and climbing as it does [s]."""
+    ahead = predicted(ownship, ahead_s)
+    return start_at(
+        rules,
+        ownship,
+        ownship.stamp_s + ahead_s,
+        ahead.position_enu_m,
+        course_rad=ahead.course_rad,
+        climb_rad=ahead.flight_path_angle_rad,
+        airspeed_m_s=ownship.airspeed_m_s,
+    )
+
+
+def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | None:
+    """What is left of the flown path in ``ahead_s``; None off it, or near its end."""
+    if state.flown is None:
+        return None
+    path = state.flown.path
+    progress = progress_on(path, ownship.position_enu_m, state.flown.row, WINDOW_ROWS)
+    if progress.off_track_m > OFF_TRACK_MAX_M:
+        return None
+    share = ownship.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
+    return rest_of_path(path, time_at(path, progress) + ahead_s * share, ownship.stamp_s + ahead_s)
+
+
+def start_at(
+    rules: Rules,
+    ownship: Ownship,
+    stamp_s: float,
+    position: tuple[float, float, float],
+    *,
+    course_rad: float,
+    climb_rad: float,
+    airspeed_m_s: float,
+) -> Start:
+    """A start within the aircraft's limits, off every path; in the plane on the mission's level.
+
+    Parameters
+    ----------
+    rules : Rules
+        Mission file and vehicle.
+    ownship : Ownship
+        As it is now, for how well it is known.
+    stamp_s : float
+        When the aircraft is there, by the clock [s].
+    position : tuple of float
+        East, north, up [m].
+    course_rad, climb_rad : float
+        Over the ground.
+    airspeed_m_s : float
+        True airspeed [m/s].
+    """
+    vehicle = rules.vehicle
+    if rules.mission.dimension == 2:
+        position, climb_rad = (*position[:2], rules.level_m), 0.0
+    climb = min(vehicle.climb_angle_max_rad, max(-vehicle.descent_angle_max_rad, climb_rad))
+    begin = StartState(
+        stamp_s=stamp_s,
+        position_enu_m=position,
+        direction_rad=direction_from_course(course_rad),
+        climb_rad=climb,
+        airspeed_m_s=min(vehicle.airspeed_max_m_s, max(vehicle.airspeed_min_m_s, airspeed_m_s)),
+        error_covariance=initial_covariances(vehicle, *ownship.position_std_m),
+        estimate_covariance=np.zeros((6, 6)),
+    )
+    return Start(begin, None)

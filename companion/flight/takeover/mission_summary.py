@@ -1,0 +1,164 @@
+"""What the operator's list comes to, told on the ground: what is flown, and what is wrong with it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.flight.state.flight_state import FlightState
+from companion.flight.takeover.capability import shortfalls
+from companion.flight.takeover.return_path import is_unforeseeable
+from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
+from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
+from companion.types.mission import Command, MissionItem
+from companion.types.state import Ownship
+
+FAR_M = 50_000.0  # from the mission file's origin: it is another airfield's
+FAULTS_TOLD = 4
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSummary:
+    """What is told of a list.
+
+    Parameters
+    ----------
+    plan : str
+        What will be flown.
+    takeover : str
+        From when on the service flies it.
+    landing : str
+        How the flight ends.
+    has_end : bool
+        Whether something follows the goal.
+    faults : tuple of str
+        What is wrong, the gravest first.
+    """
+
+    plan: str
+    takeover: str
+    landing: str
+    has_end: bool
+    faults: tuple[str, ...]
+
+
+def mission_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> MissionSummary:
+    """What is to be told of the list as it was read.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mission file, and the list.
+    ownship : Ownship or None
+        Where the aircraft stands.
+    num_home_items : int
+        Items at the list's beginning that the ground station does not number.
+    """
+    operator = state.mission_list.operator
+    if operator is None or len(operator.items) <= num_home_items:
+        return MissionSummary("", "", "", has_end=False, faults=("no mission in the autopilot",))
+    goals = state.goals_left
+    count = len(operator.items) - num_home_items
+    plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
+    if goals:
+        here = (state.mission.start.east_m, state.mission.start.north_m)
+        places = [here if ownship is None else ownship.position_enu_m[:2]]
+        places += [goal.position_enu_m[:2] for goal in goals]
+        length = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
+        plan += f", {1e-3 * length:.1f} km"
+    faults = tuple(_faults(state, operator, ownship))
+    has_end = operator.tail < len(operator.items)
+    return MissionSummary(plan, described(state), _landing(operator), has_end, faults)
+
+
+def _landing(operator: Operator) -> str:
+    """How the flight ends."""
+    if operator.tail >= len(operator.items):
+        return "none: it circles at the goal"
+    item = operator.items[operator.tail]
+    number = operator.tail + 1 - operator.first
+    ends = "landing" if operator.has_landing else "the operator's items"
+    return f"{ends} from item {number}" + (
+        " (DO_LAND_START)" if item.command == Command.DO_LAND_START else ""
+    )
+
+
+def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
+    """What is wrong with a list, the gravest first."""
+    found = list(shortfalls(state.mission, state.settings))
+    if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
+        away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
+        found.append(f"the mission file's origin is {away:.0f} km from here")
+    if not state.goals:
+        found.append("no waypoint to fly to")
+    last = last_item_of(state)
+    if last is not None and last + 1 >= min(operator.tail, len(operator.items)) and _is_item(state):
+        found.append(f"takeover after item {last + 1 - operator.first}, and none follows before the landing")
+    if takeoff_of(operator) is None and not state.phase.is_airborne:
+        found.append("no take-off item")
+    found += _return(state)
+    found += _unplaced(state, operator)
+    found += _legs(state, operator)
+    return found[:FAULTS_TOLD]
+
+
+def _return(state: FlightState) -> list[str]:
+    """A return to launch that the mission file allows, and that is not foreseen."""
+    kind = state.settings.return_kind
+    if not state.mission.authority.allow_rtl or kind is None or not is_unforeseeable(state):
+        return []
+    name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
+    return [f"no return to launch with {name} {kind:g}"]
+
+
+def _is_item(state: FlightState) -> bool:
+    return state.mission.takeover.when == "item"
+
+
+def _unplaced(state: FlightState, operator: Operator) -> list[str]:
+    """Items whose height is not known: over terrain."""
+    listed = [
+        item
+        for item in operator.items[operator.first :]
+        if item.command < FIRST_WITHOUT_PLACE
+        and (item.latitude_e7 or item.longitude_e7)
+        and position_of(item, state.mission.frame, state.mission_list.home_amsl_m or 0.0) is None
+    ]
+    return [f"item {item.sequence + 1 - operator.first}: height over terrain" for item in listed[:1]]
+
+
+def _legs(state: FlightState, operator: Operator) -> list[str]:
+    """Legs that the operator's items are flown along, too near to something.
+
+    Those up to the takeover, and those from the last goal to the ground.
+    """
+    last = last_item_of(state)
+    before = [] if last is None else _places(state, operator.items[operator.first : last + 1])
+    after = _places(state, operator.items[operator.tail :])
+    if state.goals and after:
+        after.insert(0, (None, state.goals[-1].position_enu_m))
+    found = []
+    for (_, begin), (item, end) in (*itertools.pairwise(before), *itertools.pairwise(after)):
+        if item is None or item.command == Command.NAV_LAND:
+            continue
+        wrong = state.rules.checker.check_legs(
+            np.array([begin, end]), ends_in_loiter=True,
+            loiter_radius_m=state.rules.vehicle.turn_radius_min_m,
+        )  # fmt: skip
+        entry = next((entry for entry in wrong if entry.rule == "clearance"), None)
+        if entry is not None:
+            number = item.sequence + 1 - operator.first
+            found.append(f"to item {number}: {entry.in_short}")
+    return found
+
+
+def _places(
+    state: FlightState, items: tuple[MissionItem, ...]
+) -> list[tuple[MissionItem | None, tuple[float, float, float]]]:
+    """Items that have a place, with it [m]."""
+    home = state.mission_list.home_amsl_m
+    placed = [(item, position_of(item, state.mission.frame, home)) for item in items]
+    return [(item, place) for item, place in placed if place is not None]

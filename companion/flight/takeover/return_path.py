@@ -1,0 +1,220 @@
+"""The way that the autopilot takes by itself when it is told to return to launch, and what it breaks.
+
+References
+----------
+ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
+circle about the nearest rally point within RALLY_LIMIT_KM, else about home; up at once, down along the way;
+with RTL_AUTOLAND 2 to the mission's landing sequence instead.
+
+PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: up to RTL_RETURN_ALT above the
+end in a circle where it is, then straight there. With RTL_TYPE 0 the end is home; with 1, a fixed wing's
+default, the mission's landing, home without one; with 3 the nearer of both. Rally points change that: a PX4
+takes them in any global frame, does not tell which, and flies off anywhere with those that are not in frame 0
+or 3 ("RTL: unsupported MAV_FRAME", measured). Where it holds any, its way is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flown_track import guidance_of
+from companion.flight.takeover.resume_path import MARGIN_SHARE
+from companion.frames import FloatArray, wrapped_angle
+from companion.mission.operator import position_of
+from companion.types.mission import Command
+from companion.types.state import Ownship
+from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
+
+JOINED_S = 20.0  # in which the circle at the end is joined; then once round it
+WAY_MAX_S = 1200.0
+STEP_S = 0.5
+SLOWEST_M_S = 5.0
+BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
+EXITS = 36  # moments at which a climb in a circle may end, over a turn and a half
+LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; from there on the way is the mission's
+HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE
+
+Place = tuple[float, float, float]
+
+
+def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
+    """What the way home breaks from here; None where it is not known what the autopilot would fly.
+
+    Parameters
+    ----------
+    state : FlightState
+        Home, rally points, parameters and the rules.
+    ownship : Ownship
+        Where the aircraft is.
+    """
+    ways = ways_home(state, ownship)
+    if ways is None:
+        return None
+    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
+    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in ways)
+    return next(filter(None, wrong), ())
+
+
+def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
+    """Places on each of the ways home that may be flown; None where they are not known.
+
+    Which side it is turned to when home lies behind, and when a PX4 leaves its climb, is decided by
+    little: both sides are looked at, and every moment of a turn.
+
+    Parameters
+    ----------
+    state, ownship
+        As of :func:`return_path`.
+
+    Returns
+    -------
+    list of ndarray, shape (K, 3)
+        East, north, up along each [m]; the likeliest first.
+    """
+    home, height = state.home_enu_m, state.settings.return_height_m
+    if home is None or height is None or is_unforeseeable(state):
+        return None
+    if state.flies_by:
+        return _arduplane_ways(state, ownship, _arduplane_end(state, ownship, home))
+    end = _px4_end(state, ownship, home)
+    return _px4_ways(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
+
+
+def is_unforeseeable(state: FlightState) -> bool:
+    """Whether the autopilot returns by ways that are not foreseen here, or has not told by which."""
+    kind = state.settings.return_kind
+    if state.flies_by:
+        is_unread = state.holds_rally_points and not state.rally_points
+        return is_unread or kind is None or kind > BY_MISSION_PATH
+    return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
+
+
+def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
+    """Places (K, 3) on an ArduPlane's ways to the end, or to the landing sequence at once [m]."""
+    guidance, radius = guidance_of(state), _radius(state)
+    if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
+        end, radius = state.tail_enu_m, 0.0
+    ways = (_to(guidance, begun, end, radius).positions_enu_m for begun in _headed(ownship, end))
+    return [_glided(way, end) for way in ways]
+
+
+def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
+    """Places (K, 3) on a PX4's ways to the end, at a height that is climbed to first [m]."""
+    guidance, radius, tail = guidance_of(state), _radius(state), state.tail_enu_m
+    high = (*end[:2], up_m)
+    # To a landing the height is lost in the circle that it begins with, or already on the way there.
+    ends = [high] if tail is None or tail[:2] != end[:2] else [high, tail]
+    ways: list[FloatArray] = []
+    for place in ends:
+        if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
+            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
+        else:
+            ways += _climbed_first(guidance, ownship, up_m, place, radius)
+    return ways
+
+
+def _radius(state: FlightState) -> float:
+    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
+    return state.settings.return_radius_m or 0.0
+
+
+def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
+    """Where an ArduPlane's circle is: the nearest rally point within RALLY_LIMIT_KM, else home [m]."""
+    told, here = state.settings, ownship.position_enu_m
+    height = told.return_height_m or 0.0
+    end = (*home[:2], here[2] if height < 0.0 else home[2] + height)
+    rally = min(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]), default=None)
+    if rally is None:
+        return end
+    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (told.rally_limit_km or 0.0)
+    is_far = limit_m > 0.0 and away > limit_m
+    is_home_nearer = bool(told.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
+    return end if is_far or is_home_nearer else rally
+
+
+def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
+    """Where a PX4 returns to, at the height that RTL_RETURN_ALT counts from [m]."""
+    kind, here = state.settings.return_kind, ownship.position_enu_m
+    landing = None if kind == HOME else _landing_of(state)
+    if landing is None:
+        return home
+    touchdown, begins = landing
+    is_nearer = math.dist(touchdown[:2], here[:2]) < math.dist(home[:2], here[:2])
+    return (*begins[:2], touchdown[2]) if kind == LANDING or is_nearer else home
+
+
+def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
+    """Where the mission's landing touches down, and where it begins [m]; None without."""
+    listed = state.mission_list
+    if listed.operator is None or state.tail_enu_m is None:
+        return None
+    tail = listed.operator.items[listed.operator.tail :]
+    if not any(item.command == Command.DO_LAND_START for item in tail):
+        return None
+    for item in tail:
+        place = position_of(item, state.mission.frame, listed.home_amsl_m)
+        if item.command == Command.NAV_LAND and place is not None:
+            return place, state.tail_enu_m
+    return None
+
+
+def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
+    """Straight to a circle, and round it."""
+    wind = math.hypot(*ownship.wind_enu_m_s)
+    speed = max(ownship.airspeed_m_s - wind, SLOWEST_M_S)
+    circle_m = 2.0 * math.pi * guidance.circle_stretch * abs(radius_m or guidance.loiter_radius_m)
+    lasts_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, WAY_MAX_S)
+    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, lasts_s, STEP_S)
+
+
+def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
+    """The aircraft, and where the end lies behind it, as if it headed a little to either side."""
+    east, north, _ = ownship.position_enu_m
+    bearing = math.atan2(end[0] - east, end[1] - north)
+    if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
+        return [ownship]
+    asides = (0.0, -ASIDE_RAD, ASIDE_RAD)
+    return [replace(ownship, course_rad=(ownship.course_rad + aside) % (2.0 * math.pi)) for aside in asides]
+
+
+def _glided(positions: FloatArray, end: Place) -> FloatArray:
+    """``positions`` (K, 3) [m] with a descent spread over the way, as an ArduPlane's is, (K, 3)."""
+    begin = positions[0]
+    along = np.subtract(end[:2], begin[:2])
+    square = float(along @ along)
+    if end[2] >= begin[2] or square < 1.0:
+        return positions
+    share = np.clip((positions[:, :2] - begin[:2]) @ along / square, 0.0, 1.0)
+    heights = begin[2] + share * (end[2] - begin[2])
+    return np.column_stack([positions[:, :2], np.minimum.accumulate(heights)])
+
+
+def _climbed_first(
+    guidance: Guidance, ownship: Ownship, up_m: float, end: Place, radius_m: float
+) -> list[FloatArray]:
+    """Places (K, 3) of a climb in a circle about here, and of the ways from where it may end [m]."""
+    here = np.array([*ownship.position_enu_m[:2], up_m])
+    climb_s = (up_m - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
+    turn_s = 2.0 * math.pi * abs(guidance.loiter_radius_m) / max(ownship.airspeed_m_s, SLOWEST_M_S)
+    climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
+    first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
+    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)  # it may climb faster
+    ways = []
+    for row in rows:
+        east, north, up = (float(value) for value in climb.positions_enu_m[row])
+        step = climb.positions_enu_m[row] - climb.positions_enu_m[row - 1]
+        begun = replace(
+            ownship,
+            position_enu_m=(east, north, up),
+            course_rad=float(climb.courses_rad[row]),
+            bank_rad=float(climb.banks_rad[row]),
+            ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
+        )
+        way = _to(guidance, begun, end, radius_m)
+        ways.append(np.vstack([climb.positions_enu_m[: row + 1], way.positions_enu_m]))
+    return ways

@@ -1,0 +1,131 @@
+"""From when on the service flies: the mission file's ``takeover`` by the operator's list.
+
+References
+----------
+MAVLink ``common.xml``: MAV_CMD_NAV_TAKEOFF, MAV_CMD_NAV_LOITER_*, and the parameters that hold a radius.
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.flight.state.flight_state import FlightState
+from companion.flight.takeover.capability import shortfalls
+from companion.mission.operator import Operator, position_of
+from companion.types.events import MissionCurrent
+from companion.types.mission import Command, MissionItem
+from companion.types.state import Ownship
+
+TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
+RADIUS_PARAMETER = {
+    Command.NAV_LOITER_UNLIM: 2,
+    Command.NAV_LOITER_TURNS: 2,
+    Command.NAV_LOITER_TIME: 2,
+    Command.NAV_LOITER_TO_ALT: 1,
+}
+IN_CIRCLE = 1.5  # radii from its centre: so near the aircraft has come to its circle
+
+
+def takeoff_of(operator: Operator) -> int | None:
+    """Index of the last take-off item before the goal; None without one."""
+    takeoffs = [item.sequence for item in operator.items[: operator.tail] if item.command in TAKEOFFS]
+    return takeoffs[-1] if takeoffs else None
+
+
+def last_item_of(state: FlightState) -> int | None:
+    """Sequence of the item that the operator's mission is flown to the end of; None without such."""
+    operator, takeover = state.mission_list.operator, state.mission.takeover
+    if operator is None:
+        return None
+    takeoff = takeoff_of(operator)
+    if takeover.when != "item" or takeover.item is None:
+        return takeoff
+    return max(takeover.item - 1 + operator.first, -1 if takeoff is None else takeoff)
+
+
+def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship | None) -> bool:
+    """Whether the service may take over now: in the air, in its place in a list that is understood.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mission file, list, and whether the aircraft flies.
+    current : MissionCurrent or None
+        The item being flown.
+    ownship : Ownship or None
+        Where the aircraft is.
+    """
+    operator = state.mission_list.operator
+    if current is None or ownship is None or operator is None or not _is_understood(state):
+        return False
+    if len(operator.items) <= operator.first:
+        return False
+    return state.mission_list.found_flown or _is_reached(state, operator, current, ownship)
+
+
+def _is_understood(state: FlightState) -> bool:
+    """Whether the aircraft flies by a list that is known, and can do what the mission file asks."""
+    listed = state.mission_list
+    if shortfalls(state.mission, state.settings):
+        return False
+    return state.phase.is_airborne and listed.layout is not None and not listed.suspected
+
+
+def _is_reached(state: FlightState, operator: Operator, current: MissionCurrent, ownship: Ownship) -> bool:
+    """Whether the operator's mission has come to where it is taken over."""
+    takeover, last = state.mission.takeover, last_item_of(state)
+    is_landing = operator.tail <= current.sequence < len(operator.items)  # a go-around leads out of it
+    if is_landing or (last is not None and current.sequence <= last):
+        return False
+    if takeover.when == "height" and takeover.up_m is not None:
+        return ownship.position_enu_m[2] >= takeover.up_m
+    return takeover.when != "holding" or _is_holding(state, operator, current, ownship)
+
+
+def _is_holding(state: FlightState, operator: Operator, current: MissionCurrent, ownship: Ownship) -> bool:
+    """Whether the aircraft circles where the operator has it hold."""
+    if current.sequence >= len(operator.items):
+        return False
+    item = operator.items[current.sequence]
+    circle = circle_of(state, item, ownship.position_enu_m[2])
+    if circle is None:
+        return False
+    (east, north, _), radius = circle
+    away = math.hypot(ownship.position_enu_m[0] - east, ownship.position_enu_m[1] - north)
+    return away <= IN_CIRCLE * abs(radius)
+
+
+def circle_of(
+    state: FlightState, item: MissionItem, up_m: float
+) -> tuple[tuple[float, float, float], float] | None:
+    """Centre [m] and signed radius [m], positive clockwise, of a loiter item; None for any other.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mission file, with the smallest radius for an item that gives none.
+    item : MissionItem
+        An item of the operator's list.
+    up_m : float
+        Height of an item whose own is not known [m].
+    """
+    number = RADIUS_PARAMETER.get(Command(item.command)) if item.command in RADIUS_PARAMETER else None
+    if number is None:
+        return None
+    place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
+    if place is None:
+        return None
+    radius = item.parameters[number] or float(state.rules.vehicle.turn_radius_min_m)
+    return (place[0], place[1], place[2] if math.isfinite(place[2]) else up_m), radius
+
+
+def described(state: FlightState) -> str:
+    """From when on the service flies, in a few words."""
+    takeover, operator = state.mission.takeover, state.mission_list.operator
+    if operator is None:
+        return "not known: no list"
+    last = last_item_of(state)
+    behind = "in the air" if last is None else f"after item {last + 1 - operator.first}"
+    if takeover.when == "height":
+        return f"{behind}, above {takeover.up_m:g} m"
+    return f"{behind}, in the circle" if takeover.when == "holding" else behind

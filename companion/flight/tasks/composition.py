@@ -1,0 +1,123 @@
+"""What the service is composed of, put together from a mission file and a link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from companion.clock import Clock
+from companion.config import MissionConfig
+from companion.config.pilot_parameters import Parameters
+from companion.flight.messages.announcer import Announcer
+from companion.flight.messages.observer import Observer
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.state.checkpoint import Checkpoint
+from companion.flight.state.flight_state import StateOwner, first_state
+from companion.flight.state.situation import Situation
+from companion.flight.tasks.departure import Departure
+from companion.flight.tasks.plan_maker import PlanRunner
+from companion.flight.tasks.replanning import Replanning
+from companion.flight.tasks.replanning_parts import parts_for
+from companion.recording.recorder import Recorder
+
+
+@dataclass(frozen=True, slots=True)
+class Composition:
+    """The parts of the service; made by :func:`composed`.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What a pilot may change.
+    flight : StateOwner
+        The flight's state.
+    situation : Situation
+        Where the aircraft and the threats are.
+    link : VehicleLink
+        To the vehicle.
+    announcer : Announcer
+        Told what is decided.
+    departure : Departure
+        Knows the operator's list up to the takeover.
+    replanning : Replanning
+        Plans, and hands missions over.
+    checkpoint : Checkpoint
+        What a restart in flight needs to know.
+    recorder : Recorder
+        Listens.
+    observer : Observer
+        Looks on.
+    clock : Clock
+        The service's.
+    """
+
+    parameters: Parameters
+    flight: StateOwner
+    situation: Situation
+    link: VehicleLink
+    announcer: Announcer
+    departure: Departure
+    replanning: Replanning
+    checkpoint: Checkpoint
+    recorder: Recorder
+    observer: Observer
+    clock: Clock
+
+
+def composed(
+    mission: MissionConfig,
+    link: VehicleLink,
+    clock: Clock,
+    recorder: Recorder,
+    *,
+    seed: int,
+    runner: PlanRunner,
+    checkpoint: Checkpoint | None = None,
+    observer: Observer | None = None,
+    parameters_file: Path | None = None,
+) -> Composition:
+    """Put a service together.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    link : VehicleLink
+        To the vehicle.
+    clock : Clock
+        The service's time. With an ``InlineRunner`` it must be one that others move: a plan then takes the
+        mission file's ``planning_budget_s`` of it, however long the computer needs.
+    recorder : Recorder
+        Listens.
+    seed : int
+        From which all plans and particle filters draw their numbers.
+    runner : PlanRunner
+        How long plans may take, and by whose clock.
+    checkpoint : Checkpoint, optional
+        What is remembered of the flight, for a restart in it.
+    observer : Observer, optional
+        Looks on.
+    parameters_file : Path, optional
+        Where parameters that a pilot sets are kept.
+    """
+    parameters, observer = Parameters(mission, parameters_file), observer or Observer()
+    flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
+    situation = Situation(flight.state.rules, seed)
+    announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
+    parts = parts_for(
+        flight, situation, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
+        recorder=recorder, observer=observer, seed=seed, runner=runner,
+    )  # fmt: skip
+    return Composition(
+        parameters=parameters,
+        flight=flight,
+        situation=situation,
+        link=link,
+        announcer=announcer,
+        departure=Departure(parts),
+        replanning=Replanning(parts),
+        checkpoint=checkpoint,
+        recorder=recorder,
+        observer=observer,
+        clock=clock,
+    )

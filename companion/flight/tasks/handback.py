@@ -1,0 +1,52 @@
+"""While the pilot flies: whether handing back here and now is safe, told whenever that changes."""
+
+from __future__ import annotations
+
+import math
+
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.modes import Mode
+from companion.flight.takeover.resume_path import ResumePath, resume_path
+from companion.flight.tasks.replanning_parts import ReplanningParts
+
+AGAIN_S = 5.0  # between two words on it, which change in a circle
+
+
+class Handback:
+    """Watches the way back.
+
+    Parameters
+    ----------
+    parts : ReplanningParts
+        What it works with.
+
+    Attributes
+    ----------
+    found : ResumePath or None
+        What handing back would come to, by the last look; None while the pilot does not fly.
+    """
+
+    def __init__(self, parts: ReplanningParts) -> None:
+        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._announcer, self._reader = parts.announcer, parts.handover.reader
+        self._link = parts.handover.protocols.parts.link
+        self.found: ResumePath | None = None
+        self._told: ResumePath | None = None
+        self._told_s = -math.inf
+
+    def look(self) -> None:
+        """Judge the way back, and tell the pilot where that has changed; about once a second."""
+        state, now = self._flight.state, self._clock.now_s()
+        ownship = self._situation.ownship.state(now)
+        if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:
+            self.found, self._told, self._told_s = None, None, -math.inf
+            return
+        if now - self._told_s < AGAIN_S:
+            return
+        self.found = found = resume_path(state, self._reader.current, ownship)
+        if self._told is None or found.is_safe is not self._told.is_safe:
+            self._told, self._told_s = found, now
+            tell = "handback safe" if found.is_safe else "handback unsafe"
+            self._announcer.decide(
+                DecisionKind.HANDBACK, found.text, tell=tell, mode=self._link.mission_mode, what=found.wrong
+            )

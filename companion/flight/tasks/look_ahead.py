@@ -1,0 +1,105 @@
+"""Plans for the moment at which the aircraft is left to us: the takeover, or the way back to it."""
+
+from __future__ import annotations
+
+from companion.flight.state.cycle import conclude
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.modes import Mode
+from companion.flight.state.progress import Start, lead_s, start_by_motion
+from companion.flight.state.shaping import ShapedPath
+from companion.flight.takeover.resume_path import resume_path
+from companion.flight.takeover.start_prediction import start_at_takeover
+from companion.flight.tasks.plan_maker import plan_request
+from companion.flight.tasks.replanning_parts import ReplanningParts, known_threats
+from companion.mission.swap import SwapOutcome
+from companion.types.plan import PlanStatus
+
+EARLY_S, LATE_S = 8.0, 3.0  # of its start a plan made ahead is still handed over
+
+
+class LookAhead:
+    """Makes plans before they can be flown, and keeps one ready.
+
+    Parameters
+    ----------
+    parts : ReplanningParts
+        What it works with.
+    """
+
+    def __init__(self, parts: ReplanningParts) -> None:
+        self._parts = parts
+        self._prepared: ShapedPath | None = None
+        self._said: DecisionKind | None = None
+        self._is_ready = False
+
+    def forget(self) -> None:
+        """Whatever is flown now, nothing is ready."""
+        self._prepared, self._said, self._is_ready = None, None, False
+
+    def take_prepared(self) -> ShapedPath | None:
+        """The plan that was made ahead, if it begins where the aircraft is about now."""
+        prepared = self._prepared
+        self.forget()
+        if prepared is None:
+            return None
+        since_s = self._parts.clock.now_s() - prepared.start.state.stamp_s
+        return prepared if -EARLY_S <= since_s <= LATE_S else None
+
+    async def plan(self) -> None:
+        """Make a plan; while the pilot flies and the mission file allows it, put it into the autopilot."""
+        parts = self._parts
+        maker, handover = parts.maker, parts.handover
+        maker.schedule.begin(parts.clock.now_s())
+        if self._keeps_ready():
+            return
+        await parts.geofences.catch_up()
+        await maker.until_begun()
+        now, state = parts.clock.now_s(), parts.flight.state
+        start, ownship = self._start(now), parts.situation.ownship.state(now)
+        if start is None or ownship is None or not state.goals_left:
+            return
+        snapshot, track_s = parts.situation.snapshot(now), parts.situation.newest_track_s
+        state = parts.flight.see(ownship, snapshot.picture)
+        if state.wind_fault:
+            return
+        maker.schedule.knows(known_threats(parts.situation, now))
+        run, found = await maker.make(
+            plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start, snapshot)
+        )
+        state = parts.flight.state
+        if found.shaped is None:
+            self._prepared = None
+            if run.plan.status is not PlanStatus.INVALID_START:  # in the climb, below the bounds
+                self._say(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
+        elif state.mode is Mode.SUSPENDED and state.may_write and handover.is_settled():
+            occasion = maker.schedule.occasion
+            outcome = await handover.hand_over(found.shaped, maker.num_plans, run.plan_ms, track_s, occasion)
+            self._is_ready = outcome is SwapOutcome.FLOWN
+        else:
+            self._prepared = found.shaped
+            count = len(found.shaped.waypoints.positions_enu_m)
+            self._say(DecisionKind.READY, f"first plan, {count} waypoints", tell="path ready")
+
+    def _keeps_ready(self) -> bool:
+        """Whether the mission that was made ready for the way back still is."""
+        parts, state = self._parts, self._parts.flight.state
+        ownship = parts.situation.ownship.state(parts.clock.now_s())
+        if not self._is_ready or state.mode is not Mode.SUSPENDED or ownship is None:
+            return False
+        return resume_path(state, parts.handover.reader.current, ownship).is_safe
+
+    def _start(self, now: float) -> Start | None:
+        """Where a plan begins that is made before the aircraft is left to us; None while none is of use."""
+        parts, state = self._parts, self._parts.flight.state
+        ownship, current = parts.situation.ownship.state(now), parts.handover.reader.current
+        if ownship is None or not state.phase.is_airborne:
+            return None
+        if state.mode is Mode.DEPARTING:
+            return None if current is None else start_at_takeover(state, current, ownship)
+        return start_by_motion(state.rules, ownship, lead_s(state))
+
+    def _say(self, kind: DecisionKind, text: str, tell: str = "") -> None:
+        """Say what planning ahead came to, once until it comes to something else."""
+        if kind is not self._said:
+            self._said = kind
+            self._parts.announcer.decide(kind, text, tell=tell)

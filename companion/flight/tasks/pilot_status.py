@@ -1,0 +1,73 @@
+"""How the service stands, in one message a second: for pages and recordings. Nothing decides on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.tasks.composition import Composition
+from companion.mission.operator import Operator, position_of
+
+_DIGITS = 1  # decimetres
+
+
+class PilotStatus:
+    """Sums the service up.
+
+    Parameters
+    ----------
+    parts : Composition
+        What it is composed of.
+    """
+
+    def __init__(self, parts: Composition) -> None:
+        self._parts = parts
+        self._operator: Operator | None = None
+        self._places: list[list[float]] = []
+
+    def message(self, autopilot_mode: str, *, is_heard: bool, is_warm: bool) -> dict[str, object]:
+        """What ``/standing`` says.
+
+        Parameters
+        ----------
+        autopilot_mode : str
+            The flight mode's name in the autopilot's own words.
+        is_heard : bool
+            Whether a heartbeat came lately.
+        is_warm : bool
+            Whether every kernel is compiled.
+        """
+        parts, state = self._parts, self._parts.flight.state
+        replanning, found = parts.replanning, parts.departure.handback.found
+        current, emergency = replanning.handover.reader.current, replanning.emergency
+        handback: dict[str, object] = {}
+        if found is not None:
+            way = np.round(found.way_enu_m[::4], _DIGITS)
+            handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": way}
+        return {
+            "mode": state.mode.name.lower(),
+            "autopilot_mode": autopilot_mode,
+            "is_heard": is_heard,
+            "is_warm": is_warm,
+            "is_armed": state.phase.is_armed,
+            "is_airborne": state.phase.is_airborne,
+            "is_recording": parts.recorder.is_recording,
+            "is_in_trouble": replanning.is_in_trouble(),
+            "emergency": None if emergency is None else emergency.value,
+            "goals": [[*goal.position_enu_m, goal.acceptance_radius_m] for goal in state.goals],
+            "next_goal": state.next_goal,
+            "item": None if current is None else current.sequence,
+            "num_items": len(state.mission_list.stored),
+            "handback": handback,
+            "operator_enu_m": self._operator_places(),
+        }
+
+    def _operator_places(self) -> list[list[float]]:
+        """Places of the operator's items [m], worked out anew where the list is another."""
+        state = self._parts.flight.state
+        operator, home = state.mission_list.operator, state.mission_list.home_amsl_m
+        if operator is not self._operator:
+            self._operator = operator
+            items = () if operator is None else operator.items[operator.first :]
+            found = (position_of(item, state.mission.frame, home) for item in items)
+            self._places = [np.round(place, _DIGITS).tolist() for place in found if place is not None]
+        return self._places

@@ -1,0 +1,264 @@
+"""The file of a campaign: which methods plan or fly which missions, with which settings and seeds."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+from pydantic import BeforeValidator, Field, ValidationError
+from pydantic_core import PydanticCustomError, PydanticKnownError
+
+from companion.config.explain import explained
+from companion.config.load import mission_from_document, mission_text
+from companion.config.models import MissionConfig, Section
+from companion.config.source import Document, KeyPath, parse
+from companion.errors import ConfigError
+from companion.planning.comparators import METHODS
+from companion.research.campaign.flown_methods import (
+    ANYTIME_METHODS,
+    FAULTS,
+    FLOWN_METHODS,
+    LinkFaultsConfig,
+    faults_part,
+    mission_part,
+)
+
+SEEDS_MAX = 100_000
+AS_IT_IS = "as it is"  # the name of no settings
+
+Scalar = bool | int | float | str
+Label = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$")]
+Overlay = dict[str, object]
+
+
+def _seeds(value: object) -> object:
+    """Seeds as written; a number of them counts up from 1."""
+    if isinstance(value, bool) or not isinstance(value, int | tuple):
+        raise PydanticCustomError("seeds", "how many seeds, from 1 on, or a list of them")
+    if isinstance(value, tuple):
+        return value
+    if not 1 <= value <= SEEDS_MAX:
+        raise PydanticKnownError("greater_than_equal" if value < 1 else "less_than_equal", _bound(value))
+    return tuple(range(1, value + 1))
+
+
+def _bound(value: int) -> dict[str, int]:
+    return {"ge": 1} if value < 1 else {"le": SEEDS_MAX}
+
+
+class CampaignConfig(Section):
+    """A whole file of a campaign; its runs are all combinations."""
+
+    name: Label
+    """Names the campaign and its folder."""
+    description: Annotated[str, Field(max_length=1_000)] = ""
+    """For people."""
+    kind: Literal["plans", "flights", "anytime"]
+    """Plans from the mission files' starts, whole flights in the simulator, or how soon there is a path."""
+    missions: Annotated[tuple[str, ...], Field(min_length=1, max_length=1_000)]
+    """Mission files, from this file's folder on."""
+    methods: Annotated[tuple[str, ...], Field(min_length=1, max_length=100)]
+    """The first is what the others are compared with."""
+    seeds: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=2**63 - 1)], ...],
+        BeforeValidator(_seeds), Field(min_length=1, max_length=SEEDS_MAX),
+    ]  # fmt: skip
+    """How many, from 1 on, or which."""
+    settings: Annotated[dict[Label, Overlay], Field(min_length=1)] = {AS_IT_IS: {}}  # noqa: RUF012
+    """Values by their dotted keys in mission files, under a name for each such set."""
+    autopilot: Literal["ardupilot", "px4"] = "ardupilot"
+    """Whose semantics the simulator has; of flights."""
+    budget_s: Annotated[float, Field(gt=0.0, le=86_400.0)] | None = None
+    """Seconds a plan; left out, the mission's iterations end it, which is repeatable. Of plans."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One plan or flight of a campaign, by names; ``number`` counts a campaign's runs from 0."""
+
+    number: int
+    mission: str
+    setting: str
+    method: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign that was read: its file, and what stands in its missions.
+
+    Parameters
+    ----------
+    file : str
+        Name of its file.
+    config : CampaignConfig
+        What stands in it.
+    texts : mapping
+        Each mission file's text, by the mission's name.
+    """
+
+    file: str
+    config: CampaignConfig
+    texts: Mapping[str, str]
+
+    @cached_property
+    def runs(self) -> tuple[Run, ...]:
+        """All runs; each seed's together, so that what is there of a campaign can be compared."""
+        config = self.config
+        named = itertools.product(config.seeds, self.texts, config.settings, config.methods)
+        return tuple(
+            Run(number, mission, setting, method, seed)
+            for number, (seed, mission, setting, method) in enumerate(named)
+        )
+
+    def mission(self, name: str, setting: str) -> MissionConfig:
+        """A mission under settings."""
+        overlay = mission_part(self.config.settings[setting])
+        return mission_from_document(_overlaid(parse(self.texts[name], name), overlay))
+
+    def faults(self, setting: str) -> LinkFaultsConfig:
+        """How bad the link is under settings."""
+        return LinkFaultsConfig.model_validate(faults_part(self.config.settings[setting]))
+
+    def digest(self, mission: str) -> str:
+        """SHA-256 of a mission file's text."""
+        return hashlib.sha256(self.texts[mission].encode()).hexdigest()
+
+    def identity(self) -> dict[str, object]:
+        """What makes this campaign this one and no other, fit for JSON; in lists, for the order counts."""
+        told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
+        return told | {
+            "missions": [[name, self.digest(name)] for name in self.texts],
+            "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
+        }
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read a campaign's file and its missions, each under each of the settings.
+
+    Raises
+    ------
+    ConfigError
+        For the first thing wrong with it.
+    """
+    try:
+        text = mission_text(path)
+    except ConfigError as error:
+        raise ConfigError(error.file, None, error.key, error.value, "a campaign's file to read") from None
+    if not text.strip():
+        raise ConfigError(str(path), None, "file", "nothing", "the keys of a campaign, such as 'name: mine'")
+    document = parse(text, str(path))
+    try:
+        config = CampaignConfig.model_validate(document.data)
+    except ValidationError as error:
+        raise explained(document, error.errors(include_url=False), CampaignConfig) from None
+    for place, expected in _faults(config):
+        raise document.error(place, expected)
+    for setting in config.settings:
+        _see_that_faults_pass(document, config, setting)
+    campaign = Campaign(str(path), config, _texts(document, path, config))
+    for mission, setting in itertools.product(campaign.texts, config.settings):
+        _see_that_it_passes(document, campaign, mission, setting)
+    return campaign
+
+
+def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
+    """What relates keys to each other, or to what there is."""
+    for key, entries in (("missions", config.missions), ("methods", config.methods), ("seeds", config.seeds)):
+        for place, entry in enumerate(entries):
+            if entry in entries[:place]:
+                # A number of seeds has no entries, and names none twice.
+                yield (key, place), "each one once"
+    besides = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
+    known = [*sorted(METHODS), *besides.get(config.kind, ())]
+    for place, method in enumerate(config.methods):
+        if method not in known:
+            yield ("methods", place), "one of " + ", ".join(known)
+    if config.budget_s is not None and config.kind != "plans":
+        yield (
+            ("budget_s",),
+            f"no such key with 'kind: {config.kind}'; planning.planning_budget_s in settings is",
+        )
+
+
+def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, str]:
+    """Each mission's text by its name."""
+    texts: dict[str, str] = {}
+    for place, file in enumerate(config.missions):
+        key = ("missions", place)
+        try:
+            text = mission_text(path.parent / file)
+            mission = mission_from_document(parse(text, str(path.parent / file)))
+        except ConfigError as error:
+            raise document.error(key, f"a mission file that passes: {error}") from None
+        if mission.goals_from_autopilot:
+            raise document.error(key, "a mission with a list of goals: no autopilot is asked")
+        if mission.name in texts:
+            raise document.error(key, f"a mission of another name than the first '{mission.name}'")
+        texts[mission.name] = text
+    return texts
+
+
+def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: str) -> None:
+    """See that settings of the link are known, have values that pass, and that something is flown.
+
+    Raises
+    ------
+    ConfigError
+        At the key in the campaign's file.
+    """
+    told = faults_part(config.settings[setting])
+    for name in () if config.kind == "flights" else told:
+        expected = f"no such key with 'kind: {config.kind}': nothing is flown"
+        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected)
+    try:
+        LinkFaultsConfig.model_validate(told)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = str(first["loc"][0])
+        known = ", ".join(LinkFaultsConfig.model_fields)
+        expected = f"one of {known}" if first["type"] == "extra_forbidden" else first["msg"]
+        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected) from None
+
+
+def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, setting: str) -> None:
+    """See that settings name keys of mission files and give them values that pass.
+
+    Raises
+    ------
+    ConfigError
+        At the key in the campaign's file.
+    """
+    overlay = campaign.config.settings[setting]
+    try:
+        campaign.mission(mission, setting)
+    except ConfigError as error:
+        at = next((key for key in overlay if error.key == key or error.key.startswith(f"{key}.")), None)
+        if at is None:
+            raise document.error(("settings", setting), f"settings that {mission} takes: {error}") from None
+        raise document.error(("settings", setting, at), error.expected) from None
+
+
+def _overlaid(document: Document, overlay: Overlay) -> Document:
+    """A mission file with values put in the place of its own, by their dotted keys."""
+    data = copy.deepcopy(document.data)
+    for key, value in overlay.items():
+        data = _with(data, key.split("."), value)
+    return replace(document, data=data)
+
+
+def _with(data: object, keys: list[str], value: object) -> object:
+    """``data`` with a value where the keys lead; what is neither section nor list is replaced."""
+    if not keys:
+        return value
+    first, rest = keys[0], keys[1:]
+    if isinstance(data, tuple) and first.isdecimal() and int(first) < len(data):
+        return tuple(_with(entry, rest, value) if n == int(first) else entry for n, entry in enumerate(data))
+    section = cast("dict[str, object]", data) if isinstance(data, dict) else {}
+    return section | {first: _with(section.get(first), rest, value)}

@@ -1,0 +1,32 @@
+"""Where the code is that makes a campaign's runs. Other packages offer theirs with their commands."""
+
+from __future__ import annotations
+
+import contextlib
+from importlib.metadata import entry_points
+
+import typer
+
+EXTRA_COMMANDS = "companion.commands"  # entry points of those who offer commands, and places as they do
+FLIGHT = "flight"  # who flies one flight for a Python program
+PURSUERS = "pursuers"  # who drives the moving threats against a plan
+_PLACES = {"plans": "companion.research.campaign.plan_outcomes:PlanRunner"}
+
+
+def offer(kind: str, place: str) -> None:
+    """Tell where the code for a kind of run is, as ``module:name``; it is loaded when it is needed."""
+    _PLACES[kind] = place
+
+
+def places() -> dict[str, str]:
+    """Return where the code is, by kind, also that of other packages."""
+    if FLIGHT not in _PLACES:
+        _ask_others()
+    return dict(_PLACES)
+
+
+def _ask_others() -> None:
+    """Let other packages add their commands to nothing: they offer their places as they do."""
+    for entry in entry_points(group=EXTRA_COMMANDS):
+        with contextlib.suppress(ImportError):
+            entry.load()(typer.Typer())

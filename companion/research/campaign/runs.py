@@ -1,0 +1,185 @@
+"""Offline plans of a mission file: one or many."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.table import Table
+
+from companion.config import MissionConfig
+from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
+from companion.errors import ConfigError
+from companion.frames import direction_from_course
+from companion.kernels.native.ready import make_ready
+from companion.planning.comparators import METHODS
+from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.solver import solve
+from companion.research.campaign.paper import PaperRow, paper_row
+from companion.types.plan import Plan
+from companion.types.threat import TrackState
+from companion.world.snapshot import Snapshot
+
+
+def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | None, seed: int) -> Problem:
+    """The problem the mission file states: from its start, at time 0.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method.
+    """
+    name = method or mission.planning.method
+    if name not in METHODS:
+        raise ConfigError(mission.name, None, "method", name, "one of " + ", ".join(sorted(METHODS)))
+    vehicle, settings = vehicle_of(mission), planner_settings_of(mission, name)
+    world = snapshot if settings.strategies.minds_dts else snapshot.with_tracks(0.0, ())
+    east, north = float(mission.start.east_m), float(mission.start.north_m)
+    std = float(mission.vehicle.initial_position_std_m)
+    start = StartState(
+        stamp_s=0.0,
+        position_enu_m=(east, north, float(mission.start.up_m)),
+        direction_rad=direction_from_course(math.radians(mission.start.course_deg)),
+        climb_rad=0.0,
+        airspeed_m_s=vehicle.airspeed_cruise_m_s,
+        error_covariance=initial_covariances(vehicle, std, std),
+        estimate_covariance=np.zeros((6, 6)),
+    )
+    sensed = world.with_known(world.sensed(east, north, settings.sensing_horizon_m))
+    return Problem(start, goals_of(mission), sensed, vehicle, settings, seed)
+
+
+def offline_world(mission: MissionConfig) -> Snapshot:
+    """The mission's world at time 0, each moving threat seen standing at its start."""
+    tracks = [
+        TrackState(
+            stamp_s=0.0,
+            identity=threat.name,
+            position_enu_m=threat.position_enu_m,
+            velocity_enu_m_s=(0.0, 0.0, 0.0),
+            covariance=np.eye(4),
+            speed_max_m_s=threat.speed_m_s,
+            max_threat_radius_m=threat.max_threat_radius_m,
+            turn_radius_m=threat.turn_radius_m,
+            is_airborne=False,
+            observed_s=0.0,
+        )
+        for threat in mission.dynamic_threat_list
+    ]
+    return world_of(mission).with_tracks(0.0, tracks)
+
+
+def plan_runs(
+    mission: MissionConfig, *, method: str | None, first_seed: int, runs: int, time_limit_s: float | None,
+    get_ready: Callable[[], None] = make_ready,
+) -> tuple[Snapshot, list[Plan]]:  # fmt: skip
+    """Plans with consecutive seeds, and the world they were made in.
+
+    ``get_ready`` is called when nothing is wrong with the request, before the first plan.
+    """
+    snapshot = offline_world(mission)
+    problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
+    get_ready()
+    plans = []
+    for problem in problems:
+        deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s
+        plans.append(solve(problem, lambda end=deadline: time.perf_counter() >= end))  # type: ignore[misc]
+    return snapshot, plans
+
+
+def result_of(plan: Plan) -> dict[str, object]:
+    """One object of ``plan --json``: the measures of the paper's tables, and the path."""
+    m = plan.measures
+    return {
+        "seed": plan.seed,
+        "method": plan.method,
+        "success": plan.reaches_goal,
+        "status": plan.status.value,
+        "PST": round(m.path_search_time_s, 6),
+        "NCDC": m.num_collision_checks,
+        "NTN": m.num_tree_nodes,
+        "ESR": round(m.extension_success_rate, 6),
+        "TSI": round(m.search_iteration_time_s, 9),
+        "PC": round(m.path_cost, 6) if math.isfinite(m.path_cost) else None,
+        "Q": round(m.quality, 9),
+        "TTA": round(m.total_threat_amount, 6),
+        "ATP": round(m.aggregated_threat, 6),
+        "NHTW": m.num_high_threat_waypoints,
+        "PSR": round(m.penetration_success, 9),
+        "J": round(plan.objective_s, 6) if math.isfinite(plan.objective_s) else None,
+        "gap": None if plan.gap is None else round(plan.gap, 6),
+        "seen_s": round(plan.seen_s, 6),
+        "path": [] if plan.path is None else plan.path.rows(),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A measure of the table: its name, its value of a plan, and the paper's where that gives one."""
+
+    name: str
+    of_plan: Callable[[Plan], float | None]
+    of_paper: Callable[[PaperRow], float | None] = lambda _: None
+
+
+_ROWS = (
+    _Row(
+        "PST, path search, ms",
+        lambda plan: 1e3 * plan.measures.path_search_time_s,
+        lambda paper: 1e3 * paper.path_search_time_s,
+    ),
+    _Row(
+        "NCDC, collision checks",
+        lambda plan: float(plan.measures.num_collision_checks),
+        lambda paper: float(paper.num_collision_checks),
+    ),
+    _Row(
+        "NTN, tree nodes",
+        lambda plan: float(plan.measures.num_tree_nodes),
+        lambda paper: paper.extension_success_rate * paper.num_collision_checks,
+    ),
+    _Row(
+        "ESR",
+        lambda plan: plan.measures.extension_success_rate,
+        lambda paper: paper.extension_success_rate,
+    ),
+    _Row(
+        "TSI, time a check, ms",
+        lambda plan: 1e3 * plan.measures.search_iteration_time_s,
+        lambda paper: 1e3 * paper.search_iteration_time_s,
+    ),
+    _Row("PC, path cost", lambda plan: plan.measures.path_cost, lambda paper: paper.path_cost),
+    _Row("Q, path quality", lambda plan: plan.measures.quality, lambda paper: paper.quality),
+    _Row("TTA, radar threat", lambda plan: plan.measures.total_threat_amount),
+    _Row("NHTW, waypoints above 0.5", lambda plan: float(plan.measures.num_high_threat_waypoints)),
+    _Row("length, m", lambda plan: None if plan.path is None else plan.path.length_m),
+    _Row("duration, s", lambda plan: None if plan.path is None else plan.path.duration_s),
+)
+
+
+def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
+    """Medians of the runs for the terminal, and the paper's values where it measured the like."""
+    reached = [plan for plan in plans if plan.reaches_goal]
+    paper = paper_row(name, dimension, plans[0].method)
+    table = Table(title=f"{name}: {plans[0].method}, {len(reached)} of {len(plans)} reach the goal")
+    for column in ("measure", "median", "min", "max") + (("paper",) if paper else ()):
+        table.add_column(column, justify="left" if column == "measure" else "right")
+    rate = f"{1.0 - len(reached) / len(plans):.3g}"
+    table.add_row("FR, failure rate", rate, "", "", *((f"{paper.failure_rate:.3g}",) if paper else ()))
+    for row in _ROWS:
+        values = [value for plan in reached if (value := row.of_plan(plan)) is not None]
+        if values:
+            figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
+            table.add_row(row.name, *figures, *_beside(row, paper))
+    return table
+
+
+def _beside(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
+    """The paper's column of a row; none where the paper has no such plans."""
+    if paper is None:
+        return ()
+    printed = row.of_paper(paper)
+    return ("" if printed is None else f"{printed:.4g}",)

@@ -1,0 +1,150 @@
+"""The paper's tables in its own shape, ours beside the printed, and a verdict on every ordering."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from companion.research.evidence.document.reasons import Reasons
+from companion.research.evidence.evidence_tables import NONE, Cell, ResultTable, interval_text, number_text
+from companion.research.evidence.intervals import bootstrap, wilson
+from companion.research.evidence.orderings import OURS, OURS_PRINTED, TABLES, Ordering, PaperTable
+from companion.research.evidence.samples import FAILURE, GROUPS, Case, Evidence, Measure, Sample
+from companion.research.evidence.verdicts import PAPER, Judged, Verdict
+
+_MEASURES = {
+    measure.name: measure for measure in (FAILURE, *(one for of in GROUPS["plans"] for one in of.measures))
+}
+Key = tuple[str, Ordering]  # a map, and an ordering with the paper's own methods
+
+
+def value_tables(evidence: Evidence) -> Iterator[tuple[int, ResultTable]]:
+    """The paper's tables by their numbers, one a map, with our means beside its values."""
+    for table in TABLES:
+        for dimension, printed in table.printed.items():
+            cases = [
+                case
+                for case in evidence.cases
+                if case.dimension == dimension and case.mission.startswith(PAPER)
+            ]
+            if cases:
+                yield table.number, _values(table, printed, cases)
+
+
+def _values(table: PaperTable, printed: dict[str, tuple[float, ...]], cases: Sequence[Case]) -> ResultTable:
+    rows = []
+    for method, values in printed.items():
+        paper = (Cell(number_text(value), value) for value in values)
+        rows.append((Cell(method, method), Cell("the paper", "the paper"), Cell("", math.nan), *paper))
+        for case in cases:
+            sample = case.samples.get(method)
+            if sample is not None and sample.rows:
+                ours = (_estimate(sample, _MEASURES[name]) for name in table.measures)
+                number = Cell(str(len(sample.rows)), float(len(sample.rows)))
+                rows.append((Cell(method, method), Cell(case.setting, case.setting), number, *ours))
+    heads = ("method", ""), ("settings", ""), ("n", "runs"), *((name, "") for name in table.measures)
+    return ResultTable(
+        f"Table {table.number}: {table.subject.lower()}, {cases[0].mission}", heads, tuple(rows)
+    )
+
+
+def _estimate(sample: Sample, measure: Measure) -> Cell:
+    """Mean with its interval; of failures the share with Wilson's."""
+    values = np.array(list(sample.values(measure).values()))
+    if len(values) == 0:
+        return Cell(NONE, math.nan)
+    known = wilson(int(values.sum()), len(values)) if measure == FAILURE else bootstrap(values)
+    return Cell(interval_text(known), known.value)
+
+
+def ordering_tables(every: Sequence[Judged], reasons: Reasons) -> Iterator[tuple[int, ResultTable]]:
+    """By the number of the paper's table: each ordering, and what became of it under each of the settings."""
+    settings = tuple(dict.fromkeys(entry.case.setting for entry in every))
+    methods = {_ours(entry.ordering) for entry in every}
+    nearer = tuple(name for name in OURS_PRINTED if name in methods)
+    by_key: dict[Key, dict[tuple[str, str], Judged]] = {}
+    for entry in every:
+        by_key.setdefault(_key(entry), {})[_ours(entry.ordering), entry.case.setting] = entry
+    heads = _ordering_heads(settings, nearer)
+    for table in TABLES:
+        keys = [key for key in by_key if key[1].table == table.number]
+        found = (_found(by_key[key], key[1], settings, nearer) for key in keys)
+        rows = tuple(map(_ordering_row, keys, found, itertools.repeat(reasons)))
+        if rows:
+            yield table.number, ResultTable(f"Orderings of Table {table.number}", heads, rows)
+
+
+def _ordering_heads(settings: Sequence[str], nearer: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Names of the columns, and what they mean where that needs to be said."""
+    return (
+        *(("map", ""), ("measure", ""), ("printed as less", ""), ("than", ""), ("paper", "")),
+        *((setting, "") for setting in settings),
+        *((f"{name}, {settings[0]}", "in safe-rrt's place") for name in nearer),
+        ("why not", ""),
+    )
+
+
+def _found(
+    known: Mapping[tuple[str, str], Judged],
+    ordering: Ordering,
+    settings: Sequence[str],
+    nearer: Sequence[str],
+) -> list[Judged | None]:
+    """What became of an ordering: under each of the settings, and with others in our method's place."""
+    ours = OURS if OURS in ordering else ""
+    wanted = [(ours, setting) for setting in settings] + [(name, settings[0]) for name in nearer]
+    return [known.get(one) for one in wanted]
+
+
+def _ordering_row(key: Key, found: Sequence[Judged | None], reasons: Reasons) -> tuple[Cell, ...]:
+    """One ordering, its verdicts, and the numbers of the reasons of those that are against the paper."""
+    mission, ordering = key
+    values = f"{number_text(ordering.printed_less)} < {number_text(ordering.printed_more)}"
+    against = (entry for entry in found if entry and entry.verdict is Verdict.NOT_REPRODUCED)
+    why = dict.fromkeys(reasons.of(entry) for entry in against)
+    told = ", ".join("not found" if number is None else str(number) for number in why)
+    names = (mission, ordering.measure, ordering.less, ordering.more, values)
+    return tuple(Cell(text, text) for text in (*names, *map(verdict_text, found), told))
+
+
+def verdict_text(entry: Judged | None) -> str:
+    """A verdict, the difference that it is by, and how many runs would decide where that is open."""
+    if entry is None or entry.difference is None:
+        return NONE
+    told = f"{entry.verdict.value} {interval_text(entry.difference)}"
+    return f"{told}; {entry.remark}" if entry.remark else told
+
+
+def counts_table(every: Sequence[Judged]) -> ResultTable:
+    """How many orderings hold, by settings and by the method that stands for the paper's."""
+    counted = Counter(
+        (entry.case.setting, _ours(entry.ordering) or "comparators alone", entry.verdict) for entry in every
+    )
+    keys = dict.fromkeys((setting, ours) for setting, ours, _ in counted)
+    heads = ("settings", ""), ("in safe-rrt's place", ""), *((one.value, "") for one in Verdict)
+    rows = tuple(
+        (
+            Cell(setting, setting),
+            Cell(ours, ours),
+            *(Cell(str(counted[setting, ours, one]), float(counted[setting, ours, one])) for one in Verdict),
+        )
+        for setting, ours in keys
+    )
+    return ResultTable("All orderings", heads, rows)
+
+
+def _key(entry: Judged) -> Key:
+    """Map and ordering, whoever stands for the paper's method."""
+    less, more = (
+        OURS if name in OURS_PRINTED else name for name in (entry.ordering.less, entry.ordering.more)
+    )
+    return entry.case.mission, entry.ordering._replace(less=less, more=more)
+
+
+def _ours(ordering: Ordering) -> str:
+    """Which of our methods stands for the paper's; empty between comparators."""
+    return next((name for name in (OURS, *OURS_PRINTED) if name in (ordering.less, ordering.more)), "")

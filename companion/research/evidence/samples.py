@@ -1,0 +1,275 @@
+"""What was measured, as columns: which measures there are, of which runs, and their values by seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.config.load import mission_from_text
+from companion.errors import ConfigError
+from companion.frames import FloatArray
+from companion.research.campaign.run_store import Row, RunStore
+
+
+class Measure(NamedTuple):
+    """A measure: its name in the rows, what it is, and whether only runs that reach the goal have it."""
+
+    name: str
+    words: str
+    of_success: bool = False
+
+
+class Group(NamedTuple):
+    """Measures that stand in one table."""
+
+    title: str
+    measures: tuple[Measure, ...]
+
+
+FAILURE = Measure("FR", "failure rate: no path to the goal, or a fault")
+GROUPS: dict[str, tuple[Group, ...]] = {
+    "plans": (
+        Group(
+            "Search",
+            (
+                Measure("PST", "path search [s]"),
+                Measure("NCDC", "collision checks"),
+                Measure("NTN", "tree nodes"),
+                Measure("ESR", "NTN/NCDC"),
+                Measure("TSI", "PST/NCDC [s]"),
+            ),
+        ),
+        Group(
+            "Path",
+            (
+                Measure("PC", "path cost by (9)", of_success=True),
+                Measure("Q", "path quality by (8)", of_success=True),
+                Measure("length_m", "length [m]", of_success=True),
+                Measure("duration_s", "duration [s]", of_success=True),
+            ),
+        ),
+        Group(
+            "Radars",
+            (
+                Measure("TTA", "sum of radar membership over the path", of_success=True),
+                Measure("ATP", "radar threat at waypoints by IFWA", of_success=True),
+                Measure("NHTW", "waypoints above level 0.5", of_success=True),
+                Measure("PSR", "success by (3)", of_success=True),
+            ),
+        ),
+        Group(
+            "Moving threats, driven against the path",
+            (
+                Measure("ADTP", "actual threat at waypoints by IFWA", of_success=True),
+                Measure("TDTA", "sum of the actual threat over the path", of_success=True),
+                Measure("ETDTA", "the same sum as estimated", of_success=True),
+                Measure("ETDTA/TDTA", "how much of it was foreseen", of_success=True),
+                Measure("TFP/PD", "first pursued, share of the path's duration", of_success=True),
+                Measure("RRS", "nodes called reachable", of_success=True),
+            ),
+        ),
+    ),
+    "flights": (
+        Group(
+            "Moving threats, by the true paths",
+            (
+                Measure("threatened", "how many had the aircraft in reach and sight"),
+                Measure("seconds_in_reach_and_sight", "for how long [s]"),
+                Measure("miss_distance_m", "nearest approach [m]"),
+                Measure("TDTA", "sum of the threat over the path"),
+                Measure("ADTP", "threat at waypoints by IFWA"),
+            ),
+        ),
+        Group(
+            "Radars and obstacles",
+            (
+                Measure("seconds_in_radar", "in a radar's reach and sight [s]"),
+                Measure("TTA", "sum of radar membership"),
+                Measure("ATP", "radar threat by IFWA"),
+                Measure("min_obstacle_clearance_m", "nearest obstacle [m]"),
+            ),
+        ),
+        Group(
+            "Flight",
+            (
+                Measure("flight_s", "until the goal was reached [s]", of_success=True),
+                Measure("missions_uploaded", "missions"),
+                Measure("replans", "plans"),
+                Measure("plan_ms.median", "a plan, median [ms]"),
+                Measure("plan_ms.max", "a plan, longest [ms]"),
+            ),
+        ),
+    ),
+    "anytime": (
+        Group(
+            "Paths",
+            (
+                Measure("first_s", "until the first path [s]", of_success=True),
+                Measure("cost_0.1_s", "cost by (9) after 0.1 s"),
+                Measure("cost_1_s", "after 1 s"),
+                Measure("cost_10_s", "after 10 s"),
+                Measure("asked", "edges that Python was asked"),
+                Measure("asked_s", "in which it spent [s]"),
+            ),
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """All runs of one method on one mission under one set of settings, by their seeds."""
+
+    rows: Mapping[int, Row]
+
+    @property
+    def num_errors(self) -> int:
+        """Runs that ended in a fault."""
+        return sum(row.error is not None for row in self.rows.values())
+
+    def share(self, name: str) -> FloatArray:
+        """1 or 0 for each seed in order, shape (N,): whether a measure is true; of a fault nothing is."""
+        return np.array([float(row.measures.get(name) is True) for _, row in sorted(self.rows.items())])
+
+    def values(self, measure: Measure) -> dict[int, float]:
+        """Values by their seeds, of the runs that have one."""
+        if measure == FAILURE:
+            return {seed: float(row.measures.get("success") is not True) for seed, row in self.rows.items()}
+        found = {}
+        for seed, row in sorted(self.rows.items()):
+            value = row.measures.get(measure.name)
+            reached = row.measures.get("success") is True or not measure.of_success
+            if reached and isinstance(value, int | float) and not isinstance(value, bool):
+                found[seed] = float(value)
+        return found
+
+
+@dataclass(frozen=True)
+class Case:
+    """One mission under one set of settings: the sample of each method, in the campaign's order."""
+
+    mission: str
+    setting: str
+    dimension: int
+    samples: Mapping[str, Sample]
+
+    @property
+    def title(self) -> str:
+        """Mission and settings."""
+        return f"{self.mission}, {self.setting}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A campaign's rows in order.
+
+    Parameters
+    ----------
+    name, kind : str
+        The campaign's.
+    cases : tuple of Case
+        Missions by settings.
+    num_rows, num_wanted : int
+        How many runs there are, and how many the campaign is to have.
+    commits, machines : tuple of str
+        What made them.
+    """
+
+    name: str
+    kind: str
+    cases: tuple[Case, ...]
+    num_rows: int
+    num_wanted: int
+    commits: tuple[str, ...]
+    machines: tuple[str, ...]
+
+
+def paired(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[FloatArray, FloatArray]:
+    """Values of two methods on the seeds that both have.
+
+    Parameters
+    ----------
+    first, second : mapping
+        Values by seeds.
+
+    Returns
+    -------
+    first, second : ndarray, shape (N,)
+        In the seeds' order.
+    """
+    seeds = sorted(first.keys() & second.keys())
+    return np.array([first[seed] for seed in seeds]), np.array([second[seed] for seed in seeds])
+
+
+def evidence_of(store: RunStore) -> Evidence:
+    """All that a campaign has measured so far.
+
+    Raises
+    ------
+    ConfigError
+        If there is no row yet.
+    """
+    return evidence_from(*stored(store))
+
+
+def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[str, int]]:
+    """A campaign's rows, what they are of, and the dimension of each mission.
+
+    Raises
+    ------
+    ConfigError
+        If there is no row yet.
+    """
+    rows = list(store.rows())
+    if not rows:
+        raise ConfigError("results", None, "FOLDER", "a campaign without a row", "one that has been run")
+    dimensions = {name: mission_from_text(text, name).dimension for name, text in store.texts().items()}
+    return rows, store.identity(), dimensions
+
+
+def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: Mapping[str, int]) -> Evidence:
+    """Rows put in order.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        In any order.
+    told : mapping
+        What they are of, as :meth:`companion.research.campaign.campaign_spec.Campaign.identity` tells.
+    dimensions : mapping
+        How many dimensions each mission has.
+    """
+    missions, settings, methods, seeds = (
+        _names(told[key]) for key in ("missions", "settings", "methods", "seeds")
+    )
+    by_case: dict[tuple[str, str, str], dict[int, Row]] = {}
+    for row in rows:
+        by_case.setdefault((row.mission, row.setting, row.method), {})[row.seed] = row
+    cases = tuple(
+        Case(
+            mission,
+            setting,
+            dimensions[mission],
+            {method: Sample(by_case.get((mission, setting, method), {})) for method in methods},
+        )
+        for mission in missions
+        for setting in settings
+    )
+    return Evidence(
+        str(told["name"]),
+        str(told["kind"]),
+        cases,
+        len(rows),
+        len(missions) * len(settings) * len(methods) * len(seeds),
+        tuple(dict.fromkeys(row.commit for row in rows)),
+        tuple(dict.fromkeys(row.machine for row in rows)),
+    )
+
+
+def _names(entries: object) -> list[str]:
+    """Names in a list, in which each may have something beside it."""
+    known = entries if isinstance(entries, list) else []
+    return [str(entry[0] if isinstance(entry, list) else entry) for entry in known]

@@ -1,0 +1,104 @@
+"""``companion identify``: the figures as a table, and the keys as they are pasted into a mission file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from companion.config.compose import vehicle_of
+from companion.plain_text import printable
+from companion.research.identification.flown_samples import Flown, flown_of
+from companion.research.identification.noise_estimate import Identified, NoiseKey, Spread, identified
+
+
+def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[Flown], Identified]:
+    """Read recordings and identify the noise of the aircraft that flew them: that of the first one's mission.
+
+    Raises
+    ------
+    RecordError
+        If one of them cannot be read.
+    ConfigError
+        If a mission file cannot be read.
+    """
+    flights = [flown_of(source, mission_file) for source in sources]
+    return flights, identified(flights, vehicle_of(flights[0].mission))
+
+
+def document_of(flights: Sequence[Flown], found: Identified) -> dict[str, object]:
+    """The JSON of the command."""
+    return {
+        "recordings": [flight.name for flight in flights],
+        "tracked_s": round(found.tracked_s, 1),
+        "left_out": found.num_left_out,
+        "deviations": [_spread_document(spread) for spread in found.spreads],
+        "vehicle": {name: _rounded(value) for name, value in found.known.items()},
+        "keys": [_key_document(key) for key in found.keys],
+    }
+
+
+def _spread_document(spread: Spread) -> dict[str, object]:
+    figures = {"mean": spread.mean, "std": spread.std, "low": spread.low, "high": spread.high}
+    return {
+        "name": spread.name,
+        "unit": spread.unit,
+        **{name: _finite(value) for name, value in figures.items()},
+        "samples": spread.num,
+        "independent": round(spread.num_independent, 1),
+    }
+
+
+def _key_document(key: NoiseKey) -> dict[str, object]:
+    return {
+        "key": key.name,
+        "value": None if key.value is None else _rounded(key.value),
+        "low": _finite(key.low),
+        "high": _finite(key.high),
+        "note": key.note,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 6) if math.isfinite(value) else None
+
+
+def _rounded(value: float) -> float:
+    """Three digits: more than is known."""
+    return float(f"{value:.3g}")
+
+
+def fragment_of(found: Identified) -> str:
+    """The keys in YAML; those of which there is too little as remarks."""
+    lines = ["vehicle:"]
+    for key in found.keys:
+        if key.value is None:
+            lines.append(f"  # {key.name}: {key.note}")
+            continue
+        interval = f"{key.low:.2g} to {key.high:.2g}"
+        lines.append(f"  {key.name}: {_rounded(key.value):g}  # {interval}: {key.note}")
+    return "\n".join(lines)
+
+
+def show(flights: Sequence[Flown], found: Identified, screen: Console) -> None:
+    """Tell what was measured, and the keys."""
+    words = ", ".join(printable(flight.name) for flight in flights)
+    screen.print(f"{words}: {found.tracked_s:.0f} s along plans", markup=False, soft_wrap=True)
+    if found.num_left_out:
+        screen.print(f"{found.num_left_out} positions far from any plan are left out")
+    table = Table(title="deviations from the plans flown")
+    for column in ("of", "mean", "deviation", "95 % of it", "samples", "independent"):
+        table.add_column(column, justify="left" if column == "of" else "right")
+    for spread in found.spreads:
+        if spread.num < 2:
+            continue
+        table.add_row(
+            spread.name, f"{spread.mean:.2f} {spread.unit}", f"{spread.std:.2f} {spread.unit}",
+            f"{spread.low:.2f} to {spread.high:.2f}", str(spread.num), f"{spread.num_independent:.0f}",
+        )  # fmt: skip
+    if table.row_count:
+        screen.print(table)
+    screen.print(fragment_of(found), markup=False, highlight=False, soft_wrap=True)

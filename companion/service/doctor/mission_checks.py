@@ -1,0 +1,86 @@
+"""What the list in the autopilot comes to with a mission file, as the service would say it on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from companion.clock import Clock
+from companion.config import MissionConfig
+from companion.errors import CompanionError
+from companion.flight.exchange.list_reader import adopt
+from companion.flight.exchange.protocols import protocols_for
+from companion.flight.state.flight_state import (
+    StateOwner,
+    after_autopilot_reported,
+    after_settings_reported,
+    first_state,
+)
+from companion.flight.takeover.capability import shortfalls
+from companion.flight.takeover.mission_summary import mission_summary_of
+from companion.link.messages.codec import Codec
+from companion.link.missions.autopilot_link import AutopilotLink
+from companion.link.wire.decoded_frame import DecodedFrame
+from companion.service.doctor.finding import Finding, fail, ok, warn
+from companion.tracking.ownship import OwnshipEstimator
+from companion.types.mission import MissionItem
+from companion.types.state import AutopilotSettings
+
+CHECK = "mission"
+
+
+class MissionDoctor:
+    """Reads the autopilot's list, and judges it.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    codec : Codec
+        Frames of the link that is listened to, to events.
+    clock : Clock
+        The doctor's.
+    send : callable
+        Takes bytes for the transport.
+    """
+
+    def __init__(
+        self, mission: MissionConfig, codec: Codec, clock: Clock, send: Callable[[bytes], None]
+    ) -> None:
+        self._mission, self._clock = mission, clock
+        self._ownship = OwnshipEstimator(mission.frame)
+        self._link = AutopilotLink(codec, clock, send)
+
+    def receive(self, frame: DecodedFrame) -> None:
+        """Take a frame of the autopilot's."""
+        self._link.receive(frame)
+        for event in frame.events:
+            self._ownship.observe(event)
+
+    async def findings(self, settings: AutopilotSettings) -> list[Finding]:
+        """What the list comes to, with what the autopilot's parameters say."""
+        try:
+            read = await self._link.download()
+        except CompanionError as error:
+            return [warn(CHECK, f"not read: {error}", "try again; does the ground station upload just now?")]
+        finally:
+            await self._link.close()
+        return self._judged(read, settings)
+
+    def _judged(self, read: tuple[MissionItem, ...], settings: AutopilotSettings) -> list[Finding]:
+        mission, now = self._mission, self._clock.now_s()
+        flight = StateOwner(first_state(mission, now))
+        protocols = protocols_for(flight, self._link, self._ownship, self._clock)
+        flight.apply(after_autopilot_reported, flies_by=protocols.dialect.flies_by)
+        flight.apply(after_settings_reported, settings)
+        adopt(flight, protocols, read)
+        told = mission_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
+        texts = ((CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing))
+        findings = [ok(check, text) for check, text in texts if text]
+        refused = shortfalls(mission, settings)
+        for fault in told.faults:
+            if fault in refused:
+                advice = "change the mission file or the parameter: it is not taken over so"
+                findings.append(fail(CHECK, fault, advice))
+            else:
+                findings.append(warn(CHECK, fault, "change the list in the autopilot, or the mission file"))
+        return findings

@@ -1,0 +1,222 @@
+"""What of the autopilot's settings matters to the service, and why.
+
+Measured on ArduPlane 4.7 and PX4 1.17 in their own simulations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from companion.config import MissionConfig
+from companion.link.wire.decoded_frame import VersionTold
+from companion.mission.waypoints import FLY_BY_M
+from companion.service.doctor.finding import Finding, fail, ok, warn
+from companion.types.events import Dialect
+
+MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}
+NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
+RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: ""}
+SERIAL_PORTS = range(1, 7)
+MAVLINK_PROTOCOLS = (1.0, 2.0)
+# SERIALn_BAUD of ArduPilot is in thousands, but for these.
+BAUD_RATES = {1: 1200, 2: 2400, 4: 4800, 9: 9600, 19: 19200, 38: 38400, 57: 57600, 111: 111100}
+BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 921: 921600, 1500: 1500000}
+# MAV_n_CONFIG of PX4 names the port of each of its instances of MAVLink; the telemetry ports are these.
+PX4_INSTANCES = range(3)
+PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
+ONBOARD = 2.0  # MAV_n_MODE
+SERIAL_PARAMETERS = {
+    Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
+    Dialect.PX4: "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterCheck:
+    """What a parameter should be.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, as the autopilot has it.
+    is_good : callable
+        Takes the parameter's value and tells whether it is as it should be.
+    otherwise : str
+        What happens if it is not, and what to do.
+    is_grave : bool
+        Whether another value is dangerous, rather than a nuisance.
+    """
+
+    name: str
+    is_good: Callable[[float], bool]
+    otherwise: str
+    is_grave: bool = False
+
+    def judged(self, value: float) -> Finding:
+        """What a value means."""
+        if self.is_good(value):
+            return ok(self.name, f"{value:g}")
+        return (fail if self.is_grave else warn)(self.name, f"{value:g}", self.otherwise)
+
+
+ARDUPLANE = (
+    ParameterCheck(
+        "MIS_RESTART", lambda v: v == 0.0, "set 0: AUTO would begin at item 1, not on our path", True
+    ),
+    ParameterCheck(
+        "RTL_AUTOLAND",
+        lambda v: 1.0 <= v <= 3.0,
+        "set 2: with 0 it does not arm while the mission has a DO_LAND_START",
+    ),
+    ParameterCheck(
+        "AVD_ENABLE",
+        lambda v: v == 0.0,
+        "set 0, or AVD_F_ACTION and AVD_W_ACTION to 1: its own avoidance flies against the planner's",
+    ),
+    ParameterCheck("AVD_F_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck("AVD_W_ACTION", lambda v: v <= 1.0, "set 1 (report only), or AVD_ENABLE 0", True),
+    ParameterCheck(
+        "ADSB_TYPE",
+        lambda v: v == 0.0,
+        "set 0 unless an ADS-B receiver is wired to the autopilot: "
+        "it swallows others' reports and sends them on at its own rate",
+    ),
+    ParameterCheck(
+        "WP_RADIUS",
+        lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
+        f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint",
+    ),
+)
+PX4 = (
+    ParameterCheck(
+        "MIS_TKO_LAND_REQ",
+        lambda v: v == 0.0,
+        "set 0, or let the mission end in a landing: one without is "
+        "accepted and then not flown, and the aircraft loiters",
+    ),
+    ParameterCheck(
+        "NAV_TRAFF_AVOID",
+        lambda v: v <= 1.0,
+        "set 1 (warn only) or 0: it would leave the mission for any "
+        "vehicle that is reported, ground vehicles too",
+        True,
+    ),
+    ParameterCheck(
+        "NAV_ACC_RAD",
+        lambda v: v <= FLY_BY_M,
+        f"set at most {FLY_BY_M:g}: corners would be cut that were not checked so",
+    ),
+)
+SPEEDS = {
+    Dialect.ARDUPILOT: ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE"),
+    Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
+}
+PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
+# Avoidance that only exists where it is switched on.
+ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
+
+
+def parameter_names(dialect: Dialect) -> tuple[str, ...]:
+    """Parameters that are to be read."""
+    return (*(check.name for check in PARAMETER_CHECKS[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
+
+
+def _serial_names(dialect: Dialect) -> list[str]:
+    if dialect is Dialect.ARDUPILOT:
+        return [f"SERIAL{n}_{what}" for n in SERIAL_PORTS for what in ("PROTOCOL", "BAUD")]
+    names = [f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE")]
+    return names + [f"SER_{port}_BAUD" for port in PX4_PORTS.values()]
+
+
+def version(dialect: Dialect, told: VersionTold | None) -> Finding:
+    """Whether it is one whose behaviour is known."""
+    check, name = "autopilot", NAMES[dialect]
+    major, minor = MEASURED[dialect]
+    advice = f"its missions were measured with {major}.{minor}: try this one in its own simulation first"
+    if told is None:
+        return warn(check, f"{name}; it does not tell its version", advice)
+    numbers = ".".join(map(str, told.numbers))
+    found = f"{name} {numbers}{RELEASES.get(told.release, '?')}"
+    return ok(check, found) if told.numbers[:2] == (major, minor) else warn(check, found, advice)
+
+
+def parameter_findings(
+    dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None, baud_rate: int | None
+) -> list[Finding]:
+    """Judge what was read; ``baud_rate`` is that of the serial line, if it is one."""
+    findings = []
+    for check in PARAMETER_CHECKS[dialect]:
+        switch = ONLY_WITH.get(check.name)
+        if switch is not None and values.get(switch) == 0.0:
+            continue
+        value = values.get(check.name)
+        findings.append(_untold(check.name) if value is None else check.judged(value))
+    findings += _speeds(dialect, values, mission)
+    findings.append(_serial(dialect, values, baud_rate))
+    return findings
+
+
+def _untold(name: str) -> Finding:
+    return warn(name, "not told", "the link loses too much, or this version calls it something else")
+
+
+def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None) -> list[Finding]:
+    slow, fast, cruise = (values.get(name, math.nan) for name in SPEEDS[dialect])
+    if mission is None:
+        return []
+    if not all(map(math.isfinite, (slow, fast, cruise))):
+        return [_untold(name) for name in SPEEDS[dialect] if name not in values]
+    found, vehicle = f"{slow:g} to {fast:g} m/s, cruise {cruise:g}", mission.vehicle
+    wanted = f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g}, {vehicle.airspeed_cruise_m_s:g}"
+    advice = f"let vehicle.airspeed_* of the mission file ({wanted}) and the autopilot agree"
+    if not slow <= vehicle.airspeed_cruise_m_s <= fast:
+        return [fail("airspeeds", found, f"{advice}: it cannot fly so")]
+    return [ok("airspeeds", found)]
+
+
+def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:
+    check = "serial ports"
+    if not values.keys() & set(_serial_names(dialect)):
+        return ok(check, "not told") if baud_rate is None else _untold(check)
+    is_px4 = dialect is Dialect.PX4
+    rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
+    found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
+    if baud_rate is not None and baud_rate not in rates.values():
+        return warn(check, found, f"set {SERIAL_PARAMETERS[dialect]} for {baud_rate}")
+    advice = _px4_advice(values, rates, baud_rate) if is_px4 else _ardupilot_advice(values, rates)
+    return warn(check, found, advice) if advice else ok(check, found)
+
+
+def _px4_advice(values: Mapping[str, float], rates: Mapping[str, int], baud_rate: int | None) -> str:
+    """What to change where the instances at our baud rate are none for a companion; '' for nothing."""
+    modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
+    if not modes or ONBOARD in modes:
+        return ""
+    return "set MAV_n_MODE 2 (Onboard): the others spend the line on a ground station"
+
+
+def _ardupilot_advice(values: Mapping[str, float], rates: Mapping[str, int]) -> str:
+    """What to change where a port speaks the old MAVLink; '' for nothing."""
+    if not any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
+        return ""
+    return "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures"
+
+
+def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:
+    """Baud rates of the ports that speak MAVLink."""
+    ports = [f"SERIAL{n}" for n in SERIAL_PORTS if values.get(f"SERIAL{n}_PROTOCOL") in MAVLINK_PROTOCOLS]
+    codes = {port: values.get(f"{port}_BAUD", math.nan) for port in ports}
+    return {
+        port: BAUD_RATES.get(int(code), int(code) * 1000)
+        for port, code in codes.items()
+        if math.isfinite(code)
+    }
+
+
+def _px4_rates(values: Mapping[str, float]) -> dict[str, int]:
+    """Baud rates of the instances of MAVLink that have a telemetry port."""
+    ports = {f"MAV_{n}": PX4_PORTS.get(values.get(f"MAV_{n}_CONFIG", 0.0)) for n in PX4_INSTANCES}
+    rates = {name: values.get(f"SER_{port}_BAUD", math.nan) for name, port in ports.items()}
+    return {name: int(rate) for name, rate in rates.items() if math.isfinite(rate)}

@@ -1,0 +1,282 @@
+"""``companion run``: the service on the computer's own clock."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+
+from companion.clock import Clock, WallClock
+from companion.config import MissionConfig, mission_from_text, mission_text
+from companion.config.reload import prepared_mission
+from companion.errors import CompanionError, ConfigError
+from companion.flight.tasks.app import App
+from companion.kernels.native.ready import make_ready
+from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
+from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
+from companion.service.process.metrics import Endpoint, Metrics
+from companion.service.process.observers import LivePage, Observers, page_of
+from companion.service.process.recorded_flight import RecordedFlight
+from companion.service.process.sd_notify import Notifier, watchdog_of
+from companion.service.process.signing_setup import signing_of
+from companion.service.process.watchdog import Report, Supervision, stacks_told
+from companion.threads import in_thread
+
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
+
+_log = logging.getLogger(__name__)
+
+
+class Service:
+    """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
+
+    Parameters
+    ----------
+    file : Path
+        The mission file.
+    url : str
+        URL of the autopilot's link, as ``transport_from_url`` takes it.
+    flights : Path
+        Folder of the recordings, and of what a restart needs to know.
+    environment : mapping of str to str
+        Environment variables, by which systemd tells its sockets and folders.
+    metrics_port : int, optional
+        Port on which metrics and health are told, to this computer alone; left out, they are not.
+    flights_max_bytes : int
+        What the recordings may take; the oldest flights go first.
+    page : LivePage, optional
+        Shows the flights in browsers; left out, there is none. It ends with the service.
+    clock : Clock, optional
+        Clock that the service goes by; left out, the computer's.
+    line : Transport, optional
+        Transport to the autopilot; left out, the one that the URL names.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        url: str,
+        flights: Path,
+        environment: Mapping[str, str],
+        *,
+        metrics_port: int | None = None,
+        flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+        page: LivePage | None = None,
+        clock: Clock | None = None,
+        line: Transport | None = None,
+    ) -> None:
+        self._file = file
+        self._url = url
+        self._flights = flights
+        self._flights_max_bytes = flights_max_bytes
+        self._text = mission_text(file)
+        self._mission = mission_from_text(self._text, str(file))
+        self._clock = clock or WallClock()
+        self._line = LastingTransport(line or transport_from_url(url, self._clock))
+        self._begun_s = self._clock.now_s()
+        self._watchdog_s = watchdog_of(environment)
+        _check_budget(self._mission, file, self._watchdog_s)
+        state = _folder_of("STATE_DIRECTORY", environment)
+        self._timestamps, self._signer = signing_of(self._mission, state)
+        self._is_warm = False
+        self._wants_reload = asyncio.Event()
+        self._on_ground: Path | None = None
+        self._metrics = None if metrics_port is None else Metrics()
+        self._notifier = Notifier(environment.get("NOTIFY_SOCKET", ""))
+        self._supervision = Supervision(self._notifier, self._clock, self.report, self._watchdog_s)
+        self._metrics_port = metrics_port
+        self._endpoint: Endpoint | None = None
+        self._observers = Observers(self._supervision, self._metrics, page)
+        self._flight = self._begun()
+
+    @property
+    def app(self) -> App:
+        """Of the present flight."""
+        return self._flight.app
+
+    def _begun(self) -> RecordedFlight:
+        """What the next flight goes by."""
+        flight = RecordedFlight.begun(
+            self._mission,
+            self._text,
+            self._line,
+            self._clock,
+            self._flights,
+            observers=self._observers,
+            signer=self._signer,
+            begun_s=self._begun_s,
+            is_warm=self._is_warm,
+        )
+        return flight
+
+    def report(self) -> Report:
+        """What the service does now."""
+        app, decisions = self.app, self.app.recorder.decisions
+        last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
+        mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
+        return Report(app.is_warm, app.link.has_heard, mode, last)
+
+    async def run(self) -> None:
+        """Run until a signal to stop, then leave in order.
+
+        Raises
+        ------
+        LinkError
+            If the link's address cannot be used, or the port for metrics.
+        """
+        loop, stopping = asyncio.get_running_loop(), asyncio.Event()
+        for number in STOP_SIGNALS:
+            loop.add_signal_handler(number, stopping.set)
+        loop.add_signal_handler(signal.SIGHUP, self.reload)
+        try:
+            if self._metrics is not None and self._metrics_port is not None:
+                self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
+            async with asyncio.TaskGroup() as tasks:
+                beside = [tasks.create_task(self._warm()), tasks.create_task(self._reload_when_told())]
+                while True:
+                    await self._fly(stopping)
+                    if stopping.is_set():
+                        break
+                    self._flight = self._begun()
+                for task in beside:
+                    task.cancel()
+        except* CompanionError as group:
+            raise _first(group) from None
+        finally:
+            for number in (*STOP_SIGNALS, signal.SIGHUP):
+                loop.remove_signal_handler(number)
+            self.close()
+            await self._line.end()
+        _log.info("stopped; the autopilot keeps the mission it flies")
+
+    def close(self) -> None:
+        """Close every file and socket but the link."""
+        self._flight.close()
+        if self._timestamps is not None:
+            self._timestamps.close()
+        self._notifier.close()
+        self._observers.close()
+        if self._endpoint is not None:
+            self._endpoint.close()
+
+    async def _fly(self, stopping: asyncio.Event) -> None:
+        """Carry on until the flight is over, or the service is told to stop."""
+        flight, clock, epoch_s = self._flight, self._clock, self.app.recorder.epoch_s
+        _log.info("listening on %s; recording to %s", self._url, flight.folder)
+        async with asyncio.TaskGroup() as tasks:
+            running = [
+                tasks.create_task(flight.app.run()),
+                tasks.create_task(flight.reporting.run()),
+                tasks.create_task(flight.report_silence(self._url)),
+                tasks.create_task(
+                    keep_pruned(self._flights, self._flights_max_bytes, flight.folder, clock, epoch_s)
+                ),
+            ]
+            ends = [tasks.create_task(stopping.wait()), tasks.create_task(flight.over())]
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            if stopping.is_set():
+                self._supervision.leave()
+                await flight.app.withdraw()
+            for task in running + ends:
+                task.cancel()
+        flight.close()
+        self._tidy(flight)
+
+    def _tidy(self, ended: RecordedFlight) -> None:
+        """Of recordings in which nothing was flown keep only the last before a flight."""
+        if ended.app.state.phase.has_flown or not ended.folder.exists():
+            self._on_ground = None
+            return
+        if self._on_ground is not None:
+            discard(self._on_ground)
+        self._on_ground = ended.folder
+
+    async def _warm(self) -> None:
+        """Read the kernels, or compile them, beside everything else; the first plan waits for it."""
+        await in_thread(make_ready, _log_progress)
+        self._is_warm = True
+        self.app.warmed_up()
+        _log.info("ready to plan")
+
+    def reload(self) -> None:
+        """Read the mission file again, soon; a bad one, or one that needs a restart, changes nothing."""
+        if self._supervision.is_ready and not self._wants_reload.is_set():
+            self._notifier.reloading()  # else the READY=1 that ends it would say too much
+        self._wants_reload.set()
+
+    async def _reload_when_told(self) -> None:
+        """Read and check the file beside the loop, one time after the other, and take up what is good."""
+        while True:
+            await self._wants_reload.wait()
+            self._wants_reload.clear()
+            try:
+                fences = self.app.state.rules.fences
+                mission, text = await in_thread(prepared_mission, self._mission, self._file, fences)
+                _check_budget(mission, self._file, self._watchdog_s)
+            except ConfigError as error:
+                _log.error("not reloaded: %s", error)
+                self.app.refuse_reload(error.key)
+            else:
+                self._mission, self._text = mission, text
+                self.app.reload(mission, text)
+            if self._supervision.is_ready and not self._wants_reload.is_set():
+                self._notifier.tell(READY=1, STATUS=str(self.report()))
+
+
+async def serve(
+    file: Path,
+    url: str,
+    flights: Path,
+    metrics_port: int | None = None,
+    flights_max_bytes: int = FLIGHTS_MAX_BYTES,
+    *,
+    page_port: int | None = None,
+    page_host: str = "",
+    page_token: str = "",
+    page_ground: Path | None = None,
+) -> None:
+    """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
+
+    Raises
+    ------
+    CompanionError
+        If it cannot begin.
+    """
+    with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+        page = page_of(page_port, page_host, page_token, page_ground)
+        if page is not None:
+            _log.info("page: %s", page.address)
+        service = Service(
+            file, url, flights, os.environ, metrics_port=metrics_port, flights_max_bytes=flights_max_bytes,
+            page=page,
+        )  # fmt: skip
+        await service.run()
+
+
+def _log_progress(done: int, total: int) -> None:
+    """Say how far compiling has come, ten times."""
+    if done == total or done % max(1, total // 10) == 0:
+        _log.info("compiling the planner's kernels: %d of %d", done, total)
+
+
+def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:
+    """The first error of a group of them, or of groups."""
+    error = group.exceptions[0]
+    return _first(error) if isinstance(error, BaseExceptionGroup) else error
+
+
+def _folder_of(name: str, environment: Mapping[str, str]) -> Path | None:
+    """A folder that systemd made for the service; None without."""
+    value = environment.get(name, "").partition(":")[0]
+    return Path(value) if value else None
+
+
+def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) -> None:
+    """See that a plan is long done when the watchdog becomes impatient."""
+    budget = float(mission.planning.planning_budget_s)
+    if watchdog_s is not None and budget > 0.5 * watchdog_s:
+        expected = f"at most {0.5 * watchdog_s:g}, half of the unit's WatchdogSec"
+        raise ConfigError(str(file), None, "planning.planning_budget_s", f"{budget:g}", expected)

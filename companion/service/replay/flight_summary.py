@@ -1,0 +1,251 @@
+"""What a report shows of a flight, from its recording alone."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from companion.assurance.encounters import known_encounters
+from companion.config import MissionConfig, load_mission
+from companion.config.compose import world_of
+from companion.config.load import mission_from_text
+from companion.errors import RecordError
+from companion.frames import FloatArray
+from companion.recording import mcap_reader
+from companion.recording import mcap_schema as channels
+from companion.recording.reader import (
+    DECISIONS_MAX,
+    SEED_MAX,
+    SIMULATED,
+    about_of,
+    decision_of,
+    load_recording,
+    stamp_of,
+)
+from companion.recording.recorder import MCAP, MISSION_FILE, TLOG
+from companion.service.replay.frames_record import ON_BOARD, record_of_frames
+from companion.types.record import Decision, FlightRecord, UploadedMission
+from companion.types.threat import Obstacle
+from companion.world.obstacles import packed_obstacles
+from companion.world.snapshot import Snapshot
+
+ROWS_MAX = 1_000_000  # of all kinds together: sixteen hours with ten vehicles in sight
+TRACKS_MAX = 1_000  # at one instant
+OBSTACLES_MAX = 5_000
+POINTS_MAX = 2_000  # of a mission or an obstacle
+FAR = 1e7  # m, and whatever else is told: what lies beyond is no place of an aircraft's
+
+
+def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+    """Mission, world and record of a flight's folder.
+
+    Raises
+    ------
+    RecordError
+        If there is no recording in it, or one in which no place of the aircraft is known.
+    ConfigError
+        If the mission file in it cannot be read.
+    """
+    mission, world, record = _read(folder)
+    if not len(record.flown):
+        raise RecordError(f"{folder}: nothing was flown: no place of the aircraft is in the recording")
+    return mission, world, record
+
+
+def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+    counters: Counter[str] = Counter()
+    if (folder / MCAP).exists():
+        told = _Told(counters)
+        for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
+            told.take(topic, row)
+        if told.about:
+            return _from_messages(folder, told)
+    if not (folder / TLOG).exists():
+        raise RecordError(f"{folder}: neither {MCAP} nor {TLOG} with a flight in it")
+    mission = load_mission(folder / MISSION_FILE)
+    return (
+        mission,
+        world_of(mission, none_known=False),
+        record_of_frames(mission, load_recording(folder / TLOG)),
+    )
+
+
+class _Told:
+    """What a report shows of the messages of an mcap, taken one by one: there may be many, and of any kind.
+
+    Parameters
+    ----------
+    counters : Counter
+        Counts what is left out.
+    """
+
+    def __init__(self, counters: Counter[str]) -> None:
+        self.counters = counters
+        self.about: mcap_reader.Document = {}
+        self.flown: list[list[float]] = []
+        self.threat: list[list[float]] = []
+        self.plan_ms: list[float] = []
+        self.missions: list[UploadedMission] = []
+        self.num_not_entered = 0
+        self.decisions: list[Decision] = []
+        self.tracks: dict[str, list[list[float]]] = {}
+        self.fences: object = None
+        self._num_rows = 0
+        self._takers = {
+            channels.MISSION: self._mission,
+            channels.OWNSHIP: self._ownship,
+            channels.THREAT: self._level,
+            channels.PLAN: self._plan,
+            channels.SWAP: self._swap,
+            channels.DECISION: self._decision,
+            channels.TRACKS: self._tracks,
+            channels.SNAPSHOT: self._snapshot,
+        }
+
+    def take(self, topic: str, row: mcap_reader.Document) -> None:
+        """Take a message; what lies beyond the longest flight is left out and counted."""
+        taker = self._takers.get(topic)
+        if taker is not None:
+            if self._num_rows < ROWS_MAX:
+                self._num_rows += 1
+                taker(row)
+            else:
+                self.counters["beyond_the_longest_flight"] += 1
+
+    def _mission(self, row: mcap_reader.Document) -> None:
+        self.about = self.about or about_of(row)
+
+    def _ownship(self, row: mcap_reader.Document) -> None:
+        place = _floats(row.get("position_enu_m"), 3)
+        if math.isfinite(sum(place)):
+            angles = (_float(row.get(key)) for key in ("course_rad", "flight_path_angle_rad"))
+            self.flown.append([stamp_of(row), *place, *angles, _float(row.get("airspeed_m_s"))])
+
+    def _level(self, row: mcap_reader.Document) -> None:
+        self.threat.append([stamp_of(row), _float(row.get("level"))])
+
+    def _plan(self, row: mcap_reader.Document) -> None:
+        self.plan_ms.append(_float(row.get("plan_ms")))
+
+    def _swap(self, row: mcap_reader.Document) -> None:
+        if row.get("outcome") != "flown":
+            self.num_not_entered += 1
+            return
+        places = _table(row.get("waypoints_enu_m"), 3)
+        places = places[np.isfinite(places).all(axis=1)]
+        self._num_rows += len(places)
+        if len(places):
+            self.missions.append(
+                UploadedMission(_float(row.get("ended_s")), places, mcap_reader.text(row.get("reason")))
+            )
+
+    def _decision(self, row: mcap_reader.Document) -> None:
+        if len(self.decisions) < DECISIONS_MAX:
+            self.decisions.append(decision_of(row))
+
+    def _tracks(self, row: mcap_reader.Document) -> None:
+        tracks = row.get("tracks")
+        for track in tracks[:TRACKS_MAX] if isinstance(tracks, list) else ():
+            if not isinstance(track, dict):
+                continue
+            place = _floats(track.get("position_enu_m"), 3)
+            rows = self.tracks.setdefault(mcap_reader.text(track.get("identity"), 100), [])
+            reach = 0.0 if track.get("flies_on") is True else _float(track.get("max_threat_radius_m"))
+            rows.append([stamp_of(row), *place, reach])
+            self._num_rows += 1
+
+    def _snapshot(self, row: mcap_reader.Document) -> None:
+        self.fences = row.get("obstacles", self.fences)
+
+
+def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+    about = told.about
+    mission = mission_from_text(str(about["mission_file"]), str(folder / MCAP))
+    flown = _table(told.flown, 7, ROWS_MAX)
+    record = FlightRecord(
+        flown=flown,
+        dt_paths=(),
+        dt_tracks=tuple(np.array(rows)[:, :3] for rows in told.tracks.values()),
+        missions=tuple(told.missions),
+        decisions=tuple(told.decisions),
+        threat=_table(told.threat, 2, ROWS_MAX),
+        plan_ms=tuple(told.plan_ms),
+        summary=_summary(told, flown),
+        epoch_s=mcap_reader.number(about["epoch_s"]),
+        note=ON_BOARD,
+        begin_s=mcap_reader.number(about["stamp_s"]),
+        encounters=known_encounters(flown, told.tracks.items(), mission.radar_list, mission.obstacle_list),
+    )
+    return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
+
+
+def report_name(record: FlightRecord) -> str:
+    """Name of the report made of a recording: the simulator's own, with the true paths, may lie beside it."""
+    return "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
+
+
+def _with_fences(world: Snapshot, rows: object) -> Snapshot:
+    """The world with what the autopilot's fences added to it."""
+    if not isinstance(rows, list) or not 0 < len(rows) <= OBSTACLES_MAX:
+        return world
+    obstacles = tuple(
+        Obstacle(
+            mcap_reader.text(row.get("name"), 100),
+            _table(row.get("polygon_enu_m"), 2),
+            _float(row.get("base_m")),
+            _float(row.get("top_m")),
+        )
+        for row in rows
+        if isinstance(row, dict)
+    )
+    whole = tuple(entry for entry in obstacles if _is_whole(entry))
+    return replace(world, obstacle_list=whole, obstacles=packed_obstacles(whole, world.bounds))
+
+
+def _is_whole(obstacle: Obstacle) -> bool:
+    """Whether everything is known of an obstacle's shape."""
+    corners = obstacle.polygon_enu_m
+    sides = np.array([obstacle.base_m, obstacle.top_m])
+    return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
+
+
+def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | str]:
+    """Figures of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
+    about = told.about
+    times = np.array(told.plan_ms or [np.nan])
+    versions = about.get("versions")
+    program = versions.get("companion", "") if isinstance(versions, dict) else ""
+    summary: dict[str, float | int | bool | str] = {
+        "mission": str(about["name"]),
+        "seed": int(mcap_reader.number(about.get("seed"), SEED_MAX) or 0),
+        "clock": str(about["clock"]),
+        "program": str(program),
+        "missions_entered": len(told.missions),
+        "missions_not_entered": told.num_not_entered,
+        "plans": len(told.plan_ms),
+        "plan_ms": float(np.median(times)),
+        "plan_p95_ms": float(np.percentile(times, 95)),
+        "flight_s": float(flown[-1, 0] - flown[0, 0]) if len(flown) else 0.0,
+    }
+    return summary | {reason: count for reason, count in told.counters.items() if count}
+
+
+def _float(value: object) -> float:
+    found = mcap_reader.number(value, FAR)
+    return float("nan") if found is None else found
+
+
+def _floats(value: object, count: int) -> list[float]:
+    rows = value if isinstance(value, list) and len(value) == count else [None] * count
+    return [_float(entry) for entry in rows]
+
+
+def _table(rows: object, columns: int, rows_max: int = POINTS_MAX) -> FloatArray:
+    """Lists of numbers as rows, (N, C) with as many ``columns``; NaN where a number is missing."""
+    listed = rows[:rows_max] if isinstance(rows, list) else []
+    table = [_floats(row, columns) for row in listed]
+    return np.array(table, dtype=np.float64).reshape(-1, columns)

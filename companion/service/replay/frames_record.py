@@ -1,0 +1,44 @@
+"""What a report shows of a flight of which only the frames are there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from companion.assurance.encounters import known_encounters
+from companion.config import MissionConfig
+from companion.config.rules import rules_of
+from companion.flight.state.situation import Situation
+from companion.link.messages.codec import Codec
+from companion.recording.reader import Recording
+from companion.recording.recorder import Recorder
+from companion.types.record import FlightRecord
+
+ON_BOARD = "Places are those known on board: a recording knows no others."
+FROM_TLOG = "There is no flight.mcap: decisions are as the pilot was told, which cuts them short."
+STATE_S = 0.2
+
+
+def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
+    """What the estimators make of a tlog's frames."""
+    codec, situation, recorder = Codec(), Situation(rules_of(mission), 1), Recorder()
+    due_s = 0.0
+    for heard in recording.frames:
+        now = heard.at_us * 1e-6
+        if heard.is_ours:
+            continue
+        for frame in codec.feed(heard.frame.raw, now):
+            for event in frame.events:
+                situation.observe(event, now)
+        state = situation.ownship.state(now)
+        if state is not None and now >= due_s:
+            due_s = now + STATE_S
+            tracks = situation.tracker.tracks(now)
+            recorder.state(now, state, tracks, situation.threat_at(state, tracks))
+    recorder.decisions += recording.decisions
+    known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})
+    return replace(
+        known, epoch_s=recording.epoch_s, note=f"{ON_BOARD} {FROM_TLOG}", begin_s=recording.start_us * 1e-6,
+        encounters=known_encounters(
+            known.flown, recorder.tracks.items(), mission.radar_list, mission.obstacle_list
+        ),
+    )  # fmt: skip

@@ -1,0 +1,269 @@
+"""``companion replay``: a replay with its progress shown, and what came of it as text."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from companion.config import MissionConfig, mission_from_text
+from companion.config.load import text_of
+from companion.errors import ConfigError, RecordError
+from companion.plain_text import printable
+from companion.recording.foxglove_export import export_flight
+from companion.recording.reader import Recording, load_recording
+from companion.recording.recorder import TLOG, Listener, versions_now
+from companion.recording.rerun_export import export_rerun
+from companion.service.replay.comparison import Difference, document_of, first_difference
+from companion.service.replay.engine import Replay, Replayed, flown_uploads
+from companion.types.record import Decision
+from companion.ui.page.ground import ground_at
+from companion.ui.page.playback import Playback, mcap_of, recorded_playback
+from companion.ui.page.playback_page import show_playbacks
+
+__all__ = [
+    "beside", "document_of", "exported", "first_difference", "flown_in", "remarks", "replayable", "replayed",
+    "show", "show_page",
+]  # fmt: skip
+
+DECISIONS_SHOWN = 60
+RERUN_SUFFIX = ".rrd"  # by which the viewer knows its files
+
+
+def replayed(
+    recording: Recording,
+    mission: MissionConfig,
+    seed: int | None,
+    screen: Console,
+    listener: Listener | None = None,
+) -> Replayed:
+    """Replay to the end, with a bar.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was heard and said.
+    mission : MissionConfig
+        The mission file; it need not be the flown one.
+    seed : int or None
+        Seed of plans and filters; None for the recorded one.
+    screen : Console
+        Where the bar is shown.
+    listener : callable, optional
+        Told what is written down now.
+    """
+    bar = Progress(
+        TextColumn("replaying {task.fields[name]}"), BarColumn(), TaskProgressColumn(),
+        TextColumn("{task.completed:.0f} s"), TimeRemainingColumn(), console=screen, transient=True,
+    )  # fmt: skip
+    with bar:
+        task = bar.add_task("replay", name=recording.name, total=recording.duration_s)
+        replay = Replay(recording, mission, seed)
+        if listener is not None:
+            replay.listen(listener)
+        return asyncio.run(replay.run(lambda done_s: bar.update(task, completed=done_s)))
+
+
+def replayable(log: Path) -> Recording:
+    """Read a recording to replay.
+
+    Raises
+    ------
+    RecordError
+        If it cannot be read, or nothing in it is a frame of MAVLink.
+    """
+    recording = load_recording(log / TLOG if log.is_dir() else log)
+    if not recording.frames:
+        raise RecordError(f"{log}: no frame of MAVLink in it")
+    return recording
+
+
+def flown_in(folder: Path) -> Recording:
+    """Read the recording in a flight's folder, to hold a replay against."""
+    return replayable(folder / TLOG)
+
+
+def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
+    """What about a recording, or beside it, keeps a replay from being the flight."""
+    if not recording.is_ours:
+        return []
+    about, said = recording.about, []
+    if not about:
+        return [
+            f"No flight.mcap beside {recording.name} can be read: seed and instants of plans are not known."
+        ]
+    with contextlib.suppress(ConfigError):
+        flown = mission_from_text(str(about.get("mission_file", "")), recording.name)
+        if flown != mission:
+            said.append(f"The mission file is not the one flown, of {flown.name}.")
+    versions = about.get("versions")
+    kept = versions if isinstance(versions, dict) else {}
+    others = [
+        f"{name} {kept[name]} (now {now})"
+        for name, now in versions_now().items()
+        if kept.get(name, now) != now
+    ]
+    if others:
+        said.append(f"Flown with {', '.join(others)}.")
+    if recording.until_s < math.inf:
+        said.append(f"flight.mcap ends early: compared up to {recording.until_s:.1f} s.")
+    return said
+
+
+def exported(flight: Path, target: Path | None, *, is_for_rerun: bool) -> str:
+    """Write a flight's recording as a picture for Foxglove or rerun; what to tell of that.
+
+    Parameters
+    ----------
+    flight : Path
+        Folder of the flight, ``flight.mcap`` in it, or the tlog beside that.
+    target : Path or None
+        The picture; None for one beside the recording, which only rerun's can be.
+    is_for_rerun : bool
+        Whether it is for rerun, not for Foxglove.
+
+    Raises
+    ------
+    ConfigError
+        If it is not said where Foxglove's goes, or the name is the other viewer's.
+    ModuleNotFoundError
+        If rerun is not installed.
+    RecordError
+        If there is nothing to show, or the target cannot be written.
+    """
+    source = mcap_of(flight)
+    picture = source.with_suffix(RERUN_SUFFIX) if target is None and is_for_rerun else target
+    if picture is None:
+        raise ConfigError("command line", None, "TARGET", "nothing", "a file to write, or --rerun")
+    if (picture.suffix == RERUN_SUFFIX) != is_for_rerun:
+        expected = f"a name that ends in {RERUN_SUFFIX} with --rerun, and only then"
+        raise ConfigError("command line", None, "TARGET", printable(picture.name), expected)
+    if is_for_rerun:
+        export_rerun(source, picture)
+        return f"picture: {printable(picture)}"
+    return f"picture: {printable(picture)}\nlayout: {printable(export_flight(source, picture))}"
+
+
+def show_page(
+    log: Path,
+    mission: MissionConfig | None,
+    other: Path | None,
+    seed: int | None,
+    page: tuple[int, Path | None],
+    screen: Console,
+) -> None:
+    """Show a recording in a browser until interrupted.
+
+    Parameters
+    ----------
+    log : Path
+        A flight's folder, or a tlog; without an mcap beside it, only what would be decided now is shown.
+    mission : MissionConfig or None
+        Shows what would be decided now by it, beside the recording.
+    other : Path or None
+        Another recording to show beside it.
+    seed : int or None
+        Seed of plans and filters; None for the recorded one.
+    page : tuple of int and Path or None
+        TCP port of the page; file or folder of what is drawn under its map.
+    screen : Console
+        Where its address is told.
+
+    Raises
+    ------
+    RecordError
+        If there is nothing to show.
+    LinkError
+        If the port is taken.
+    ConfigError
+        If a file of the ground cannot be used.
+    """
+    port, ground = page[0], ground_at(page[1])
+    shown = [
+        recorded_playback(path)
+        for path in ([log] if other is None else [log, other])
+        if _is_told(path, mission)
+    ]
+    if mission is not None:
+        recording = replayable(log)
+        now = Playback(f"what would be decided now, by {mission.name}")
+        now.begin(recording.start_us * 1e-6, text_of(mission))
+        replayed(recording, mission, seed, screen, now.tell)
+        shown.append(now)
+    show_playbacks(
+        shown, port, lambda address: screen.print(f"page: {address} - until Ctrl+C", markup=False), ground
+    )
+
+
+def _is_told(path: Path, mission: MissionConfig | None) -> bool:
+    """Whether a recording is to be shown as it was flown: not a tlog alone, where it can be replayed."""
+    return mission is None or path.is_dir() or path.with_suffix(".mcap").exists()
+
+
+def beside(expected: Recording, result: Replayed) -> Replayed:
+    """A result beside another flight than the one replayed."""
+    return replace(result, flown_decisions=expected.decisions, flown_uploads=flown_uploads(expected))
+
+
+def show(recording: Recording, result: Replayed, differs: Difference | None, screen: Console) -> None:
+    """Tell what came of a replay."""
+    speed = result.duration_s / result.wall_s if result.wall_s > 0.0 else 0.0
+    screen.print(
+        f"{printable(recording.name)}: {result.duration_s:.0f} s replayed in {result.wall_s:.1f} s, "
+        f"{speed:.0f} times real time",
+        markup=False,
+    )
+    for reason, number in sorted(result.counters.items()):
+        if reason != "accepted":
+            screen.print(f"  {number} {reason.replace('_', ' ')}", markup=False)
+    num_decisions, num_missions = (
+        sum(entry.stamp_s <= recording.until_s for entry in entries)
+        for entries in (result.decisions, result.uploads)
+    )
+    if differs is None:
+        screen.print(f"as flown: {num_decisions} decisions, {num_missions} missions")
+        return
+    if recording.is_ours:
+        screen.print(f"first difference {printable(differs)}", markup=False, highlight=False)
+        screen.print("The aircraft flew on as recorded; from there on this is what would have been decided.")
+        since = differs.stamp_s - 1e-6
+    else:
+        screen.print("No decision is recorded; this is what would have been decided.")
+        since = -1.0
+    screen.print(_table(result, since))
+
+
+def _table(result: Replayed, since_s: float) -> Table:
+    """Decisions from an instant on, flown and now, by time."""
+    table = Table()
+    table.add_column("time [s]", justify="right")
+    for column in ("flown", "now"):
+        table.add_column(column)
+    rows = list(_by_time(result.flown_decisions, result.decisions, since_s))
+    for stamp, flown, now in rows[:DECISIONS_SHOWN]:
+        table.add_row(f"{stamp:.1f}", Text(flown), Text(now))
+    if len(rows) > DECISIONS_SHOWN:
+        table.add_row("…", "", f"{len(rows) - DECISIONS_SHOWN} more; --json has all")
+    return table
+
+
+def _by_time(
+    flown: Sequence[Decision], now: Sequence[Decision], since_s: float
+) -> Iterator[tuple[float, str, str]]:
+    """Rows of time and what was decided then, flown and now; one row where both decided at once."""
+    told: dict[float, list[list[str]]] = {}
+    for column, decisions in enumerate((flown, now)):
+        for entry in decisions:
+            if entry.stamp_s >= since_s:
+                cells = told.setdefault(round(entry.stamp_s, 2), [[], []])
+                cells[column].append(printable(f"{entry.kind}: {entry.text}"))
+    for stamp, (one, other) in sorted(told.items()):
+        yield stamp, "\n".join(one), "\n".join(other)

@@ -1,0 +1,89 @@
+"""The service as it was when a recording began, over a link on which the recorded autopilot answers."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+from pathlib import Path
+
+from companion.clock import Clock
+from companion.config import MissionConfig
+from companion.flight.messages.vehicle_link import LinkKind, VehicleLink
+from companion.flight.state.checkpoint import Checkpoint
+from companion.flight.tasks.app import App
+from companion.flight.tasks.composition import composed
+from companion.link.wire.transport import Transport
+from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
+from companion.recording.reader import Recording
+from companion.recording.recorder import Recorder
+from companion.safe_files import replace_file
+
+
+def replayed_app(
+    recording: Recording,
+    mission: MissionConfig,
+    transport: Transport,
+    clock: Clock,
+    link_kind: LinkKind,
+    *,
+    seed: int | None,
+    folder: Path,
+) -> App:
+    """Begin the service as it was begun.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was heard, said and remembered.
+    mission : MissionConfig
+        The mission file; it need not be the flown one.
+    transport : Transport
+        Over which the recorded frames come.
+    clock : Clock
+        The replay's.
+    link_kind : callable
+        Makes what answers for the recorded autopilot.
+    seed : int or None
+        From which plans and filters draw their numbers; None for the recorded one, else the mission file's.
+    folder : Path
+        For what the pilot had set before the recording.
+    """
+    about, recorder = recording.about, Recorder()
+    if seed is None:
+        flown_seed = about.get("seed")
+        seed = flown_seed if isinstance(flown_seed, int) else int(mission.planning.seed)
+    parameters_file = folder / "parameters.json"
+    replace_file(parameters_file, json.dumps(_remembered(about).get("parameters", {})).encode("ascii"))
+    link = VehicleLink(mission, transport, clock, recorder, link_kind=link_kind)
+    parts = composed(
+        mission,
+        link,
+        clock,
+        recorder,
+        seed=seed,
+        runner=_runner(recording),
+        checkpoint=checkpoint_of(about),
+        parameters_file=parameters_file,
+    )
+    return App(parts)
+
+
+def _runner(recording: Recording) -> PlanRunner:
+    return InlineRunner() if recording.is_simulated else RecordedRunner(recording.taken)
+
+
+def _remembered(about: dict[str, object]) -> dict[str, object]:
+    remembered = about.get("remembered")
+    return remembered if isinstance(remembered, dict) else {}
+
+
+def checkpoint_of(about: dict[str, object]) -> Checkpoint:
+    """What the service remembered of the flight when the recording began; damage counts for nothing."""
+    kept = _remembered(about).get("memory")
+    entries = kept.items() if isinstance(kept, dict) else ()
+    kept_bytes = {}
+    for end, text in entries:
+        with contextlib.suppress(ValueError, TypeError):
+            kept_bytes[str(end)] = base64.b64decode(text)
+    return Checkpoint(kept=kept_bytes)

@@ -1,0 +1,129 @@
+"""What a mission file's world looks like on the page: one document, and the radars' field at any height."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import threading
+
+import numpy as np
+
+from companion.config import MissionConfig, mission_from_text
+from companion.config.compose import bounds_of, world_of
+from companion.errors import ConfigError
+from companion.recording.mcap_writer import plain
+from companion.ui.page.ground import Ground
+from companion.world.snapshot import Snapshot
+from companion.world.threat_field import threat_field
+
+WORLD = "/world"
+HEIGHT_STEP_M = 10.0  # to which the field's height is rounded
+FIELDS_KEPT = 64
+_CELLS = 160  # along the longer side
+
+
+class WorldDocument:
+    """A mission's world for the page.
+
+    Parameters
+    ----------
+    mission_text : str
+        The mission file.
+    name : str
+        What it is called in the error of one that cannot be read.
+    """
+
+    def __init__(self, mission_text: str, name: str) -> None:
+        self._fields: dict[float, bytes] = {}
+        self._snapshot: Snapshot | None = None
+        self._building: threading.Thread | None = None
+        self._mission: MissionConfig | None = None
+        self._ground: bytes | None = None
+        try:
+            mission = mission_from_text(mission_text, name)
+        except ConfigError as error:  # of another version's recording
+            self.document = _json({"error": str(error)})
+            return
+        self.document = _json(_document(mission))
+        self._mission = mission
+        if mission.radar_list:
+            self._building = threading.Thread(
+                target=self._build, args=(mission,), name="shadows", daemon=True
+            )
+            self._building.start()
+
+    def _build(self, mission: MissionConfig) -> None:
+        """Work the radars' shadows out, a second or more of a core; in compiled code, beside all others."""
+        self._snapshot = world_of(mission, none_known=False)
+
+    def finish(self) -> None:
+        """Wait until fields can be told."""
+        if self._building is not None:
+            self._building.join()
+
+    def ground(self, ground: Ground) -> bytes:
+        """Where tiles lie about the mission, and the ground's heights; nothing where it cannot be read."""
+        if self._ground is None:
+            mission = self._mission
+            self._ground = _json(
+                {} if mission is None else ground.document(mission.frame, bounds_of(mission))
+            )
+        return self._ground
+
+    def field(self, height_m: float) -> bytes:
+        """The radars' joint membership, masked, at a height that is rounded to 10 m.
+
+        Levels are bytes, 255 for 1, in base64: rows from south to north, each from west to east. While
+        shadows are worked out, that is told instead.
+        """
+        if self._snapshot is None or not math.isfinite(height_m):
+            return _json({"is_later": self._building is not None and self._building.is_alive()})
+        low, high = self._snapshot.bounds[4:]
+        height = HEIGHT_STEP_M * round(min(max(height_m, low), high) / HEIGHT_STEP_M)
+        if height not in self._fields:
+            if len(self._fields) >= FIELDS_KEPT:
+                self._fields.pop(next(iter(self._fields)))
+            east, north, level = threat_field(self._snapshot, height, _CELLS)
+            cells = np.round(255.0 * level).astype(np.uint8)
+            self._fields[height] = _json(
+                {
+                    "height_m": height,
+                    "west_m": east[0],
+                    "south_m": north[0],
+                    "spacing_m": float(east[1] - east[0]),
+                    "columns": len(east),
+                    "rows": len(north),
+                    "levels": base64.b64encode(cells.tobytes()).decode("ascii"),
+                }
+            )
+        return self._fields[height]
+
+
+def _json(document: dict[str, object]) -> bytes:
+    return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def _document(mission: MissionConfig) -> dict[str, object]:
+    """What ``/world`` says of a mission."""
+    start, origin, planning, vehicle = mission.start, mission.origin, mission.planning, mission.vehicle
+    goals = [] if mission.goals_from_autopilot else mission.goals
+    return {
+        "name": mission.name,
+        "description": mission.description,
+        "dimension": mission.dimension,
+        "bounds_m": bounds_of(mission),
+        "origin": {"latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg},
+        "start_enu_m": [start.east_m, start.north_m, start.up_m],
+        "goals": [[goal.east_m, goal.north_m, goal.up_m, goal.acceptance_radius_m] for goal in goals],
+        "obstacles": mission.obstacle_list,
+        "radars": mission.radar_list,
+        "dynamic_threats": mission.dynamic_threat_list,
+        "sensing_horizon_m": planning.sensing_horizon_m,
+        "threat_level_max": planning.threat_level_max,
+        "clearance_min_m": planning.clearance_min_m,
+        "airspeed_cruise_m_s": vehicle.airspeed_cruise_m_s,
+        "airspeed_min_m_s": vehicle.airspeed_min_m_s,
+        "airspeed_max_m_s": vehicle.airspeed_max_m_s,
+        "resume": mission.authority.resume,
+    }

@@ -1,0 +1,111 @@
+"""Who flew when, and why: read off the decisions of a recording, so that it needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from companion.plain_text import in_page
+from companion.types.record import Decision
+from companion.ui.reports import style
+
+# By the words with which a change of the service's state is told.
+WHO = {
+    "waiting for the autopilot": "not known: the autopilot was not heard",
+    "standing by": "the pilot: on the ground, or in a mode of his own",
+    "the operator's mission": "the operator's mission, up to the takeover",
+    "planning": "the service",
+    "another mode": "the pilot",
+    "other mission or item": "another mission or item of the operator's",
+    "at the last goal": "the operator's items behind the goal",
+}
+CHANGES_MAX = 1_000  # of a flight
+CHANGES = frozenset({"mode", "suspended", "arrived"})
+WORTH_TELLING = frozenset(
+    {"mission", "takeover", "fault", "ready", "handback", "landed", "restart", "stopped"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """A stretch of a flight in which one flew.
+
+    Parameters
+    ----------
+    from_s, to_s : float
+        By the recording's clock [s].
+    who : str
+        Who flew.
+    why : str
+        What was decided at its beginning.
+    told : tuple of str
+        What the pilot was told in it, repetitions left out.
+    """
+
+    from_s: float
+    to_s: float
+    who: str
+    why: str
+    told: tuple[str, ...]
+
+
+def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
+    """Who flew, one stretch after the other.
+
+    Parameters
+    ----------
+    decisions : sequence of Decision
+        All of one flight, in order.
+    ends_s : float
+        When the recording ended [s].
+    """
+    changes = [entry for entry in decisions if entry.kind in CHANGES][:CHANGES_MAX]
+    found = []
+    for number, entry in enumerate(changes):
+        to_s = changes[number + 1].stamp_s if number + 1 < len(changes) else max(ends_s, entry.stamp_s)
+        told = dict.fromkeys(
+            f"{other.kind}: {other.text}"
+            for other in decisions
+            if entry.stamp_s <= other.stamp_s < to_s and other.kind in WORTH_TELLING
+        )
+        found.append(Watch(entry.stamp_s, to_s, who_of(entry.text), entry.text, tuple(told)))
+    return found
+
+
+def who_of(text: str) -> str:
+    """Who flies by the words of a change; the words themselves where they are not known."""
+    return next((who for words, who in WHO.items() if text.startswith(words)), text)
+
+
+def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float) -> str:
+    """HTML of the stretches; '' where no change was recorded.
+
+    Parameters
+    ----------
+    decisions : sequence of Decision
+        All of one flight, in order.
+    ends_s : float
+        When the recording ended [s].
+    start_s : float
+        From which the flight's time counts [s].
+    """
+    rows = "\n".join(
+        f'<tr><td class="number">{style.clock_text(watch.from_s - start_s)}</td>'
+        f'<td class="number">{style.clock_text(watch.to_s - start_s)}</td>'
+        f'<td class="text">{in_page(watch.who)}</td><td class="text">{in_page(watch.why)}</td>'
+        f'<td class="text why">{"<br>".join(map(in_page, watch.told)) or "–"}</td></tr>'
+        for watch in watches(decisions, ends_s)
+    )
+    if not rows:
+        return "<p>No change of who flies was recorded.</p>"
+    return f"""<div class="scroll" tabindex="0" role="region" aria-label="Who flew">
+<table>
+<thead><tr>
+<th scope="col" class="number">From [mm:ss]</th><th scope="col" class="number">To [mm:ss]</th>
+<th scope="col">Who flew</th><th scope="col">Why</th><th scope="col">What the pilot was told</th>
+</tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table>
+</div>"""

@@ -1,0 +1,270 @@
+"""How the autopilot steers along legs and round circles, and the track that this aircraft flies under it.
+
+The planner's paths are what is meant; a mission is flown by the autopilot's guidance, from the bank that
+the aircraft has, in the wind there is. Here that flight is foreseen. Heights go straight from one
+waypoint's to the next's, no faster than the aircraft climbs; the airspeed stays as it is.
+
+References
+----------
+S. Park, J. Deyst, J. P. How, "A New Nonlinear Guidance Logic for Trajectory Tracking", AIAA Guidance,
+Navigation, and Control Conference, 2004: L1, which ArduPlane flies (``AP_L1_Control``).
+
+T. Stastny, R. Siegwart, "On Flying Backwards: Preventing Run-away of Small, Low-speed, Fixed-wing UAVs in
+Strong Winds", IROS 2019: PX4's NPFG. Period and damping mean the same there: by small angles both turn
+with 4·pi·damping/period times the ground speed and the angle to the course that leads back to the leg.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.kernels.aircraft.steering import STEP, SteeringLaw, fly_targets
+from companion.kernels.arrays import IntArray
+from companion.types.state import Ownship
+from companion.world.vehicle.vehicle_model import VehicleModel
+
+ROLL_LIMIT_RAD = math.radians(50.0)  # ROLL_LIMIT_DEG; PX4's FW_R_LIM is 50 by default, too
+ROLL_RATE_RAD_S = math.radians(60.0)
+ROLL_TIME_S = 0.55  # RLL2SRV_TCONST 0.5, FW_R_TC 0.4, and what the servos add
+L1_PERIOD_S, L1_DAMPING = 17.0, 0.75  # ArduPlane's defaults
+NPFG_PERIOD_S, NPFG_DAMPING = 10.0, 0.7  # PX4's
+WP_RADIUS_M, NAV_ACC_RAD_M = 50.0, 10.0
+NAV_FW_ALT_RAD_M = 10.0
+SLOPE_MIN_M = 15.0  # ArduPlane's GLIDE_SLOPE_MIN
+BEYOND_M = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Guidance:
+    """What the autopilot steers by.
+
+    Parameters
+    ----------
+    flies_by : bool
+        Whether it turns well before a waypoint, as ArduPlane does at WP_RADIUS; a PX4 flies to within
+        NAV_ACC_RAD of it.
+    l1_period_s : float
+        Period of the tracking loop: NAVL1_PERIOD, NPFG_PERIOD [s].
+    l1_damping : float
+        Damping of the same: NAVL1_DAMPING, NPFG_DAMPING.
+    bank_max_rad : float
+        ROLL_LIMIT_DEG, FW_R_LIM [rad].
+    roll_rate_max_rad_s : float
+        Rate at which the bank changes at most [rad/s].
+    acceptance_radius_m : float
+        Distance at which a waypoint counts as reached: WP_RADIUS, NAV_ACC_RAD [m].
+    loiter_radius_m : float
+        WP_LOITER_RAD, NAV_LOITER_RAD: of circles that name no radius; positive clockwise [m].
+    roll_time_s : float
+        Time in which the bank comes near the demanded one [s].
+    climb_rate_max_m_s : float
+        Rate at which heights change at most [m/s].
+    height_acceptance_m : float
+        NAV_FW_ALT_RAD: how near its height a waypoint counts as reached [m].
+    slope_min_m : float
+        GLIDE_SLOPE_MIN: a change of height below it is made at once [m].
+    circle_stretch : float
+        How much wider circles are flown than commanded: ArduPlane widens them with the square of true over
+        equivalent airspeed (``AP_L1_Control::loiter_radius``).
+    """
+
+    flies_by: bool
+    l1_period_s: float
+    l1_damping: float
+    bank_max_rad: float
+    roll_rate_max_rad_s: float
+    acceptance_radius_m: float
+    loiter_radius_m: float
+    roll_time_s: float = ROLL_TIME_S
+    climb_rate_max_m_s: float = 5.0
+    height_acceptance_m: float = BEYOND_M
+    slope_min_m: float = 0.0
+    circle_stretch: float = 1.0
+
+    def __post_init__(self) -> None:
+        positive = (
+            self.l1_period_s, self.l1_damping, self.bank_max_rad, self.roll_rate_max_rad_s, self.roll_time_s,
+            self.climb_rate_max_m_s,
+        )  # fmt: skip
+        if not min(positive) > 0.0 or not self.bank_max_rad < 0.5 * math.pi:
+            raise ValueError("period, damping, rates and the bank count from above zero")
+
+    def law(self) -> SteeringLaw:
+        """Kernel form."""
+        return SteeringLaw(
+            period=self.l1_period_s,
+            damping=self.l1_damping,
+            bank_max=self.bank_max_rad,
+            roll_rate_max=self.roll_rate_max_rad_s,
+            roll_time=self.roll_time_s,
+            acceptance=self.acceptance_radius_m,
+            height_acceptance=self.height_acceptance_m,
+            climb_rate_max=self.climb_rate_max_m_s,
+            slope_min=self.slope_min_m,
+        )
+
+
+def default_guidance(*, flies_by: bool, vehicle: VehicleModel) -> Guidance:
+    """What an autopilot steers by until its parameters were read: its defaults, the aircraft's own radius.
+
+    Parameters
+    ----------
+    flies_by : bool
+        Whether it turns before a waypoint, as ArduPlane does.
+    vehicle : VehicleModel
+        The aircraft's radius of turn and climb angle.
+    """
+    return Guidance(
+        flies_by=flies_by,
+        l1_period_s=L1_PERIOD_S if flies_by else NPFG_PERIOD_S,
+        l1_damping=L1_DAMPING if flies_by else NPFG_DAMPING,
+        bank_max_rad=ROLL_LIMIT_RAD,
+        roll_rate_max_rad_s=ROLL_RATE_RAD_S,
+        acceptance_radius_m=WP_RADIUS_M if flies_by else NAV_ACC_RAD_M,
+        loiter_radius_m=vehicle.turn_radius_min_m,
+        climb_rate_max_m_s=vehicle.airspeed_cruise_m_s * math.sin(vehicle.climb_angle_max_rad),
+        height_acceptance_m=BEYOND_M if flies_by else NAV_FW_ALT_RAD_M,
+        slope_min_m=SLOPE_MIN_M if flies_by else 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """A flight foreseen, row by row; the first row is where it begins.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (K,)
+        Time since the beginning [s].
+    positions_enu_m : ndarray, shape (K, 3)
+        Places [m].
+    courses_rad : ndarray, shape (K,)
+        Courses over the ground, clockwise from north.
+    banks_rad : ndarray, shape (K,)
+        Banks, positive to the right.
+    climb_angles_rad : ndarray, shape (K,)
+        Flight path angles, positive up.
+    reached : ndarray, shape (K,)
+        Number of the target steered for; one behind the last on the circle at the end, or beyond the
+        last leg.
+    """
+
+    times_s: FloatArray
+    positions_enu_m: FloatArray
+    courses_rad: FloatArray
+    banks_rad: FloatArray
+    climb_angles_rad: FloatArray
+    reached: IntArray
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+
+def track_of_legs(
+    guidance: Guidance,
+    ownship: Ownship,
+    targets_enu_m: FloatArray,
+    *,
+    before_enu_m: FloatArray | None = None,
+    loiter: tuple[FloatArray, float] | None = None,
+    ends_s: float,
+    step_s: float = 0.25,
+) -> Track:
+    """Fly to targets one after the other, and round the circle behind the last.
+
+    Parameters
+    ----------
+    guidance : Guidance
+        What is steered by.
+    ownship : Ownship
+        Where the flight begins: place, velocity over the ground, wind, bank.
+    targets_enu_m : ndarray, shape (M, 3)
+        Places to be flown to, at least one [m].
+    before_enu_m : ndarray, shape (3,), optional
+        Start of the leg to the first of them [m]; left out, it is flown to directly from here.
+    loiter : tuple of (ndarray, shape (3,), float), optional
+        Centre and radius, positive clockwise, of the circle that follows [m]; left out, the last leg
+        goes on. A radius of 0 stands for the autopilot's own.
+    ends_s : float
+        How long it is flown [s].
+    step_s : float
+        Time between two rows, rounded to full steps of the integration [s].
+    """
+    targets = np.asarray(targets_enu_m, dtype=np.float64).reshape(-1, 3)
+    before = np.asarray(ownship.position_enu_m if before_enu_m is None else before_enu_m, dtype=np.float64)
+    circle = np.zeros(4)
+    if loiter is not None:
+        circle[:3] = loiter[0]
+        circle[3] = guidance.circle_stretch * (loiter[1] or guidance.loiter_radius_m)
+    return _flown(guidance, ownship, np.vstack([before[None, :], targets]), circle, ends_s, step_s)
+
+
+def track_of_circle(
+    guidance: Guidance,
+    ownship: Ownship,
+    centre_enu_m: FloatArray,
+    radius_m: float,
+    ends_s: float,
+    step_s: float = 0.25,
+) -> Track:
+    """Fly onto a circle, and round it.
+
+    Parameters
+    ----------
+    guidance : Guidance
+        What is steered by.
+    ownship : Ownship
+        Where the flight begins: place, velocity over the ground, wind, bank.
+    centre_enu_m : ndarray, shape (3,)
+        Centre of the circle, at its height [m].
+    radius_m : float
+        Radius, positive clockwise [m]; 0 stands for the autopilot's own.
+    ends_s : float
+        How long it is flown [s].
+    step_s : float
+        Time between two rows, rounded to full steps of the integration [s].
+    """
+    radius = guidance.circle_stretch * (radius_m or guidance.loiter_radius_m)
+    circle = np.array([*np.asarray(centre_enu_m, dtype=np.float64), radius])
+    return _flown(guidance, ownship, circle[None, :3].copy(), circle, ends_s, step_s)
+
+
+def _flown(
+    guidance: Guidance,
+    ownship: Ownship,
+    places: FloatArray,
+    circle: FloatArray,
+    ends_s: float,
+    step_s: float,
+) -> Track:
+    """Fly along ``places`` (M + 1, 3) [m], then round ``circle`` (4,) [m]."""
+    wind_east, wind_north = ownship.wind_enu_m_s
+    air_east = ownship.ground_speed_m_s * math.sin(ownship.course_rad) - wind_east
+    air_north = ownship.ground_speed_m_s * math.cos(ownship.course_rad) - wind_north
+    state = np.array(
+        [
+            *ownship.position_enu_m,
+            math.atan2(air_east, air_north),
+            ownship.bank_rad,
+            math.hypot(air_east, air_north),
+        ]
+    )
+    every = max(1, round(step_s / STEP))
+    rows = np.empty((1 + max(0, math.ceil(ends_s / (every * STEP) - 1e-9)), 7))
+    fly_targets(state, (wind_east, wind_north), places, circle, guidance.law(), every, rows)
+    rows[0, 3] = ownship.course_rad
+    rows[0, 5] = ownship.flight_path_angle_rad
+    courses = rows[:, 3] % (2.0 * math.pi)
+    courses[courses >= 2.0 * math.pi] = 0.0  # the remainder of a tiny negative rounds up to 2π
+    return Track(
+        times_s=np.arange(len(rows), dtype=np.float64) * (every * STEP),
+        positions_enu_m=rows[:, :3].copy(),
+        courses_rad=courses,
+        banks_rad=rows[:, 4].copy(),
+        climb_angles_rad=rows[:, 5].copy(),
+        reached=rows[:, 6].astype(np.int64),
+    )

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.config import load_mission
+from companion.config.compose import world_of
+from companion.kernels.geometry.radar_shadow import is_hidden
+from companion.kernels.threat.fuzzy_threat import membership
+from companion.world.threat_field import flight_height, threat_field
+from tests.ui.flights import mission, snapshot_of
+
+ROOT = Path(__file__).parents[2]
+
+
+def at(field, east_m, north_m):
+    east, north, level = field
+    return level[np.argmin(abs(north - north_m)), np.argmin(abs(east - east_m))]
+
+
+def test_membership_by_hand_and_masking_by_the_wall():
+    # Radar on the ground at (1400, 750), range 800 m; 120 m up, 400 m away: R = 417.6 m.
+    field = threat_field(snapshot_of(mission()), 120.0, num_nodes=200)
+    expected = math.exp(-((400.0**2 + 120.0**2) ** 2) / 800.0**4)
+    assert at(field, 1400.0, 1150.0) == pytest.approx(expected, abs=0.01)
+    assert at(field, 850.0, 750.0) == 0.0, "behind the wall, 300 m high"
+    assert at(field, 500.0, 750.0) == 0.0, "out of range"
+
+
+def test_two_radars_join_as_one_minus_the_product():
+    config = mission()
+    twice = config.model_copy(update={"radars": config.radars * 2})
+    one, two = (at(threat_field(snapshot_of(c), 120.0, 50), 1400.0, 1150.0) for c in (config, twice))
+    assert two == pytest.approx(1.0 - (1.0 - one) ** 2)
+
+
+def test_the_shape_follows_the_bounds():
+    east, north, level = threat_field(snapshot_of(mission(radars=False)), 120.0, num_nodes=40)
+    assert level.shape == (len(north), len(east)) == (30, 40)
+    assert not level.any()
+
+
+def test_the_height_is_the_median_inside_the_bounds():
+    world = snapshot_of(mission())
+    assert flight_height(world, np.array([100.0, 110.0, 300.0]), 0.0) == 110.0
+    assert flight_height(world, np.array([np.nan, 900.0]), 0.0) == 350.0
+    assert flight_height(world, np.empty(0), 120.0) == 120.0
+
+
+def test_it_is_what_the_planners_kernels_say():
+    for name in ("paper-3d", "paper-2d"):
+        world = world_of(load_mission(ROOT / "mission_configs" / f"{name}.yaml"), none_known=False)
+        threats, height = world.threats, 0.5 * (world.bounds[4] + world.bounds[5])
+        east, north, level = threat_field(world, height, 40)
+        assert level.max() > 0.1
+        for row, column in np.ndindex(level.shape):
+            free, place = 1.0, (east[column], north[row], height)
+            for radar, shadow in zip(threats.radars, threats.shadows, strict=True):
+                away, above = math.dist(place[:2], radar[:2]), height - radar[2]
+                if not is_hidden(*place, shadow, threats.grid):
+                    free *= 1.0 - membership(math.hypot(away, above), above, away, radar[3], radar[4])
+            assert level[row, column] == pytest.approx(1.0 - free, abs=1e-12)
