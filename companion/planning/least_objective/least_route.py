@@ -43,7 +43,9 @@ class Patience(NamedTuple):
 
 
 # Trees are grown until one comes to the goal. Then one more is to find a cheaper path.
-FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(1.15, 8_000, True), Patience(4.0, 10_000))
+FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(4.0, 10_000))
+# Where nothing pursues, gaps are avoided before the last tree. Else another airspeed is tried.
+FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
 IMPROVING = Patience(1.02, 8_000)
 
 
@@ -227,8 +229,9 @@ class LeastRouteSearch:
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
         """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
         grown = list[ObjectiveTree]()
-        for asked in FINDING[::3] if self._should_stop() else FINDING:
-            along = self._field_without_gaps(objective, danger_max) if asked.avoids_gaps else field
+        finding = FINDING if self._exploration.is_pursued else FINDING_ALONE
+        for asked in FINDING[::2] if self._should_stop() else finding:
+            along = self._field_without_gaps(objective) if asked.avoids_gaps else field
             grown.append(self._tree(objective, along, danger_max, asked, math.inf))
             if math.isfinite(found_s := grown[-1].cost_s):
                 break
@@ -245,13 +248,11 @@ class LeastRouteSearch:
         tree.grow(self._should_stop)
         return tree
 
-    def _field_without_gaps(self, objective: Objective, danger_max: float) -> CostField:
+    def _field_without_gaps(self, objective: Objective) -> CostField:
         """V for an aircraft that keeps farther away from everything."""
         limits = objective.limits
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
-        if not len(self._exploration.game.vehicles):
-            return cost_to_go_of(self._exploration.problem, wide).fine
-        return field_before_pursuers(self._exploration.problem, wide, danger_max)
+        return cost_to_go_of(self._exploration.problem, wide).fine
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """A path led to the goal's centre, and shortened; with how many short cuts."""

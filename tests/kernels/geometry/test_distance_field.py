@@ -7,7 +7,8 @@ import pytest
 
 from companion.kernels.arrays import Guide, empty_tree
 from companion.kernels.geometry import distance_field as k
-from companion.kernels.printed.dynamic_domain_rrt import DRAWS, greedy_connect
+from companion.kernels.printed.dynamic_domain_rrt import greedy_connect
+from companion.kernels.search.growth import DRAWS
 from companion.planning.explore import Exploration
 from companion.planning.printed.sub_tasks import SubTasks
 from companion.types.threat import Radar
