@@ -49,7 +49,7 @@ def fly_in_wind(
     """
     air = {"wind_speed_m_s": speed_m_s, "wind_from_deg": from_deg, "turbulence": "light"}
     blown = mission.model_copy(update={"simulation": mission.simulation.model_copy(update=air)})
-    flight, start_prediction = Flight(blown, seed, dialect=dialect), _Foresight()
+    flight, start_prediction = Flight(blown, seed, dialect=dialect), _StartPrediction()
     asyncio.run(flight.fly(start_prediction.note))
     truth = flight.simulator.truth
     has_arrived = flight.app.mode is Mode.ARRIVED and flight.goal_reached
@@ -57,7 +57,7 @@ def fly_in_wind(
     return WindyFlight(ending, start_prediction.errors_s(truth.path))
 
 
-class _Foresight:
+class _StartPrediction:
     """Where a flight says it will be, and when it is."""
 
     def __init__(self) -> None:

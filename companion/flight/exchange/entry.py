@@ -40,7 +40,7 @@ LOWER_M, CLIMBS_LESS = 4.0, 0.4
 ROLLS_LESS, ROLLS_SLOWER = 1.6, 0.7
 STEERS_SOONER = 0.8
 STEP_S = 0.5
-HURRIED_M_S = 2.0  # or more to gain
+FASTER_BY_M_S = 2.0  # Gaining less airspeed than this does not change the way in.
 
 
 def entry_of(
@@ -156,8 +156,8 @@ def _is_harmless(
     check = partial(state.rules.checker.check_track, may_come_back=True)
     if check(way.positions_enu_m[way.times_s <= ends_s], MARGIN_SHARE * clearance):
         return False
-    hurried = _hurried_on(guidance, ownship, waypoints, number, way)
-    if hurried is not None and check(hurried.positions_enu_m, FAN_MARGIN_SHARE * clearance):
+    faster = _way_while_gaining_speed(guidance, ownship, waypoints, number, way)
+    if faster is not None and check(faster.positions_enu_m, FAN_MARGIN_SHARE * clearance):
         return False
     fan = _fan(guidance, ownship) if with_fan else iter(())
     others = (_way_in(law, own, waypoints, number, min(ends_s, LONGEST_S)) for law, own in fan)
@@ -173,13 +173,13 @@ def _way_in(guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: 
     )
 
 
-def _hurried_on(
+def _way_while_gaining_speed(
     guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: int, way: Track
 ) -> Track | None:
     """Fly on behind the waypoint that a ``way`` leads to, all at once as fast as it is commanded there."""
     row, airspeed = int(np.searchsorted(way.reached, 1)), waypoints.airspeed_m_s
     last = len(waypoints.positions_enu_m) - 1
-    if airspeed - ownship.airspeed_m_s < HURRIED_M_S or number == last or row == len(way):
+    if airspeed - ownship.airspeed_m_s < FASTER_BY_M_S or number == last or row == len(way):
         return None
     course = float(way.courses_rad[row])
     east, north, up = (float(value) for value in way.positions_enu_m[row])

@@ -56,7 +56,7 @@ class Response:
 def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] | None:
     """What the rest of the flown path breaks; None where nothing of ours is flown.
 
-    A refuge that was taken before is judged by itself: the way to it and the circle, not the goal.
+    A safe loiter that was taken before is judged by itself: the way to it and the circle, not the goal.
     """
     if state.flown is None:
         return None
@@ -87,7 +87,7 @@ def respond(
     least_threat : Plan
         The plan that weighs threats most and has no limit to them.
     failed : sequence of Path or None
-        Other paths, from other starts or refused, along which a refuge may lie.
+        Other paths, from other starts or refused, along which a safe loiter may lie.
     max_waypoints : int
         Waypoints that a mission may have.
     may_return : bool
@@ -96,15 +96,15 @@ def respond(
         What the way home breaks; None where that is not known.
     """
     straight_on, by_threat = _least_threat(state, least_threat, max_waypoints)
-    refuge, by_loiter = _safe_loiter(state, start, (least_threat.path, *failed), max_waypoints)
+    loiter, by_loiter = _safe_loiter(state, start, (least_threat.path, *failed), max_waypoints)
     options = EmergencyOptions(
         flown=flown_violations(state, start), least_threat=by_threat, loiter=by_loiter,
         may_return=may_return, return_path=return_path,
     )  # fmt: skip
     decision = emergency_decision(options)
-    if decision.step is EmergencyStep.LOITER and refuge is not None:
-        decision = decision._replace(reason=decision.reason + _goals_before(state, refuge.path))
-    ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: refuge}
+    if decision.step is EmergencyStep.LOITER and loiter is not None:
+        decision = decision._replace(reason=decision.reason + _goals_before(state, loiter.path))
+    ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: loiter}
     return Response(decision, options, ways.get(decision.step))
 
 
@@ -174,7 +174,7 @@ class _Place(NamedTuple):
 
 
 def _goals_before(state: FlightState, path: Path) -> str:
-    """How many of the goals left are on the way to a refuge, in words; '' if none is."""
+    """How many of the goals left are on the way to a loiter, in words; '' if none is."""
     passed = len(rows_at_goals(path.positions_enu_m, state.goals_left))
     return f", behind {passed} of {len(state.goals_left)} goals" if passed else ""
 

@@ -40,7 +40,7 @@ from companion.types.path import FASTER_M_S, Path, run_on
 CARRIED_HORIZONS = 3.0  # of a path are uploaded at once
 HOT_STRETCH = 1.12  # of a circle in air 30 K warmer than the standard's, as thin at the same pressure
 SAFER_ROWS = 6  # are tried for a circle that is under no threat, and easily entered
-FAST_ROWS = 12  # at which a hurried mission may end are tried before it is slowed down
+FAST_ROWS = 12  # So many ends of a fast mission are tried before it is slowed down.
 STYLED_ROWS = 3  # at which other styles are tried where the usual one's mission breaks a rule
 SHORTEST_ROWS = 12
 GUSTS_M = 3.0  # beside its track an aircraft flies in turbulence
@@ -406,7 +406,7 @@ def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
         return False
     goal = state.goals[-1]
     if np.linalg.norm(last_enu_m - np.asarray(goal.position_enu_m)) > goal.acceptance_radius_m + NEAR_M:
-        return False  # a refuge: from there it is planned on
+        return False  # a safe loiter: from there it is planned on
     legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
     wrong = state.rules.checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=state.turn_radius_m)
     return not any(entry.rule == "clearance" for entry in wrong)

@@ -92,16 +92,16 @@ def _sweep(field: Float2D, free: Float2D, cell: float, step: int) -> bool:
                 j = b if turn == 0 else n - 1 - b
                 if free[i, j] == 0.0:
                     continue
-                best, dear = field[i, j], free[i, j]
+                best, cost = field[i, j], free[i, j]
                 if 0 <= behind < rows:
-                    best = min(best, field[behind, j] + dear * cell)
+                    best = min(best, field[behind, j] + cost * cell)
                     if j > 0:
-                        best = min(best, field[behind, j - 1] + dear * aslant)
+                        best = min(best, field[behind, j - 1] + cost * aslant)
                     if j < n - 1:
-                        best = min(best, field[behind, j + 1] + dear * aslant)
+                        best = min(best, field[behind, j + 1] + cost * aslant)
                 beside = j - 1 if turn == 0 else j + 1
                 if 0 <= beside < n:
-                    best = min(best, field[i, beside] + dear * cell)
+                    best = min(best, field[i, beside] + cost * cell)
                 if best < field[i, j] - 1e-9:
                     field[i, j] = best
                     changed = True

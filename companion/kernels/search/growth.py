@@ -205,8 +205,8 @@ def grow(
     factor, levels, changed = scratch.factor, scratch.levels, scratch.reach.changed
     i = add_node(tree, q_n, state, control, dt, scene, scratch.lqg)
     is_barred = search.bars_pursued == 1
-    is_caught_here = is_barred and is_threatened(scene.game, state[0], state[1], state[2], tree.time[i])
-    tree.threatened[i] = 1 if is_caught_here else 0
+    is_threatened_here = is_barred and is_threatened(scene.game, state[0], state[1], state[2], tree.time[i])
+    tree.threatened[i] = 1 if is_threatened_here else 0
     if tree.threatened[i] > tree.threatened[q_n]:
         drop_last(tree, q_n)
         stats[2] += 1

@@ -143,9 +143,9 @@ class LeastRouteSearch:
             return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
         found = None
         if self._exploration.is_pursued:
-            found = self._at_cheapest_airspeed(self._exploration.danger_max)
+            found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
-            found = self._at_cheapest_airspeed(MOST_DANGER)
+            found = self._at_best_airspeed(MOST_DANGER)
             assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
@@ -181,7 +181,7 @@ class LeastRouteSearch:
         problem = self._exploration.problem
         return field_before_pursuers(problem, known.objective, danger_max, is_coarse=is_coarse)
 
-    def _at_cheapest_airspeed(self, danger_max: float) -> Searched | None:
+    def _at_best_airspeed(self, danger_max: float) -> Searched | None:
         """The cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
 
         The others are left out once V, less what it falls by on the fine field, is no less than the cost of a

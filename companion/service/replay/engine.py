@@ -3,9 +3,9 @@
 Theory of operation. The recorded frames arrive at their instants, in the steps of
 :mod:`companion.service.replay.lockstep`, and MAVSDK takes part as in flight. What the service sends of
 mission transfers and commands is held against what it sent. While the two are the same, the recorded
-autopilot's answers fit. From the first difference on they do not: its answers are then kept from the service, and
-:class:`ReplayLink` answers from a model of its store. The aircraft goes on as recorded; what is shown from
-there on is what would have been decided had it been where it was.
+autopilot's answers fit. From the first difference on they do not: its answers are then kept from the
+service, and :class:`ReplayLink` answers from a model of its store. The aircraft goes on as recorded;
+what is shown from there on is what would have been decided had it been where it was.
 """
 
 from __future__ import annotations
