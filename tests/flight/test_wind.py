@@ -52,7 +52,7 @@ def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect):
             marks=pytest.mark.xfail(
                 strict=True,
                 reason="hurried before the pursuer, its missions are slowed where no faster circle has room: "
-                "6 s off in the median (docs/measured.md)",
+                "6 s off in the median",
             ),
         ),
         Dialect.PX4,
