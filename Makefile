@@ -135,8 +135,8 @@ docs: $(STAMP) ## write docs/mission-file.md, docs/pilot-messages.md, the pictur
 interrupted: $(STAMP) ## kill campaigns and their Dask workers, fill the disk: the rows are those of undisturbed ones
 	$(BIN)/pytest -q -m slow tests/campaign/test_campaign_run.py tests/campaign/test_dask_engine.py
 
-tables: $(STAMP) ## write docs/results.md anew from the rows in campaigns/results
-	$(BIN)/python -m companion results campaigns/results --page docs/results.md
+tables: $(STAMP) ## write docs/tables.md anew from the rows in campaigns/results
+	$(BIN)/python -m companion results campaigns/results --page docs/tables.md
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
 	$(BIN)/python -m tests.replay.corruptions -n $(N)

@@ -1,4 +1,4 @@
-"""``docs/results.md``: the paper's tables and our flights, from the rows that the repository keeps."""
+"""``docs/tables.md``: the paper's tables and our flights, from the rows that the repository keeps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from companion.research.evidence.verdicts import judged
 
 REASONS = "reasons.yaml"
 _HEAD = """\
-# Results
+# Tables
+
+[Results](results.md) says in short what these tables show.
 
 `make tables` makes this page from the rows in `campaigns/results`, which `companion campaign` and
 `companion results --keep` made, and from `campaigns/results/reasons.yaml`, which people wrote.
