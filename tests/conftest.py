@@ -31,7 +31,7 @@ COMPILED = {
     "tests/kernels/native/test_kept_code.py": "as Python, nothing is kept",
     "tests/kernels/native/test_ready.py": "as Python, there are no kernels",
     **{f"{REWIRED}[{seed}": "two of eight are enough, in half a minute each" for seed in (0, 2, 3)},
-    "tests/kernels/threat/test_threat_tree.py": "takes many minutes as Python",
+    "tests/kernels/printed/test_threat_tree.py": "takes many minutes as Python",
     "tests/kernels/geometry/test_radar_shadow.py::test_the_field_is": "takes a minute as Python",
     "tests/kernels/geometry/test_line_of_sight.py::test_lines_agree": "numpy warns where numba goes on",
     "tests/kernels/geometry/test_prism_distance.py::test_boxes_crossed": "numpy warns where numba goes on",

@@ -201,7 +201,7 @@ class Branches(Struct):
 
 
 class GridIndex(NamedTuple):
-    """An index of places by square cells (see :mod:`companion.kernels.geometry.grid_index`).
+    """An index of places by square cells (see :mod:`companion.kernels.printed.grid_index`).
 
     ``cells`` (C·C,) the newest row in each cell, ``chain`` (M,) the next older row in the same cell, -1
     where there is none; ``places`` (M, 2) where each row was when it was taken in [m]; ``extent`` (4,)
@@ -234,7 +234,7 @@ class Pursuers(Struct):
     place of turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
-    (:func:`~companion.kernels.threat.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
+    (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
     of them a cell's centre is reached earliest: -1 none, -2 not looked at yet; ``index`` of the TTrees'
     nodes, ``path_index`` of the PathTree's.
     """

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
-from companion.kernels.threat.threat_tree import FLIES_ON, re_root
+from companion.kernels.printed.threat_tree import FLIES_ON, re_root
 from companion.types.threat import ThreatTree, TrackState
 
 STEP_S = 2.0  # driving time of one TTree edge

@@ -13,7 +13,7 @@ from companion.assurance.exposure import Exposure, ExposureModel, shortest_ways
 from companion.assurance.sight_lines import SightLines
 from companion.config.compose import exposure_of, vehicle_of, world_of
 from companion.config.rules import rules_of
-from companion.kernels.threat.reachability import dt_positions
+from companion.kernels.printed.reachability import dt_positions
 from companion.kernels.workspace import workspace
 from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.solver import solve

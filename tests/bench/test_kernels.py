@@ -14,8 +14,8 @@ from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.native.kernel import kernel
 from companion.kernels.printed.near_nodes import near_nodes
+from companion.kernels.printed.reachability import gets_to
 from companion.kernels.threat.fuzzy_threat import line_threat
-from companion.kernels.threat.reachability import gets_to
 from companion.kernels.workspace import FilterScratch, KNearest, ThreatScene, threat_scene
 from companion.planning.explore import Exploration
 from companion.research.campaign.runs import offline_problem, offline_world

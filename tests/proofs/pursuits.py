@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from companion.config import load_mission
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
-from companion.kernels.threat import reachability as r
+from companion.kernels.printed import reachability as r
 from companion.kernels.workspace import reach_scratch
 from companion.planning.solver import solve
 from companion.research.campaign.runs import offline_world

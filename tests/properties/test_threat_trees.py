@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.native.struct import Struct
-from companion.kernels.threat import reachability as r
+from companion.kernels.printed import reachability as r
 from companion.kernels.workspace import reach_scratch
 from companion.planning.comparators import Estimator, Strategies
 from companion.planning.explore import Exploration

@@ -13,8 +13,8 @@ from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
 from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
 from companion.kernels.threat.fuzzy_threat import PASSES, point_threat
-from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
 from companion.kernels.workspace import threat_scene
 from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings
 from companion.tracking.tracker import Tracker

@@ -33,12 +33,12 @@ from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
 from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go
 from companion.kernels.objective.row_costs import SEEN, Objective, exposure, pursuit_danger, row_cost
+from companion.kernels.printed.reachability import passes_by
+from companion.kernels.printed.threat_tree import FLIES_ON
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import is_edge_clear, next_stage
 from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.threat.pursuit_game import pop_least, push
-from companion.kernels.threat.reachability import passes_by
-from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import Workspace
 
 DIRECTIONS, TURNS = 16, 3

@@ -17,10 +17,10 @@ from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
+from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
-from companion.kernels.threat.reachability import WELL_CLEAR_UP_M
 from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # From this m on a second counts as in sight.

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Search, Tree
-from companion.kernels.geometry.grid_index import keep
 from companion.kernels.native.kernel import kernel
+from companion.kernels.printed.grid_index import keep
 from companion.kernels.search.costs import cost_distance, turn_cost
 from companion.kernels.workspace import MAX_K, KNearest, ThreatScene
 

@@ -29,12 +29,12 @@ from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import clearance, segment_clear
 from companion.kernels.native.kernel import inlined, kernel
+from companion.kernels.printed.intercept import EYE_M
+from companion.kernels.printed.reachability import Estimator, estimate_reachability
+from companion.kernels.printed.threat_tree import FLIES_ON
 from companion.kernels.search.costs import cost_distance, threats_at, threats_when
 from companion.kernels.threat.fuzzy_threat import node_threat
-from companion.kernels.threat.intercept import EYE_M
 from companion.kernels.threat.pursuit_game import is_threatened
-from companion.kernels.threat.reachability import Estimator, estimate_reachability
-from companion.kernels.threat.threat_tree import FLIES_ON
 from companion.kernels.workspace import FilterScratch, GrowthScratch, ThreatScene
 
 DRAWS = 16  # uniform numbers of an extension; the paper's search draws its sample with some of them

@@ -12,11 +12,11 @@ from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import kernel
 from companion.kernels.native.struct import Struct
+from companion.kernels.printed.reachability import dt_positions
 from companion.kernels.search.costs import threats_at
 from companion.kernels.search.growth import FAR
 from companion.kernels.search.path_edit import air_time
 from companion.kernels.threat.fuzzy_threat import membership, node_threat
-from companion.kernels.threat.reachability import dt_positions
 from companion.kernels.workspace import PathRows, Workspace
 
 

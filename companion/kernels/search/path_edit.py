@@ -19,9 +19,9 @@ from companion.kernels.aircraft.motion import (
 from companion.kernels.arrays import Float1D, Limits, Obstacles, Scene
 from companion.kernels.geometry.prism_distance import segment_clear
 from companion.kernels.native.kernel import kernel, local_floats
+from companion.kernels.printed.reachability import dt_positions
 from companion.kernels.search.costs import threats_at, turn_cost
 from companion.kernels.threat.fuzzy_threat import line_threat
-from companion.kernels.threat.reachability import dt_positions
 from companion.kernels.workspace import MAX_PATH, PathRows, Workspace
 
 JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2

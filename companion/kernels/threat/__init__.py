@@ -1,4 +1,4 @@
-"""Kernels of threats: membership and non-membership, the pursuers' trees, and what they can reach in time.
+"""Kernels of threats: membership and non-membership, and from when on a pursuer could threaten a place.
 
-Numbers and arrays in, numbers and status codes out; what is random is drawn outside and passed in.
+Numbers and arrays in, numbers and status codes out.
 """

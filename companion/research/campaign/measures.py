@@ -10,9 +10,9 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.arrays import Obstacles
 from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.printed.intercept import EYE_M
+from companion.kernels.printed.reachability import dt_positions
 from companion.kernels.threat.fuzzy_threat import membership
-from companion.kernels.threat.intercept import EYE_M
-from companion.kernels.threat.reachability import dt_positions
 from companion.kernels.workspace import reach_scratch
 from companion.types.path import Path
 from companion.types.plan import Plan

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_pursuers, empty_tree
-from companion.kernels.threat import reachability as r
-from companion.kernels.threat.intercept import AIR_CLIMB
-from companion.kernels.threat.threat_tree import re_root
+from companion.kernels.printed import reachability as r
+from companion.kernels.printed.intercept import AIR_CLIMB
+from companion.kernels.printed.threat_tree import re_root
 from companion.kernels.workspace import reach_scratch
 from companion.world.pursuer_trees import STEP_S, observe, threat_trees
 from tests.support.paths import box

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
 from companion.kernels.arrays import empty_pursuers
-from companion.kernels.threat import threat_tree as d
+from companion.kernels.printed import threat_tree as d
 from companion.types.threat import Obstacle
 from tests.support.paths import box
 from tests.support.worlds import is_blocked, packed

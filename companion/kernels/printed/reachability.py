@@ -1,7 +1,7 @@
 """Reachability set of a DT by its tree (paper 3.2.2, Algorithm 1).
 
 The estimator keeps, for each PathTree node, the nearest position found for each DT at the time the
-aircraft gets there (see :mod:`companion.kernels.threat.intercept` for what reachable means).
+aircraft gets there (see :mod:`companion.kernels.printed.intercept` for what reachable means).
 
 Symbols: ``d`` the DT, ``j`` a TTree node, ``i`` a PathTree node, ``k`` of the k-near nodes.
 """
@@ -21,16 +21,16 @@ from companion.kernels.arrays import (
     Pursuers,
     Tree,
 )
-from companion.kernels.geometry.grid_index import cell_along, cell_size, nearest
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.native.kernel import kernel, kernel_numpy_errors
-from companion.kernels.threat.fuzzy_threat import PASSES
-from companion.kernels.threat.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
-from companion.kernels.threat.threat_tree import (
+from companion.kernels.printed.grid_index import cell_along, cell_size, nearest
+from companion.kernels.printed.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
+from companion.kernels.printed.threat_tree import (
     FLIES_ON,
     LEAST_STEP_M,
     corner_towards,
 )
+from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
 NUM_NEIGHBOURS = 4  # of a directly reachable node that are tested too

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.kernels.arrays import empty_index
-from companion.kernels.geometry import grid_index as b
+from companion.kernels.printed import grid_index as b
 from companion.kernels.workspace import empty_nearest
 
 BOUNDS = np.array([0.0, 1000.0, -200.0, 500.0])

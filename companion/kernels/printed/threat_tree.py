@@ -14,7 +14,7 @@ from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import kernel, kernel_numpy_errors, local_floats, local_ints, local_table
 from companion.kernels.native.struct import Struct
-from companion.kernels.threat.intercept import way_length
+from companion.kernels.printed.intercept import way_length
 
 FLIES_ON = 2.0  # in place of the airborne flag: it hunts nobody
 LEAST_STEP_M = 1.0  # of an edge
