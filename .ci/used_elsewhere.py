@@ -70,3 +70,6 @@ _.no_cfunc_wrapper, _.no_compile, _.no_cpython_wrapper, _.enable_looplift, _.ena
 _.get_call_type, _.get_call_signatures, _.get_impl_key, _.generic_resolve
 _._StructModel, _._StructAttributes, _._type_of_kernel, _._constant_kernel, _._get_field, _._set_item
 _._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local
+
+# Columns of docs/pilot-messages.md, which tests/docs writes.
+_.cause, _.action
