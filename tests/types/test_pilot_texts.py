@@ -1,6 +1,8 @@
 """The pilot's texts: their length, their kinds, and that a flight sends no others."""
 
+import ast
 import re
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +12,7 @@ from tests.docs.write_pilot_messages import PAGE, page
 
 NAMES = {key: re.findall(r"{(\w+)}", row.template) for key, row in TEXTS.items()}
 STATUSTEXT = 50
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("key", TEXTS)
@@ -39,3 +42,20 @@ def test_subjects_are_of_texts_that_there_are():
 def test_the_page_has_every_text_with_its_cause_and_what_to_do():
     assert PAGE.read_text(encoding="utf-8") == page()
     assert all(row.cause.endswith(".") and row.action.endswith(".") for row in TEXTS.values())
+
+
+def test_nobody_but_the_announcer_sends_a_text():
+    calls = {
+        source.relative_to(ROOT).as_posix()
+        for source in (ROOT / "companion").rglob("*.py")
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == "status_text" and isinstance(node.ctx, ast.Load)
+    }
+    assert calls == {"companion/flight/messages/speech.py"}
+    tells = {
+        source.relative_to(ROOT).as_posix()
+        for source in (ROOT / "companion").rglob("*.py")
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("link.tell")
+    }
+    assert tells == {"companion/flight/messages/announcer.py"}
