@@ -295,6 +295,12 @@ TEXTS = {
         "A parameter of the planner's was set, or is still set.",
         NOTHING,
     ),
+    "parameter refused": PilotText(
+        "parameters", Severity.WARNING,
+        "{parameter} stays {value}: {reason}",
+        "A value that was sent for a parameter of the planner's is not allowed.",
+        "Send one that is allowed.",
+    ),
     "recording": PilotText(
         "recording", Severity.INFO,
         "Recording stopped, flight goes on",

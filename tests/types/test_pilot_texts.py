@@ -51,7 +51,7 @@ def test_nobody_but_the_announcer_sends_a_text():
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
         if isinstance(node, ast.Attribute) and node.attr == "status_text" and isinstance(node.ctx, ast.Load)
     }
-    assert calls == {"companion/flight/messages/speech.py"}
+    assert calls == {"companion/flight/messages/speech.py", "companion/link/messages/component.py"}
     tells = {
         source.relative_to(ROOT).as_posix()
         for source in (ROOT / "companion").rglob("*.py")

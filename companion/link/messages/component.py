@@ -25,8 +25,8 @@ from companion.types.mavlink_enums import (
     CommandResult,
     MessageId,
     ParameterType,
-    Severity,
 )
+from companion.types.pilot_texts import pilot_message
 
 
 class ParameterStore(Protocol):
@@ -154,9 +154,9 @@ def _parameter_answer(
         reason = parameters.set(name, request.parameters[0], sender) if is_real else "not sent as REAL32"
         if reason:
             codec.counters["refused_parameter"] += 1
-            said = codec.status_text(
-                Severity.WARNING, f"{name} stays {parameters.value(name):g}: {reason}"[:50]
-            )
+            value = f"{parameters.value(name):g}"
+            message = pilot_message("parameter refused", parameter=name, value=value, reason=reason)
+            said = codec.status_text(message.severity, message.text)
     return _told(name, codec, parameters) + said
 
 
