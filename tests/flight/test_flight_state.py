@@ -37,7 +37,10 @@ from tests.flight.test_cycle import OPEN, TWO_GOALS, WALL, straight
 from tests.mission.made import item
 
 COMPANION = Path(__file__).parents[2] / "companion"
-WRITERS = {COMPANION / "flight" / "flight_state.py", COMPANION / "flight" / "list_state.py"}
+WRITERS = {
+    COMPANION / "flight" / "state" / "flight_state.py",
+    COMPANION / "flight" / "state" / "list_state.py",
+}
 
 
 def begun(text=OPEN):

@@ -121,7 +121,7 @@ class Chase:
                 return times, way
         return None
 
-    def caught(self, drive):
+    def threatened(self, drive):
         """Nodes at which the aircraft is within RD_max and in sight of a drive, shape (N,) of bool."""
         times, way = drive
         at = np.column_stack([np.interp(self.times, times, way[:, axis]) for axis in range(2)])

@@ -130,17 +130,17 @@ def test_another_waypoint_serves_where_the_first_does_not():
 def test_where_it_is_hurried_behind_the_entry_it_is_judged_at_that_speed():
     """A pillar stands where it swings widest at 37.5 m/s; at 25 m/s it passes inside."""
     made, places = begun(), placed((150, 0, 100), (330, 150, 100), (330, 1200, 100))
-    hurried, law = replace(places, airspeed_m_s=37.5), guidance_of(begun())
-    assert entry_of(made, at(), straight(), hurried) == 0
+    faster, law = replace(places, airspeed_m_s=37.5), guidance_of(begun())
+    assert entry_of(made, at(), straight(), faster) == 0
     way = entry._way_in(law, at(), places, 0, 30.0)
-    wide = entry._hurried_on(law, at(), hurried, 0, way).positions_enu_m
+    wide = entry._way_while_gaining_speed(law, at(), faster, 0, way).positions_enu_m
     away = np.linalg.norm(wide[:, None, :2] - way.positions_enu_m[None, :, :2], axis=2).min(axis=1)
     east, north = wide[int(np.argmax(away)), :2]
     assert away.max() > 17.0
     pillar = begun(BLOCK.format("pillar", east - 2, north - 2, east + 2, north + 2))
     assert entry_of(pillar, at(), straight(), places) == 0
-    assert entry_of(pillar, at(), straight(), hurried) is None
-    assert entry._hurried_on(law, at(), places, 0, way) is None
+    assert entry_of(pillar, at(), straight(), faster) is None
+    assert entry._way_while_gaining_speed(law, at(), places, 0, way) is None
 
 
 def test_who_is_nearer_to_something_already_may_fly_away_from_it():

@@ -108,7 +108,7 @@ def test_of_many_threats_the_chart_has_the_nearest():
     many = tuple(replace(flight.encounters[0], name=f"vehicle {number}") for number in range(9))
     with style.drawing():
         figure = charts.encounter_chart(replace(flight, encounters=many), 1000.0)
-    assert [label[:8] for label in labels_of(figure)] == [f"vehicle {number}" for number in range(4)]
+    assert [label[:9] for label in labels_of(figure)] == [f"vehicle {number}" for number in range(4)]
 
 
 def test_without_moving_threats_the_chart_says_so():

@@ -8,7 +8,7 @@ from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import after_takeover
 from companion.flight.state.list_state import after_suspicion
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.mission_summary import mission_summary_of
+from companion.flight.takeover.operator_summary import operator_summary_of
 from companion.flight.takeover.takeover import is_due
 from companion.flight.tasks.handback import Handback
 from companion.flight.tasks.replanning_parts import ReplanningParts
@@ -75,7 +75,7 @@ class Departure:
     def _brief(self) -> None:
         """Tell the pilot what will be flown, from when on by the service, and what is wrong."""
         ownship = self._situation.ownship.state(self._clock.now_s())
-        told = mission_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
+        told = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
         if told.plan:
             decide(DecisionKind.MISSION, told.plan, tell="mission", mission=told.plan)

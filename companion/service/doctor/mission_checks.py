@@ -16,7 +16,7 @@ from companion.flight.state.flight_state import (
     first_state,
 )
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.mission_summary import mission_summary_of
+from companion.flight.takeover.operator_summary import operator_summary_of
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.decoded_frame import DecodedFrame
@@ -73,7 +73,7 @@ class MissionDoctor:
         flight.apply(after_autopilot_reported, flies_by=protocols.dialect.flies_by)
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
-        told = mission_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
+        told = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
         texts = ((CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing))
         findings = [ok(check, text) for check, text in texts if text]
         refused = shortfalls(mission, settings)

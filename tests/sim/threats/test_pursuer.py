@@ -16,7 +16,7 @@ from tests.sim.client import Client, mission_file, nearest_m, plain_mission, rou
 BOUNDS = (0.0, 0.0, 2500.0, 2500.0)
 THREAT = """
 dynamic_threats:
-  - {name: vehicle, east_m: 1000, north_m: -900, speed_m_s: 25, max_threat_radius_m: 250}
+  - {name: hunter, east_m: 1000, north_m: -900, speed_m_s: 25, max_threat_radius_m: 250}
 """
 
 

@@ -21,7 +21,7 @@ FAULTS_TOLD = 4
 
 
 @dataclass(frozen=True, slots=True)
-class MissionSummary:
+class OperatorSummary:
     """What is told of a list.
 
     Parameters
@@ -45,7 +45,7 @@ class MissionSummary:
     faults: tuple[str, ...]
 
 
-def mission_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> MissionSummary:
+def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> OperatorSummary:
     """What is to be told of the list as it was read.
 
     Parameters
@@ -59,7 +59,7 @@ def mission_summary_of(state: FlightState, ownship: Ownship | None, num_home_ite
     """
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
-        return MissionSummary("", "", "", has_end=False, faults=("no mission in the autopilot",))
+        return OperatorSummary("", "", "", has_end=False, faults=("no mission in the autopilot",))
     goals = state.goals_left
     count = len(operator.items) - num_home_items
     plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
@@ -71,7 +71,7 @@ def mission_summary_of(state: FlightState, ownship: Ownship | None, num_home_ite
         plan += f", {1e-3 * length:.1f} km"
     faults = tuple(_faults(state, operator, ownship))
     has_end = operator.tail < len(operator.items)
-    return MissionSummary(plan, described(state), _landing(operator), has_end, faults)
+    return OperatorSummary(plan, described(state), _landing(operator), has_end, faults)
 
 
 def _landing(operator: Operator) -> str:
