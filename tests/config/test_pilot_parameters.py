@@ -106,10 +106,10 @@ def test_a_value_that_is_set_is_told_counts_and_outlives_a_restart(tmp_path, nam
 def test_out_of_range_the_old_value_is_told_and_why(tmp_path, name, value):
     station = Station(tmp_path / "parameters.json")
     before = station.parameters.value(name)
-    kept, said = station.set(name, value)
+    kept, *said = station.set(name, value)
     assert (kept.param_id, kept.param_value) == (name, pytest.approx(before))
-    assert said.get_type() == "STATUSTEXT"
-    assert said.text.startswith(f"{name} stays {before:g}: ")
+    assert {chunk.get_type() for chunk in said} == {"STATUSTEXT"}
+    assert "".join(chunk.text for chunk in said).startswith(f"{name} stays {before:g}: ")
     assert station.changes == []
     assert station.codec.counters["refused_parameter"] == 1
     assert not (tmp_path / "parameters.json").exists()
