@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.check_limits import CheckLimits
-from companion.assurance.coming_back import OUT_MIN_M, OVERSHOOT_RADII, ResumePath
+from companion.assurance.coming_back import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
 from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
 from companion.assurance.edges import (
     STRAIGHT_COURSE_RAD,
@@ -391,18 +391,18 @@ class Checker:
         found += self._clearance_violations(points[:-1], points[1:], margins, none, rows)
         return tuple(self._way_back(points[0], 0.0).left_of(found, points) if may_come_back else found)
 
-    def _way_back(self, place: FloatArray, spread_m: float) -> ResumePath:
+    def _way_back(self, place: FloatArray, spread_m: float) -> ReturnToBounds:
         """What is forgiven a flight that begins at ``place`` (3,) [m]."""
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         widened = np.array([0.0, 0.0, self.limits.altitude_tolerance_m])
         out = float(np.maximum(low - widened - place, place - high - widened).max())
         if not np.isfinite(out):
-            return ResumePath(0.0, {}, 0.0)
+            return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])
         near = self._clearance_violations(
             *curves.spot(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
         )
-        return ResumePath(
+        return ReturnToBounds(
             max(out, 0.0), {entry.detail: entry.value for entry in near}, self.limits.turn_radius_min_m
         )
 

@@ -23,7 +23,7 @@ OUT_MIN_M = 0.02  # out of bounds by less is within
 
 
 @dataclass(frozen=True, slots=True)
-class ResumePath:
+class ReturnToBounds:
     """Where a flight begins.
 
     Parameters

@@ -5,7 +5,7 @@ for this: nothing here is shared with what plans or checks.
 
 Both paths are straight between their rows, and what is said of distance and reach is exact for that. Sight
 is asked once in every stretch between two rows, at the middle of its part in reach: an edge of a shadow is
-known to half the time between rows, and a notice shorter than that may be missed.
+known to half the time between rows, and a sight shorter than that may be missed.
 """
 
 from __future__ import annotations
