@@ -1,4 +1,4 @@
-"""Where to circle when the last waypoint is reached."""
+"""Circles that a mission may end in."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
 
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
+
+HEIGHT_MARGIN_M = 20.0  # An obstacle this far above or below a circle is not beside it.
+FITS_M = 0.1  # A circle may lack so much room: the check measures it exactly.
 
 
 class Circle(NamedTuple):
@@ -21,74 +23,72 @@ class Circle(NamedTuple):
     ----------
     centre_enu_m : ndarray, shape (3,)
         Middle of the circle [m].
+    radius_m : float
+        Radius that is kept clear [m].
     direction : float
         +1 clockwise (to the right), -1 counter-clockwise: the sign ArduPlane wants on the radius.
-    is_moved : bool
-        Whether it was moved into the bounds, so that the last leg is no tangent of it.
     """
 
     centre_enu_m: FloatArray
+    radius_m: float
     direction: float
-    is_moved: bool
 
 
-def circles_beside(
-    positions_enu_m: FloatArray,
-    course_rad: float,
-    radius_m: float,
-    obstacles: Sequence[Obstacle],
-    bounds: tuple[float, float, float, float, float, float],
-) -> list[Circle]:
-    """Circles that the last leg runs into along its tangent, the one on the freer side first.
+def circles_along(
+    positions_enu_m: FloatArray, courses_rad: FloatArray, radius_m: float, obstacles: Sequence[Obstacle],
+    bounds: tuple[float, float, float, float, float, float], margin_m: float,
+) -> list[list[Circle]]:  # fmt: skip
+    """Circles that touch a path at some places, on either side, as far as they have room there.
 
-    An aircraft sent to circle the point it is just passing overshoots by half a radius; a circle
-    beside it is joined without. One that would leave the bounds is moved inside them, and may be flown
-    either way round, first that in which the leg meets it.
+    An aircraft that is sent to circle the point it is just passing overshoots by half a radius. It joins a
+    circle beside that point without a turn back. A circle that would leave the bounds is moved inside them,
+    and may be flown either way round.
 
     Parameters
     ----------
-    positions_enu_m : ndarray, shape (K, 3)
-        Waypoints; the last is the point reached.
-    course_rad : float
-        Course there if there is one waypoint only, clockwise from north.
+    positions_enu_m : ndarray, shape (N, 3)
+        Places of the path [m].
+    courses_rad : ndarray, shape (N,)
+        Courses there, clockwise from north.
     radius_m : float
-        Radius of the circle [m].
+        Radius of the circles [m].
+    obstacles : sequence of Obstacle
+        What they have to keep clear of.
+    bounds : tuple of float
+        East, north and up, lowest and highest each [m].
+    margin_m : float
+        Distance to keep from obstacles [m].
 
     Returns
     -------
-    list of Circle
-        Two to four.
+    list of list of Circle
+        At most four for each place, the one with most room first.
     """
-    end = positions_enu_m[-1]
-    course = course_rad
-    if len(positions_enu_m) > 1:
-        along = end - positions_enu_m[-2]
-        course = math.atan2(along[0], along[1])
-    right = np.array([math.cos(course), -math.sin(course), 0.0])
-    found: list[tuple[float, list[Circle]]] = []
-    for side in (1.0, -1.0):
-        bearing = course + side * 0.5 * math.pi
-        touching = end + radius_m * np.array([math.sin(bearing), math.cos(bearing), 0.0])
-        centre = touching.copy()
-        for axis in (0, 1):
-            low, high = bounds[2 * axis] + radius_m, bounds[2 * axis + 1] - radius_m
-            centre[axis] = min(high, max(low, centre[axis]))
-        circles = [Circle(centre, side, is_moved=False)]
-        if bool((centre != touching).any()):
-            met = math.copysign(1.0, float((centre - end) @ right))
-            circles = [Circle(centre, direction, is_moved=True) for direction in (met, -met)]
-        found.append((_room_about(centre, obstacles, bounds), circles))
-    found.sort(key=lambda entry: -entry[0])
-    return [circle for _, circles in found for circle in circles]
-
-
-def _room_about(
-    centre: FloatArray, obstacles: Sequence[Obstacle], bounds: tuple[float, float, float, float, float, float]
-) -> float:
-    """Distance of ``centre`` (3,) to the nearest obstacle at its height and to the bounds [m]."""
-    x, y, z = (float(value) for value in centre)
-    room = min(x - bounds[0], bounds[1] - x, y - bounds[2], bounds[3] - y)
+    right = np.column_stack([np.cos(courses_rad), -np.sin(courses_rad)])
+    touching = positions_enu_m[:, None, :2] + radius_m * np.stack([right, -right], axis=1)
+    low, high = np.array([bounds[0], bounds[2]]) + radius_m, np.array([bounds[1], bounds[3]]) - radius_m
+    centres = np.minimum(high, np.maximum(low, touching))
+    room = np.minimum(centres - low, high - centres).min(axis=2)
+    points, heights = shapely.points(centres), positions_enu_m[:, 2]
     for obstacle in obstacles:
-        if obstacle.base_m - 20.0 <= z <= obstacle.top_m + 20.0:
-            room = min(room, float(shapely.distance(Polygon(obstacle.polygon_enu_m), Point(x, y))))
-    return room
+        beside = (heights >= obstacle.base_m - HEIGHT_MARGIN_M) & (
+            heights <= obstacle.top_m + HEIGHT_MARGIN_M
+        )
+        polygon = shapely.Polygon(obstacle.polygon_enu_m)
+        shapely.prepare(polygon)
+        away = shapely.distance(polygon, points[beside]) - radius_m - margin_m
+        room[beside] = np.minimum(room[beside], away)
+    found = []
+    for row, place in enumerate(positions_enu_m):
+        at_row = []
+        for side in np.argsort(-room[row], kind="stable"):
+            if room[row, side] < -FITS_M:
+                continue
+            centre, direction = centres[row, side], 1.0 - 2.0 * float(side)
+            directions = [direction]
+            if (centre != touching[row, side]).any():
+                met = math.copysign(1.0, float((centre - place[:2]) @ right[row]))
+                directions = [met, -met]
+            at_row += [Circle(np.append(centre, place[2]), radius_m, way) for way in directions]
+        found.append(at_row)
+    return found

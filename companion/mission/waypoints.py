@@ -20,7 +20,6 @@ FIRST_WAYPOINT_AHEAD_M = (
 ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room for its turn
 CORNER_MAX_RAD = math.radians(50.0)
 CHORD_MAX_RAD = math.radians(25.0)  # of a turn flown from point to point
-INSET_M = 5.0  # halves what such a turn is flown too wide (simulated: 10 to 5 m at 25 m/s and 125 m)
 GOAL_ACCEPTANCE_M = 15.0  # at the goal, before what follows it: a fly-by might pass the goal by
 STRAIGHT_RAD = 1e-4
 FLY_BY_M = 50.0  # WP_RADIUS, at which ArduPlane turns to the next waypoint
@@ -73,61 +72,39 @@ class Waypoints:
         return len(self.positions_enu_m) + again + sum(len(items) for _, items in self.actions)
 
 
-@dataclass(frozen=True, slots=True)
-class TurnStyle:
-    """How the waypoints of a turn lie.
-
-    Parameters
-    ----------
-    turn_max_rad : float
-        Change of course at one corner, or from one waypoint on an arc to the next, at most [rad].
-    inset_m : float
-        How far inside the turn they lie; where it is flown from point to point, all but the first [m].
-    """
-
-    turn_max_rad: float
-    inset_m: float = 0.0
-
-
-# The usual styles first; the others are tried where those bring the aircraft too near to something.
-FLY_BY_STYLES = tuple(
-    TurnStyle(share * CORNER_MAX_RAD, inset * INSET_M)
-    for share, inset in ((1.0, 0.0), (1.6, 0.0), (0.6, 0.0), (1.0, -2.0), (1.6, -2.0), (1.0, 2.0), (1.6, 2.0))
-)
-CHORD_STYLES = tuple(
-    TurnStyle(share * CHORD_MAX_RAD, inset * INSET_M)
-    for share, inset in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.5), (1.0, 0.0), (1.0, 4.0))
-)
-
-
 def waypoints_from_path(
     path: Path,
     airspeed_m_s: float,
     *,
     flies_by: bool = True,
     marked_m: Sequence[float] = (),
-    style: TurnStyle | None = None,
+    spacing: float = 1.0,
 ) -> Waypoints:
-    """Waypoints that, flown as the autopilot flies them, are the path.
+    """Waypoints along a path, more of them in its turns.
 
-    ArduPlane flies by: it turns at WP_RADIUS before a waypoint, and rounds its corner.
+    ArduPlane turns at WP_RADIUS before a waypoint and rounds its corner. Its waypoints are the corners of the
+    polygon about an arc: an aircraft that rounds them off at the path's radius flies the arc itself. A PX4
+    turns no more than some 10 m before a waypoint, whatever the item says (measured, and so in its
+    ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs no waypoint but where the
+    height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`.
 
-    A turn becomes the corners of the polygon about its arc, in the usual style unless given: an aircraft
-    that rounds them off at the path's radius flies the arc itself. Straight flight needs none but
-    where the height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`. The
-    start is left out; corners nearer to it than :data:`FIRST_WAYPOINT_AHEAD_M` count as flown.
-
-    A PX4 that flies fixed wings turns no more than some 10 m before a waypoint, whatever the item says
-    (measured, and so in its ``mission_block.cpp``). For it (``flies_by`` false) the waypoints of a turn
-    lie on its arc.
-
-    ``marked_m`` are lengths of path flown at which something is to be done [m]: where straight flight has
-    no waypoint near, one is put there.
+    Parameters
+    ----------
+    path : Path
+        What is to be flown. Its start is left out, and what lies nearer to it than
+        :data:`FIRST_WAYPOINT_AHEAD_M` counts as flown.
+    airspeed_m_s : float
+        True airspeed to command [m/s].
+    flies_by : bool
+        Whether the autopilot turns before a waypoint, as ArduPlane does.
+    marked_m : sequence of float
+        Lengths of the path at which something is to be done [m]: straight flight without a waypoint near
+        gets one there.
+    spacing : float
+        Turn from one waypoint to the next, as a share of the usual one.
     """
-    points, courses = path.positions_enu_m, np.unwrap(path.courses_rad)
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1))])
-    turns_of, usual = (_corners, FLY_BY_STYLES[0]) if flies_by else (_chords, CHORD_STYLES[0])
-    turns = turns_of(points, courses, travelled, style or usual)
+    points, courses, travelled = path.positions_enu_m, np.unwrap(path.courses_rad), path.travelled_m
+    turns = _turns(points, courses, travelled, flies_by=flies_by, spacing=spacing)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
@@ -174,74 +151,49 @@ def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple
     return [*kept, marks[-1]] if len(marks) > 1 else kept
 
 
-def _corners(
-    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: TurnStyle
+def _turns(
+    points: FloatArray, courses: FloatArray, travelled: FloatArray, *, flies_by: bool, spacing: float
 ) -> list[tuple[float, FloatArray]]:
-    """Corners of all turns: where the tangents at the ends of each part of an arc meet.
+    """Waypoints of all turns: corners about them for an autopilot that flies by, else places on them.
 
-    Each, (3,) [m], comes with the length of path flown to the middle of its part [m]. ``points`` (N, 3) are
-    the path's places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) the level
-    length flown to each [m].
-    """
-    signs = np.sign(np.where(np.abs(np.diff(courses)) > STRAIGHT_RAD, np.diff(courses), 0.0))
-    found, edge = [], 0
-    while edge < len(signs):
-        if signs[edge] == 0.0:
-            edge += 1
-            continue
-        first = edge
-        while (
-            edge < len(signs)
-            and signs[edge] == signs[first]
-            and abs(courses[edge + 1] - courses[first]) <= style.turn_max_rad
-        ):
-            edge += 1
-        edge = max(edge, first + 1)
-        start, end = points[first], points[edge]
-        turn = courses[edge] - courses[first]
-        half = 0.5 * np.linalg.norm(end[:2] - start[:2]) / math.cos(0.5 * turn)
-        corner = 0.5 * (start + end)
-        corner[:2] = start[:2] + half * np.array([math.sin(courses[first]), math.cos(courses[first])])
-        middle = 0.5 * float(courses[first] + courses[edge])
-        corner[:2] += signs[first] * style.inset_m * np.array([math.cos(middle), -math.sin(middle)])
-        found.append((0.5 * float(travelled[first] + travelled[edge]), corner))
-    return found
-
-
-def _chords(
-    points: FloatArray, courses: FloatArray, travelled: FloatArray, style: TurnStyle
-) -> list[tuple[float, FloatArray]]:
-    """Rows at which turns begin and end, and rows between them no more than a chord's turn apart.
-
-    All but the first of a turn are moved inwards: who turns only when a waypoint is
-    reached flies a turn that much too wide.
-
-    Each place, (3,) [m], comes with the length of path flown to it [m]. ``points`` (N, 3) are the path's
-    places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) the level length flown
+    Each turn is cut into parts of equal change of course. A corner is where the tangents at the ends of a
+    part meet. Each waypoint, (3,) [m], comes with the length of path to it [m]. ``points`` (N, 3) are the
+    path's places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) its level length
     to each [m].
     """
-    steps = np.diff(courses)
-    signs = np.sign(np.where(np.abs(steps) > STRAIGHT_RAD, steps, 0.0))
     found: list[tuple[float, FloatArray]] = []
-    first = 0
-    while first < len(signs):
-        if signs[first] == 0.0:
-            first += 1
+    for first, last in _runs_of_turning(courses):
+        turn = float(courses[last] - courses[first])
+        num = math.ceil(abs(turn) / (spacing * (CORNER_MAX_RAD if flies_by else CHORD_MAX_RAD)))
+        turned, cuts = (
+            np.abs(courses[first : last + 1] - courses[first]),
+            np.linspace(0.0, abs(turn), num + 1),
+        )
+        lengths = np.interp(cuts, turned, travelled[first : last + 1])
+        places = np.column_stack([np.interp(lengths, travelled, points[:, axis]) for axis in range(3)])
+        if not flies_by:
+            found += [
+                (float(length), place)
+                for length, place in zip(lengths, places, strict=True)
+                if 0.0 < length < travelled[-1] and not (found and length <= found[-1][0])
+            ]
             continue
-        last = first
-        while last < len(signs) and signs[last] == signs[first]:
-            last += 1
-        # Rows first to last turn one way: cut into parts of one length, none with too much of the turn.
-        num = max(1, math.ceil(abs(courses[last] - courses[first]) / style.turn_max_rad))
-        for part in range(num + 1):
-            row = first + round(part * (last - first) / num)
-            if row == 0 or row == len(points) - 1 or (found and travelled[row] <= found[-1][0]):
-                continue
-            inset = style.inset_m if part > 0 else 0.0
-            inwards = signs[first] * np.array([math.cos(courses[row]), -math.sin(courses[row]), 0.0])
-            found.append((float(travelled[row]), points[row] + inset * inwards))
-        first = last
+        for part in range(num):
+            begin, end = places[part], places[part + 1]
+            course, half_turn = courses[first] + turn * part / num, 0.5 * turn / num
+            reach = 0.5 * float(np.linalg.norm((end - begin)[:2])) / math.cos(half_turn)
+            corner = 0.5 * (begin + end)
+            corner[:2] = begin[:2] + reach * np.array([math.sin(course), math.cos(course)])
+            found.append((0.5 * float(lengths[part] + lengths[part + 1]), corner))
     return found
+
+
+def _runs_of_turning(courses: FloatArray) -> list[tuple[int, int]]:
+    """First and last row of each turn to one side; ``courses`` (N,) are unwrapped [rad]."""
+    steps = np.diff(courses)
+    signs = np.concatenate([[0.0], np.sign(np.where(np.abs(steps) > STRAIGHT_RAD, steps, 0.0)), [0.0]])
+    edges = np.flatnonzero(np.diff(signs))  # Row at which the side of turning changes.
+    return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if signs[a + 1] != 0.0]
 
 
 def _with_heights(

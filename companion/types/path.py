@@ -63,6 +63,12 @@ class Path:
         """Sum of the straight distances between waypoints [m]."""
         return float(np.linalg.norm(np.diff(self.positions_enu_m, axis=0), axis=1).sum())
 
+    @property
+    def travelled_m(self) -> FloatArray:
+        """Level length of the path up to each row, shape (N,) [m]."""
+        steps = np.linalg.norm(np.diff(self.positions_enu_m[:, :2], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
     def until(self, row: int) -> Path:
         """Rows up to one, that one included."""
         end = row + 1

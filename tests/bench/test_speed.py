@@ -9,7 +9,7 @@ from companion.assurance.checker import Checker
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.shaping import waypoints_of
+from companion.flight.state.mission_construction import waypoints_of
 from companion.planning.solver import solve
 from companion.research.campaign.runs import offline_problem, offline_world
 from sim.simulator import Simulator

@@ -14,10 +14,10 @@ from companion.config.compose import world_of
 from companion.flight.state.cycle import conclude, conclude_either, flown_passes
 from companion.flight.state.decision import Verdict, judge
 from companion.flight.state.flight_state import after_position, first_state
-from companion.flight.state.flown_track import at_row, guidance_of
+from companion.flight.state.mission_simulation import at_row, guidance_of
 from companion.flight.state.list_state import FlownPath
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, start_after, start_at
-from companion.flight.state.shaping import carried, waypoints_of
+from companion.flight.state.mission_construction import carried, waypoints_of
 from companion.flight.tasks.plan_maker import Planner, plan_request
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
@@ -73,8 +73,8 @@ def state(east=0.0, north=0.0, up=100.0, course=EAST, speed=25.0, stamp=50.0):
     return Ownship(stamp, (east, north, up), course, 0.0, 25.0, speed)
 
 
-def flying(made, path, carried_until_s=math.inf, row=0, cost=math.inf):
-    return replace(made, flown=FlownPath(path, Mission((), 1, 1), carried_until_s, row, cost))
+def flying(made, path, covered_until_s=math.inf, row=0, cost=math.inf):
+    return replace(made, flown=FlownPath(path, Mission((), 1, 1), covered_until_s, row, cost))
 
 
 # --- judging
@@ -533,7 +533,7 @@ def test_a_hurried_plan_that_can_only_be_carried_slower_is_later_everywhere():
     # 37.5 to 25 m/s at 1 m/s²: 390.6 m in 12.5 s; the other 2609.4 m at 25 m/s in 104.4 s.
     assert shaped.path.times_s[-1] == pytest.approx(116.9, abs=0.3)
     assert shaped.path.speeds_m_s[[0, -1]].tolist() == [37.5, 25.0]
-    at_end = float(np.interp(shaped.carried_until_s, shaped.path.times_s, shaped.path.positions_enu_m[:, 0]))
+    at_end = float(np.interp(shaped.covered_until_s, shaped.path.times_s, shaped.path.positions_enu_m[:, 0]))
     assert at_end == pytest.approx(float(shaped.waypoints.positions_enu_m[-1, 0]), abs=30.0)
 
 

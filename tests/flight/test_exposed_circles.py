@@ -5,8 +5,8 @@ import pytest
 
 from companion.config import mission_from_text
 from companion.flight.state import shaping
-from companion.flight.state.flown_track import is_circle_exposed
-from companion.flight.state.shaping import waypoints_of
+from companion.flight.state.mission_simulation import is_circle_exposed
+from companion.flight.state.mission_construction import waypoints_of
 from companion.types.events import Dialect
 from tests.flight.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness

@@ -13,7 +13,7 @@ from companion.flight.state import fallback
 from companion.flight.state.fallback import flown_violations, respond, straight_ahead
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import is_on_last_leg, start_after
-from companion.flight.state.shaping import carried
+from companion.flight.state.mission_construction import carried
 from companion.types.plan import PlanStatus
 from tests.flight.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
 from tests.support.sitl_harness import SitlHarness

@@ -9,7 +9,7 @@ import shapely
 
 from companion.config import mission_from_text
 from companion.flight.state import shaping
-from companion.flight.state.flown_track import (
+from companion.flight.state.mission_simulation import (
     PASSED_BY_M,
     UNSURE_M,
     airspeed_at_end,
@@ -17,7 +17,7 @@ from companion.flight.state.flown_track import (
     is_circle_met,
     track_over,
 )
-from companion.flight.state.shaping import carried
+from companion.flight.state.mission_construction import carried
 from companion.mission.waypoints import waypoints_from_path
 from companion.types.events import Dialect
 from companion.types.path import straight_path

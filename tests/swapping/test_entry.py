@@ -14,8 +14,8 @@ from companion.flight.exchange import entry
 from companion.flight.exchange.entry import entry_of, may_be_entered
 from companion.flight.exchange.swap_protocol import Entry
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.flown_track import guidance_of
-from companion.flight.state.shaping import waypoints_of
+from companion.flight.state.mission_simulation import guidance_of
+from companion.flight.state.mission_construction import waypoints_of
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import track_of_legs

@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.flown_track import at_row, guidance_of
-from companion.frames import speed_made_good, wrapped_angle
+from companion.flight.state.mission_simulation import at_row, guidance_over
+from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints
 from companion.tracking.ownship import predicted
@@ -40,7 +40,6 @@ LOWER_M, CLIMBS_LESS = 4.0, 0.4
 ROLLS_LESS, ROLLS_SLOWER = 1.6, 0.7
 STEERS_SOONER = 0.8
 STEP_S = 0.5
-FASTER_BY_M_S = 2.0  # Gaining less airspeed than this does not change the way in.
 
 
 def entry_of(
@@ -149,15 +148,12 @@ def _is_harmless(
     away = waypoints.positions_enu_m[number] - np.asarray(ownship.position_enu_m)
     if abs(wrapped_angle(math.atan2(away[0], away[1]) - ownship.course_rad)) > BEHIND_RAD:
         return False
-    guidance, clearance = guidance_of(state), float(state.mission.planning.clearance_min_m)
+    guidance, clearance = guidance_over(state, waypoints), float(state.mission.planning.clearance_min_m)
     way = _way_in(guidance, ownship, waypoints, number, LONGEST_S)
     passed = np.flatnonzero(way.reached > 0)
     ends_s = LONGEST_S if len(passed) == 0 else float(way.times_s[passed[0]]) + guidance.l1_period_s
     check = partial(state.rules.checker.check_track, may_come_back=True)
     if check(way.positions_enu_m[way.times_s <= ends_s], MARGIN_SHARE * clearance):
-        return False
-    faster = _way_while_gaining_speed(guidance, ownship, waypoints, number, way)
-    if faster is not None and check(faster.positions_enu_m, FAN_MARGIN_SHARE * clearance):
         return False
     fan = _fan(guidance, ownship) if with_fan else iter(())
     others = (_way_in(law, own, waypoints, number, min(ends_s, LONGEST_S)) for law, own in fan)
@@ -171,30 +167,6 @@ def _way_in(guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: 
     return track_of_legs(
         guidance, ownship, waypoints.positions_enu_m[number:], loiter=circle, ends_s=ends_s, step_s=STEP_S
     )
-
-
-def _way_while_gaining_speed(
-    guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: int, way: Track
-) -> Track | None:
-    """Fly on behind the waypoint that a ``way`` leads to, all at once as fast as it is commanded there."""
-    row, airspeed = int(np.searchsorted(way.reached, 1)), waypoints.airspeed_m_s
-    last = len(waypoints.positions_enu_m) - 1
-    if airspeed - ownship.airspeed_m_s < FASTER_BY_M_S or number == last or row == len(way):
-        return None
-    course = float(way.courses_rad[row])
-    east, north, up = (float(value) for value in way.positions_enu_m[row])
-    there = replace(
-        ownship, position_enu_m=(east, north, up), course_rad=course, airspeed_m_s=airspeed,
-        ground_speed_m_s=speed_made_good(course, airspeed, ownship.wind_enu_m_s),
-        bank_rad=float(way.banks_rad[row]),
-    )  # fmt: skip
-    loiter = waypoints.loiter_centre_enu_m
-    circle = (waypoints.positions_enu_m[-1] if loiter is None else loiter, waypoints.loiter_radius_m)
-    return track_of_legs(
-        guidance, there, waypoints.positions_enu_m[number + 1 :],
-        before_enu_m=waypoints.positions_enu_m[number], loiter=circle,
-        ends_s=guidance.l1_period_s, step_s=STEP_S,
-    )  # fmt: skip
 
 
 def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownship]]:

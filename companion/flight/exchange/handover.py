@@ -26,7 +26,7 @@ from companion.flight.state.list_state import (
     after_swap_ended,
     after_unwanted,
 )
-from companion.flight.state.shaping import ShapedPath
+from companion.flight.state.mission_construction import ConstructedMission
 from companion.mission.swap import SwapOutcome
 from companion.recording.recorder import Recorder
 from companion.types.mission import Mission
@@ -107,11 +107,11 @@ class Handover:
         flown = swap.flown
         self._flight.apply(after_swap, swap.layout, flown, self._link.current)
         ours = flown.mission.items[slice(*swap.layout.flown_span)]
-        self._checkpoint.note_flown(key_of(ours), flown.path, flown.carried_until_s)
+        self._checkpoint.note_flown(key_of(ours), flown.path, flown.covered_until_s)
 
     async def hand_over(
         self,
-        shaped: ShapedPath,
+        shaped: ConstructedMission,
         plan_number: int,
         plan_ms: float,
         track_s: float,
@@ -123,7 +123,7 @@ class Handover:
 
         Parameters
         ----------
-        shaped : ShapedPath
+        shaped : ConstructedMission
             What is to be flown.
         plan_number : int
             Number of the plan behind it.
@@ -172,13 +172,13 @@ class Handover:
         return outcome
 
     async def swap(
-        self, shaped: ShapedPath, enter_s: float, plan_number: int, *, is_urgent: bool = False
+        self, shaped: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
     ) -> tuple[SwapOutcome, str]:
         """Store a mission and enter it at an instant; broken off, what was flown stays whole.
 
         Parameters
         ----------
-        shaped : ShapedPath
+        shaped : ConstructedMission
             What is to be flown.
         enter_s : float
             When the aircraft is where the path begins, by the clock [s].

@@ -11,7 +11,7 @@ from companion.clock import Clock
 from companion.flight.exchange.entry import LATER_S, entry_of, may_be_entered
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.list_state import FlownPath, PendingSwap, after_reading, after_waiting
-from companion.flight.state.shaping import ShapedPath
+from companion.flight.state.mission_construction import ConstructedMission
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.list_layout import Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
@@ -59,7 +59,7 @@ class SwapOrder:
 
 
 def order_for(
-    shaped: ShapedPath,
+    shaped: ConstructedMission,
     layout: Layout,
     *,
     plan_number: int,
@@ -71,7 +71,7 @@ def order_for(
 
     Parameters
     ----------
-    shaped : ShapedPath
+    shaped : ConstructedMission
         What is to be flown.
     layout : Layout
         The list's now.
@@ -89,7 +89,7 @@ def order_for(
     if isinstance(layout, TwoBankLayout) and layout.flown is None and not is_short:
         layout = replace(layout, flown=items)
     mission, after = layout.with_new(items, plan_number)
-    flown = FlownPath(shaped.path, mission, shaped.carried_until_s, cost=shaped.cost)
+    flown = FlownPath(shaped.path, mission, shaped.covered_until_s, cost=shaped.cost)
     return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
 
 

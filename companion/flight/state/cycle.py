@@ -23,9 +23,9 @@ from companion.flight.state.decision import (
 )
 from companion.flight.state.fallback import Response, flown_violations, respond, respond_by_rally_point
 from companion.flight.state.flight_state import FlightState
+from companion.flight.state.mission_construction import Candidate, ConstructedMission, construct
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, problem_at
-from companion.flight.state.shaping import ShapedPath, waypoints_of
-from companion.mission.waypoints import Waypoints, mission_part
+from companion.mission.waypoints import mission_part
 from companion.planning.problem import GoalRegion
 from companion.planning.route import reassessed
 from companion.types.path import Path, slowed_path
@@ -45,14 +45,14 @@ class Conclusion:
     ----------
     decision : SwapDecision
         What is said of it.
-    shaped : ShapedPath or None
+    shaped : ConstructedMission or None
         What is to be handed over; None where nothing is.
     is_unflyable : bool
-        Whether it would be flown, but no mission can carry it.
+        Whether it would be flown, but no mission can fly it.
     """
 
     decision: SwapDecision
-    shaped: ShapedPath | None = None
+    shaped: ConstructedMission | None = None
     is_unflyable: bool = False
 
 
@@ -63,7 +63,7 @@ class EmergencyConclusion:
     step: EmergencyStep
     reason: str
     options: EmergencyOptions
-    shaped: ShapedPath | None
+    shaped: ConstructedMission | None
 
 
 def is_over(state: FlightState, ownship: Ownship) -> bool:
@@ -77,9 +77,9 @@ def flown_passes(state: FlightState, start: Start) -> bool:
 
 
 def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
-    """Judge a plan, and shape what is to be flown of it.
+    """Judge a plan, and make its mission if it is to be flown.
 
-    One that a mission can only carry slower is judged once more: it will be everywhere later.
+    A plan that a mission can only fly slower is judged once more, because it is later everywhere.
 
     Parameters
     ----------
@@ -98,33 +98,34 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     paths = [(plan.path, plan.cost)]
     if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
         paths.insert(0, (start.rest, plan.flown_cost or plan.cost))
-    (path, cost), (waypoints, carried_s, violations) = _first_carried(state, paths)
-    if violations:
-        refused = SwapDecision(Verdict.REJECTED, f"mission: {violations[0]}", decision.why)
+    (path, cost), found = _first_flyable(state, paths)
+    if found.violations:
+        refused = SwapDecision(Verdict.REJECTED, f"mission: {found.violations[0]}", decision.why)
         return Conclusion(refused, is_unflyable=True)
+    waypoints, covered_until_s = found.waypoints, found.covered_until_s
     slower = slowed_path(path, waypoints.airspeed_m_s)
     if slower is not path:
-        carried_s = float(slower.times_s[np.searchsorted(path.times_s, carried_s)])
+        covered_until_s = float(slower.times_s[np.searchsorted(path.times_s, covered_until_s)])
         path, risk = reassessed(problem_at(state, start, snapshot), slower)
         decision = judge(state, replace(plan, path=path, pursuit=risk), start)
         if not decision.verdict.is_swap:
             return Conclusion(decision)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ShapedPath(
-        path, waypoints, part, carried_s, start, decision.verdict, decision.text, decision.why, cost
+    shaped = ConstructedMission(
+        path, waypoints, part, covered_until_s, start, decision.verdict, decision.text, decision.why, cost
     )
     return Conclusion(decision, shaped)
 
 
-def _first_carried(
+def _first_flyable(
     state: FlightState, paths: Sequence[tuple[Path, float]]
-) -> tuple[tuple[Path, float], tuple[Waypoints, float, tuple[Violation, ...]]]:
-    """The first of some paths with their costs that a mission can carry, else the last; how it is carried."""
+) -> tuple[tuple[Path, float], Candidate]:
+    """The first of some paths with their costs that a mission can fly, else the last; and its mission."""
     for wanted in paths:
-        carried = waypoints_of(state, wanted[0], state.mission_list.max_waypoints)
-        if not carried[2]:
+        found = construct(state, wanted[0], state.mission_list.max_waypoints)
+        if not found.violations:
             break
-    return wanted, carried
+    return wanted, found
 
 
 def conclude_either(
@@ -226,8 +227,8 @@ def _shaped(state: FlightState, start: Start, response: Response, cost: float) -
     if route is None:
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ShapedPath(
-        route.path, route.waypoints, part, route.carried_until_s, start, Verdict.EMERGENCY, step.value, {},
+    shaped = ConstructedMission(
+        route.path, route.waypoints, part, route.covered_until_s, start, Verdict.EMERGENCY, step.value, {},
         cost,
     )  # fmt: skip
     return EmergencyConclusion(step, reason, response.options, shaped)

@@ -20,8 +20,8 @@ from companion.assurance.emergency import (
 )
 from companion.assurance.violation import keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
+from companion.flight.state.mission_construction import construct, construct_until
 from companion.flight.state.progress import Start
-from companion.flight.state.shaping import carried, waypoints_of
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion, StartState, rows_at_goals
@@ -41,7 +41,7 @@ class EscapeRoute:
 
     path: Path
     waypoints: Waypoints
-    carried_until_s: float
+    covered_until_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,7 @@ def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] 
         return None
     if state.flies_to_goal:
         return None if start.rest is None else state.violations_of(start.rest)
-    _, violations = carried(state, state.flown.path, len(state.flown.path) - 1)
-    return violations
+    return construct_until(state, state.flown.path, len(state.flown.path) - 1).violations
 
 
 def respond(
@@ -128,10 +127,10 @@ def respond_by_rally_point(
     """
     route = None
     if plan.path is not None and plan.reaches_goal:
-        waypoints, carried_s, wrong = waypoints_of(state, plan.path, max_waypoints, is_whole=True)
+        found = construct(state, plan.path, max_waypoints, is_whole=True)
         on_path = state.violations_to(place, plan.path)
-        route = EscapeRoute(plan.path, waypoints, carried_s)
-        options = replace(options, rally=(*on_path, *wrong))
+        route = EscapeRoute(plan.path, found.waypoints, found.covered_until_s)
+        options = replace(options, rally=(*on_path, *found.violations))
     decision = emergency_decision(options)
     return Response(decision, options, route if decision.step is EmergencyStep.RALLY_POINT else None)
 
@@ -142,8 +141,9 @@ def _least_threat(
     """The least-threat plan as a mission, and what is wrong with it; None where none reaches the goal."""
     if plan.path is None or not plan.reaches_goal:
         return None, None
-    waypoints, carried_s, violations = waypoints_of(state, plan.path, max_waypoints)
-    return EscapeRoute(plan.path, waypoints, carried_s), (*state.violations_of(plan.path), *violations)
+    found = construct(state, plan.path, max_waypoints)
+    route = EscapeRoute(plan.path, found.waypoints, found.covered_until_s)
+    return route, (*state.violations_of(plan.path), *found.violations)
 
 
 def _safe_loiter(
@@ -156,10 +156,10 @@ def _safe_loiter(
     """
     wrong: tuple[Violation, ...] | None = None
     for path, row, *_ in _places(state, start, paths):
-        waypoints, violations = carried(state, path, row)
-        if not violations and len(waypoints.positions_enu_m) <= max_waypoints:
-            return EscapeRoute(path.until(row), waypoints, float(path.times_s[row])), ()
-        wrong = wrong or violations
+        found = construct_until(state, path, row)
+        if not found.violations and len(found.waypoints.positions_enu_m) <= max_waypoints:
+            return EscapeRoute(path.until(row), found.waypoints, found.covered_until_s), ()
+        wrong = wrong or found.violations
     return None, wrong
 
 

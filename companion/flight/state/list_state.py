@@ -48,7 +48,7 @@ class FlownPath:
         The whole path, also behind the aircraft.
     mission : Mission
         The list that was uploaded for it.
-    carried_until_s : float
+    covered_until_s : float
         The path's time at the end of what the mission carries [s].
     row : int
         The path's row that the aircraft has passed last.
@@ -58,15 +58,15 @@ class FlownPath:
 
     path: Path
     mission: Mission
-    carried_until_s: float
+    covered_until_s: float
     row: int = 0
     cost: float = math.inf
 
     def carried_s(self, row: int) -> float:
         """How long the mission carries on from a row of the path [s]; endless where it does to its end."""
-        if self.carried_until_s >= self.path.times_s[-1]:
+        if self.covered_until_s >= self.path.times_s[-1]:
             return math.inf
-        return self.carried_until_s - float(self.path.times_s[row])
+        return self.covered_until_s - float(self.path.times_s[row])
 
 
 @dataclass(frozen=True, slots=True)

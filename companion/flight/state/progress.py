@@ -73,7 +73,7 @@ def problem_at(state: FlightState, start: Start, snapshot: Snapshot) -> Problem:
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:
     """Whether the flown path ends before a new plan, flown in ``ahead_s``, could be of use."""
     flown = state.flown
-    if flown is None or not state.flies_to_goal or flown.carried_until_s < flown.path.times_s[-1]:
+    if flown is None or not state.flies_to_goal or flown.covered_until_s < flown.path.times_s[-1]:
         return False
     progress = progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS)
     left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)

@@ -22,7 +22,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.flown_track import guidance_of
+from companion.flight.state.mission_simulation import guidance_of
 from companion.flight.takeover.resume_path import MARGIN_SHARE
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from companion.flight.state.cycle import conclude
 from companion.flight.state.decision import DecisionKind
+from companion.flight.state.mission_construction import ConstructedMission
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import Start, lead_s, start_by_motion
-from companion.flight.state.shaping import ShapedPath
 from companion.flight.takeover.resume_path import resume_path
 from companion.flight.takeover.start_prediction import start_at_takeover
 from companion.flight.tasks.plan_maker import plan_request
@@ -28,7 +28,7 @@ class LookAhead:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._parts = parts
-        self._prepared: ShapedPath | None = None
+        self._prepared: ConstructedMission | None = None
         self._said: DecisionKind | None = None
         self._is_ready = False
 
@@ -36,7 +36,7 @@ class LookAhead:
         """Whatever is flown now, nothing is ready."""
         self._prepared, self._said, self._is_ready = None, None, False
 
-    def take_prepared(self) -> ShapedPath | None:
+    def take_prepared(self) -> ConstructedMission | None:
         """The plan that was made ahead, if it begins where the aircraft is about now."""
         prepared = self._prepared
         self.forget()

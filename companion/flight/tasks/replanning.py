@@ -19,9 +19,9 @@ from companion.flight.state.cycle import (
     rally_points_near,
 )
 from companion.flight.state.decision import DecisionKind, Verdict
+from companion.flight.state.mission_construction import ConstructedMission
 from companion.flight.state.modes import ModeEvent
 from companion.flight.state.progress import as_of_now, lead_s
-from companion.flight.state.shaping import ShapedPath
 from companion.flight.takeover.return_path import return_path
 from companion.flight.takeover.start_prediction import begin
 from companion.flight.tasks.look_ahead import LookAhead
@@ -338,7 +338,7 @@ class Replanning:
             self._announcer.decide(kind, f"{step.value}: {reason}", tell=tell, word=word)
 
     async def _hand_over(
-        self, shaped: ShapedPath, plan_ms: float, track_s: float, *, is_urgent: bool = False
+        self, shaped: ConstructedMission, plan_ms: float, track_s: float, *, is_urgent: bool = False
     ) -> SwapOutcome:
         """Hand a mission over, and see what is flown then."""
         if self.freshness.is_blind:
@@ -358,7 +358,7 @@ class Replanning:
         self._schedule.retry(self._clock.now_s() + RETRY_S, "the last mission was not entered")
         return outcome
 
-    def _note_failed_swap(self, shaped: ShapedPath) -> None:
+    def _note_failed_swap(self, shaped: ConstructedMission) -> None:
         """Say that the aircraft is left with what it flies, once that looks like lasting."""
         state = self._flight.state
         self._num_failed_swaps += 1

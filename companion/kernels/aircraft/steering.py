@@ -31,7 +31,8 @@ class SteeringLaw(Struct):
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
     ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``; ``slope_min`` the change of
-    height from which it is spread over its leg.
+    height from which it is spread over its leg; ``airspeed`` commanded behind the first target, 0 for none,
+    and the ``acceleration`` to it.
     """
 
     period: float
@@ -43,6 +44,8 @@ class SteeringLaw(Struct):
     height_acceptance: float
     climb_rate_max: float
     slope_min: float
+    airspeed: float
+    acceleration: float
 
 
 @kernel
@@ -194,4 +197,7 @@ def fly_targets(
                 pull = leg_acceleration(state[0], state[1], ve, vn, begin, end, law)
             climbed = max(-law.climb_rate_max, min(law.climb_rate_max, (wanted - state[2]) / STEP))
             state[2] += climbed * STEP
+            if target > 1 and law.airspeed > 0.0:
+                gain = law.acceleration * STEP
+                state[5] += max(-gain, min(gain, law.airspeed - state[5]))
             moved(state, wind, pull, law)

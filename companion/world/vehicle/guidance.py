@@ -70,6 +70,10 @@ class Guidance:
     circle_stretch : float
         How much wider circles are flown than commanded: ArduPlane widens them with the square of true over
         equivalent airspeed (``AP_L1_Control::loiter_radius``).
+    airspeed_m_s : float
+        True airspeed commanded behind the first target; 0 keeps that which the aircraft has [m/s].
+    acceleration_m_s2 : float
+        How fast the aircraft changes to it [m/s²].
     """
 
     flies_by: bool
@@ -84,6 +88,8 @@ class Guidance:
     height_acceptance_m: float = BEYOND_M
     slope_min_m: float = 0.0
     circle_stretch: float = 1.0
+    airspeed_m_s: float = 0.0
+    acceleration_m_s2: float = 0.0
 
     def __post_init__(self) -> None:
         positive = (
@@ -105,6 +111,8 @@ class Guidance:
             height_acceptance=self.height_acceptance_m,
             climb_rate_max=self.climb_rate_max_m_s,
             slope_min=self.slope_min_m,
+            airspeed=self.airspeed_m_s,
+            acceleration=self.acceleration_m_s2,
         )
 
 
@@ -162,6 +170,14 @@ class Track:
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+    def until(self, row: int) -> Track:
+        """The track up to a row, that one included."""
+        end = row + 1
+        return Track(
+            self.times_s[:end], self.positions_enu_m[:end], self.courses_rad[:end], self.banks_rad[:end],
+            self.climb_angles_rad[:end], self.reached[:end],
+        )  # fmt: skip
 
 
 def track_of_legs(

@@ -1,0 +1,368 @@
+"""From a planned path to the mission that carries it: waypoints, and a circle at their end.
+
+One principle decides. A candidate mission is a row of the path at which it ends, a circle there and a
+commanded airspeed. Each candidate is flown over in simulation by the autopilot's own guidance, from where the
+path begins until one lap of the circle is done, in the wind there is. Waypoints in turns are moved against
+the deviation of that track from the path until the track keeps its clearance (iterative learning control).
+The first candidate whose track has no fault is taken; where none is without, the one with the least.
+
+References
+----------
+D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems
+Magazine 26(3), 2006.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.flight.state.decision import Verdict
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.mission_simulation import (
+    NO_FAULTS,
+    Faults,
+    airspeed_at_end,
+    circle_stretch,
+    commanded_airspeed_m_s,
+    faults_of,
+    simulated,
+)
+from companion.flight.state.progress import Start
+from companion.frames import FloatArray
+from companion.kernels.arrays import IntArray
+from companion.mission.loiter import Circle, circles_along
+from companion.mission.waypoints import (
+    MissionPart,
+    Waypoints,
+    merge_close_waypoints,
+    waypoints_from_path,
+)
+from companion.types.mission import MissionItem
+from companion.types.path import FASTER_M_S, Path, run_on
+from companion.world.vehicle.guidance import Track
+
+HORIZONS = 3.0  # A mission carries the path of so many time horizons: beyond, threats are still to be sensed.
+HOT_STRETCH = 1.12  # In air 30 K warmer than the standard, ArduPlane flies circles so much wider.
+ENDS_MAX = 12  # So many ends are simulated at each airspeed.
+SHORTEST_ROWS = 12  # A mission that covers less of the path is over before the next plan is made.
+RUN_ON_M = 400.0  # Where a goal has no room for a circle, the circle may lie so far behind it.
+RUN_ON_ROWS = 4  # Circles behind the goal are tried every so many rows, 100 m apart.
+SPACINGS = (1.0, 0.5)  # Waypoints in turns lie as usual first, and half as far apart where that does not do.
+CORRECTIONS = 3  # Further corrections move waypoints by less than a metre.
+GAIN = 0.8  # Share of a deviation by which a waypoint is moved against it: less than 1 converges.
+LATE_ENTRY_MAX_M = 130.0  # A late aircraft joins a mission at most so far behind its third waypoint.
+GOAL_TOLERANCE_M = 5.0  # A path reaches the goal if it ends this close to the goal's region.
+SLOWED_M_S = 2.0  # An aircraft this much faster than cruise has to be told to slow down.
+NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
+NO_CIRCLE = Violation("ending", 0, 0.0, 0.0, "no circle along the path has room")
+
+Actions = tuple[MissionItem, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ConstructedMission:
+    """A path as a mission, and why it is to be flown.
+
+    Parameters
+    ----------
+    path : Path
+        The planned path.
+    waypoints : Waypoints
+        The waypoints of the part of it that the mission covers.
+    part : MissionPart
+        The waypoints as mission items.
+    covered_until_s : float
+        The path's time at the end of that part [s].
+    start : Start
+        Where the plan began.
+    verdict : Verdict
+        The reason to fly it.
+    text : str
+        The reason in words.
+    why : mapping
+        The numbers behind the reason.
+    cost : float
+        The path's objective.
+    """
+
+    path: Path
+    waypoints: Waypoints
+    part: MissionPart
+    covered_until_s: float
+    start: Start
+    verdict: Verdict
+    text: str
+    why: Mapping[str, object]
+    cost: float
+
+
+class Candidate(NamedTuple):
+    """A mission that may be flown, and what is wrong with it.
+
+    Parameters
+    ----------
+    waypoints : Waypoints
+        The mission's waypoints and circle.
+    covered_until_s : float
+        The path's time at the end of the part that the mission covers [s].
+    violations : tuple of Violation
+        Rules that forbid the mission; empty if it may be flown.
+    faults : Faults
+        What is wrong with its simulated flight.
+    valid_until_m : float
+        Length of the path beyond which every mission breaks the same rule [m].
+    """
+
+    waypoints: Waypoints
+    covered_until_s: float
+    violations: tuple[Violation, ...]
+    faults: Faults = NO_FAULTS
+    valid_until_m: float = math.inf
+
+
+def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: bool = False) -> Candidate:
+    """Make the mission for a path: it covers the path of a few time horizons and ends in a circle.
+
+    Should the service fall silent, the aircraft circles at a place that was checked.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals, rules, wind and threats.
+    path : Path
+        The planned path.
+    max_waypoints : int
+        Number of items that fit into the autopilot's list.
+    is_whole : bool
+        Whether the mission should cover the whole path, as far as it fits.
+    """
+    wanted_s = math.inf if is_whole else HORIZONS * state.rules.time_horizon_s
+    last = len(path) - 1
+    row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted_s)))
+    ends = [row, *range(row + 2, last, 2), last, *range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)]
+    if state.tail_enu_m is None:
+        path = run_on(path, RUN_ON_M)
+        ends += range(last + RUN_ON_ROWS, len(path), RUN_ON_ROWS)
+    return _best_of(state, path, list(dict.fromkeys(ends)), last, max_waypoints)
+
+
+def construct_until(state: FlightState, path: Path, end: int) -> Candidate:
+    """Make the mission that covers a path until a row, and ends in a circle there.
+
+    Parameters
+    ----------
+    state : FlightState
+        Goals, rules, wind and threats.
+    path : Path
+        The planned path.
+    end : int
+        The row.
+    """
+    return _best_of(state, path, [end], len(path) - 1, math.inf)
+
+
+def _best_of(
+    state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float
+) -> Candidate:
+    """The first candidate without a fault, else the one with the least; if all are forbidden, the first."""
+    found: list[Candidate] = []
+    forbidden: list[Candidate] = []
+    for airspeed in _airspeeds(state, path.until(min(ends[0], last))):
+        for candidate in _candidates(state, path, ends, last, airspeed):
+            if candidate.violations:
+                forbidden.append(candidate)
+                continue
+            if candidate.waypoints.num_items > max_waypoints:
+                forbidden.append(candidate._replace(violations=(NO_ROOM,)))
+                continue
+            found.append(candidate)
+            if not candidate.faults.at_end:
+                break
+        best = min(found, key=_rank, default=None)
+        if best is not None and not best.faults.is_serious:
+            return best
+    if not found and not forbidden:
+        waypoints = waypoints_from_path(path.until(ends[0]), airspeed, flies_by=state.flies_by)
+        forbidden = [Candidate(waypoints, float(path.times_s[min(ends[0], last)]), (NO_CIRCLE,))]
+    return min(found, key=_rank) if found else forbidden[0]
+
+
+def _airspeeds(state: FlightState, part: Path) -> list[float]:
+    """Airspeeds to command for a part of a path, the wanted one first [m/s]."""
+    wanted, cruise = (
+        commanded_airspeed_m_s(part, state.rules.vehicle),
+        state.rules.vehicle.airspeed_cruise_m_s,
+    )
+    return [wanted, cruise] if wanted > cruise + FASTER_M_S else [wanted]
+
+
+def _rank(candidate: Candidate) -> tuple[bool, Faults]:
+    """Order of candidates, the best first."""
+    return bool(candidate.violations), candidate.faults
+
+
+def _candidates(
+    state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float
+) -> Iterator[Candidate]:
+    """Missions that end at some rows, in that order, each flown over in simulation.
+
+    An end is left out where no circle has room, or where an earlier candidate broke a rule before it.
+    """
+    slowed = airspeed_at_end(path.until(ends[0]), state.rules.vehicle, airspeed_m_s)
+    vehicle = state.rules.vehicle.at_speed(slowed)
+    radii = dict.fromkeys(
+        (vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m)
+    )
+    circles = [_circles(state, path, np.array(ends), radius) for radius in radii]
+    travelled, valid_until, num_tried = path.travelled_m, math.inf, 0
+    for number, end in enumerate(ends):
+        for circle in (circle for of_radius in circles for circle in of_radius[number]):
+            if travelled[end] >= valid_until or num_tried == ENDS_MAX:
+                break
+            candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
+            valid_until = min(valid_until, candidate.valid_until_m)
+            num_tried += 1
+            yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
+
+
+def _circles(state: FlightState, path: Path, rows: IntArray, radius_m: float) -> list[list[Circle]]:
+    """Circles that have room at ``rows`` (N,) of a path, in hot air, too, where ArduPlane's are wider."""
+    limits = state.rules.checker.limits
+    return circles_along(
+        path.positions_enu_m[rows], path.courses_rad[rows], radius_m * _hot_stretch(state),
+        state.rules.obstacles, limits.bounds, limits.margin_m,
+    )  # fmt: skip
+
+
+def _hot_stretch(state: FlightState) -> float:
+    """Ratio of the radius in hot air to that in standard air."""
+    return HOT_STRETCH if state.flies_by else 1.0
+
+
+def _fitted(
+    state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, is_last: bool
+) -> Candidate:
+    """The mission over a part of a path, its waypoints moved until the simulated track follows the part."""
+    actions = _actions_along(state, part)
+    tried: list[Candidate] = []
+    for spacing in SPACINGS:
+        waypoints = waypoints_from_path(
+            part, airspeed_m_s, flies_by=state.flies_by, marked_m=[length for length, _ in actions],
+            spacing=spacing,
+        )  # fmt: skip
+        for _ in range(CORRECTIONS + 1):
+            candidate, track = _judged(state, part, waypoints, circle)
+            tried.append(candidate)
+            if track is None or not candidate.faults.before_circle:
+                break
+            waypoints = _corrected(part, candidate.waypoints, track)
+        best = min(tried, key=_rank)
+        if not best.violations and not best.faults.short_m:
+            break
+    finished = replace(
+        best.waypoints,
+        continues_with_operator_items=is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1]),
+        actions=_actions_at(actions, best.waypoints),
+        airspeed_again=_airspeed_again(state, part, best.waypoints),
+    )
+    return best._replace(waypoints=finished)
+
+
+def _judged(
+    state: FlightState, part: Path, waypoints: Waypoints, circle: Circle
+) -> tuple[Candidate, Track | None]:
+    """A mission checked as legs and in simulation; its simulated track, if the legs pass the check."""
+
+    def wrong_with(found: Waypoints) -> tuple[Violation, ...]:
+        legs: FloatArray = np.vstack([part.positions_enu_m[:1], found.positions_enu_m])
+        return state.rules.checker.check_legs(
+            legs, ends_in_loiter=True, loiter_radius_m=circle.radius_m,
+            loiter_centre_enu_m=circle.centre_enu_m, may_come_back=True,
+            wind_enu_m_s=state.wind_enu_m_s, airspeed_m_s=float(part.speeds_m_s.min()),
+        )  # fmt: skip
+
+    waypoints, violations = merge_close_waypoints(waypoints, wrong_with)
+    commanded = round(circle.radius_m / _hot_stretch(state) / circle_stretch(state))
+    waypoints = replace(
+        waypoints, loiter_centre_enu_m=circle.centre_enu_m, loiter_radius_m=circle.direction * commanded
+    )
+    lengths, last = waypoints.distances_m, len(waypoints.distances_m) - 1
+    if violations:
+        broken = [entry.row - 1 for entry in violations if entry.row <= last]  # row 0 is the start
+        valid_until = float(lengths[max(min(broken), 0)]) if broken else math.inf
+        return Candidate(waypoints, 0.0, violations, valid_until_m=valid_until), None
+    track = simulated(state, part, waypoints)
+    faults, violations = faults_of(state, part, waypoints, track)
+    broken = [int(track.reached[entry.row]) for entry in violations]
+    valid_until = float(lengths[min(broken)]) if broken and min(broken) < last else math.inf
+    return Candidate(waypoints, 0.0, violations, faults, valid_until), track
+
+
+def _corrected(part: Path, waypoints: Waypoints, track: Track) -> Waypoints:
+    """Waypoints moved across the path, against the deviation of the track where each is passed."""
+    passed, travelled, courses = waypoints.distances_m[:-1], part.travelled_m, np.unwrap(part.courses_rad)
+    places = np.column_stack([np.interp(passed, travelled, part.positions_enu_m[:, k]) for k in range(2)])
+    at = np.interp(passed, travelled, courses)
+    right = np.column_stack([np.cos(at), -np.sin(at)])
+    away = track.positions_enu_m[None, :, :2] - places[:, None]
+    nearest = away[np.arange(len(passed)), (away**2).sum(axis=2).argmin(axis=1)]
+    moved = waypoints.positions_enu_m.copy()
+    moved[:-1, :2] -= GAIN * (nearest * right).sum(axis=1)[:, None] * right
+    return replace(waypoints, positions_enu_m=moved)
+
+
+def _airspeed_again(state: FlightState, part: Path, waypoints: Waypoints) -> int:
+    """The last waypoint at which a late aircraft may join a mission that changes the airspeed; 0 for none."""
+    cruise = state.rules.vehicle.airspeed_cruise_m_s
+    if max(float(part.speeds_m_s[0]) - SLOWED_M_S, waypoints.airspeed_m_s - FASTER_M_S) <= cruise:
+        return 0
+    near = np.flatnonzero(waypoints.distances_m <= float(waypoints.distances_m[:3][-1]) + LATE_ENTRY_MAX_M)
+    return int(near[-1])
+
+
+def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
+    """Whether ``last_enu_m`` (3,) [m] is the goal, and the leg to the operator's items behind it is clear."""
+    if state.tail_enu_m is None or not state.goals:
+        return False
+    goal = state.goals[-1]
+    if (
+        np.linalg.norm(last_enu_m - np.asarray(goal.position_enu_m))
+        > goal.acceptance_radius_m + GOAL_TOLERANCE_M
+    ):
+        return False  # The path ends in a safe loiter: the next plan begins there.
+    legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
+    wrong = state.rules.checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=state.turn_radius_m)
+    return not any(entry.rule == "clearance" for entry in wrong)
+
+
+def _actions_along(state: FlightState, part: Path) -> list[tuple[float, Actions]]:
+    """The operator's DO_ items of goals that a part of a path reaches, and how far along they are [m]."""
+    found: list[tuple[float, Actions]] = []
+    row = 0
+    for goal, items in zip(state.goals[state.next_goal :], state.actions[state.next_goal :], strict=False):
+        away = np.linalg.norm(part.positions_enu_m[row:] - np.asarray(goal.position_enu_m), axis=1)
+        if not away.min() <= goal.acceptance_radius_m:
+            break
+        row += int(np.argmin(away))
+        steps = np.linalg.norm(np.diff(part.positions_enu_m[: row + 1, :2], axis=0), axis=1)
+        if items:
+            found.append((float(steps.sum()), items))
+    return found
+
+
+def _actions_at(
+    actions: Sequence[tuple[float, Actions]], waypoints: Waypoints
+) -> tuple[tuple[int, Actions], ...]:
+    """The operator's items by the number of the waypoint at which they are carried out."""
+    found: dict[int, Actions] = {}
+    for length, items in actions:
+        behind = np.flatnonzero(waypoints.distances_m >= length - 1.0)
+        number = int(behind[0]) if len(behind) else len(waypoints.distances_m) - 1
+        found[number] = found.get(number, ()) + items
+    return tuple(sorted(found.items()))

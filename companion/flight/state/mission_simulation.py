@@ -1,0 +1,280 @@
+"""Simulation of how the autopilot will fly a mission, and what is wrong with that flight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.assurance.violation import Violation
+from companion.flight.state.flight_state import FlightState
+from companion.frames import speed_made_good
+from companion.mission.waypoints import Waypoints, density_ratio
+from companion.types.path import FASTER_M_S, Path
+from companion.types.state import Ownship
+from companion.world.vehicle.guidance import Guidance, Track, default_guidance, track_of_legs
+from companion.world.vehicle.vehicle_model import VehicleModel
+
+BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
+LAP_PLACES = 13  # The threat level of a circle is looked up at so many places.
+SLOWEST_M_S = 3.0  # Ground speed by which a lap in strong wind is timed at least.
+STEP_S = 0.5  # Time between two rows of a simulated track.
+DETOUR_MAX_M = 500.0  # A flight over waypoints is longer than their path by less than that.
+GUSTS_M = 3.0  # Turbulence moves an aircraft so far off its track.
+TOUCHING_M = 1.0  # A track that comes nearer to something is not flown.
+BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds, which are no walls, by so much.
+DEVIATION_TOLERANCE_M = 10.0  # A track that follows its path more closely needs no correction.
+
+
+class Faults(NamedTuple):
+    """What is wrong with a simulated flight; all 0 for none, and compared in this order.
+
+    Parameters
+    ----------
+    on_circle_m : float
+        By how much the circle, or the turn into it, lacks the wanted clearance or leaves the bounds [m].
+    is_exposed : bool
+        Whether the circle is above the limit of the threat level.
+    before_m : float
+        By how much the track before the circle lacks the hard margin or leaves the bounds [m].
+    short_m : float
+        By how much the track before the circle lacks the wanted clearance [m].
+    deviation_m : float
+        By how much it is farther from the path than :data:`DEVIATION_TOLERANCE_M` [m].
+    """
+
+    on_circle_m: float
+    is_exposed: bool
+    before_m: float
+    short_m: float
+    deviation_m: float
+
+    @property
+    def at_end(self) -> bool:
+        """Whether another end of the mission may be better."""
+        return self.on_circle_m > 0.0 or self.is_exposed
+
+    @property
+    def before_circle(self) -> bool:
+        """Whether other waypoints may be better."""
+        return self.before_m > 0.0 or self.short_m > 0.0 or self.deviation_m > 0.0
+
+    @property
+    def is_serious(self) -> bool:
+        """Whether the mission should be flown only where there is no other."""
+        return self.at_end or self.before_m > 0.0
+
+
+NO_FAULTS = Faults(0.0, False, 0.0, 0.0, 0.0)
+
+
+def guidance_of(state: FlightState) -> Guidance:
+    """The autopilot's guidance, by its own parameters as far as they were read."""
+    usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
+    settings = state.settings
+    bank = (
+        usual.bank_max_rad
+        if not settings.bank_max_deg
+        else math.radians(min(settings.bank_max_deg, BANK_MAX_DEG))
+    )
+    return replace(
+        usual,
+        acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,
+        l1_period_s=settings.guidance_period_s or usual.l1_period_s,
+        l1_damping=settings.guidance_damping or usual.l1_damping,
+        bank_max_rad=bank,
+        loiter_radius_m=settings.loiter_radius_m or usual.loiter_radius_m,
+        climb_rate_max_m_s=min(settings.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
+        circle_stretch=circle_stretch(state),
+    )
+
+
+def guidance_over(state: FlightState, waypoints: Waypoints) -> Guidance:
+    """The autopilot's guidance over a mission, with the airspeed that the mission commands.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's parameters and the aircraft.
+    waypoints : Waypoints
+        The mission.
+    """
+    return replace(
+        guidance_of(state),
+        airspeed_m_s=waypoints.airspeed_m_s,
+        acceleration_m_s2=state.rules.vehicle.acceleration_max_m_s2,
+    )
+
+
+def circle_stretch(state: FlightState) -> float:
+    """Ratio of a circle's flown radius to the commanded one: above 1 for an ArduPlane high above the sea.
+
+    Parameters
+    ----------
+    state : FlightState
+        Which autopilot, and the mission's heights.
+    """
+    mission = state.mission
+    altitude = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
+    return 1.0 / density_ratio(altitude) if state.flies_by else 1.0
+
+
+def at_row(path: Path, wind_enu_m_s: tuple[float, float], row: int = 0) -> Ownship:
+    """The aircraft at a row of a path with its wings level, by default at the first row.
+
+    Parameters
+    ----------
+    path : Path
+        What is to be flown.
+    wind_enu_m_s : tuple of float
+        Velocity of the air, east and north [m/s].
+    row : int
+        Which row.
+    """
+    course, airspeed = float(path.courses_rad[row]), max(float(path.speeds_m_s[row]), 1.0)
+    east, north, up = (float(value) for value in path.positions_enu_m[row])
+    return Ownship(
+        stamp_s=float(path.times_s[row]),
+        position_enu_m=(east, north, up),
+        course_rad=course,
+        flight_path_angle_rad=float(path.climb_angles_rad[row]),
+        airspeed_m_s=airspeed,
+        ground_speed_m_s=speed_made_good(course, airspeed, wind_enu_m_s),
+        wind_enu_m_s=wind_enu_m_s,
+    )
+
+
+def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
+    """Whether the first lap on the circle at the end of a mission is above the limit of the threat level.
+
+    Parameters
+    ----------
+    state : FlightState
+        Threats and rules.
+    waypoints : Waypoints
+        With the circle.
+    arrival_s : float
+        Time of arrival at the circle, by the clock [s].
+    """
+    limit, centre = state.rules.checker.limits.threat_level_max, waypoints.loiter_centre_enu_m
+    if centre is None or limit >= 1.0:
+        return False
+    speed, radius = float(state.rules.vehicle.airspeed_cruise_m_s), abs(waypoints.loiter_radius_m)
+    angles = np.linspace(0.0, 2.0 * math.pi, LAP_PLACES)
+    ring = radius * np.column_stack([np.sin(angles), np.cos(angles), 0.0 * angles])
+    lap = Path(
+        times_s=arrival_s + angles * radius / speed,
+        positions_enu_m=centre + ring,
+        courses_rad=(angles + 0.5 * math.pi) % (2.0 * math.pi),
+        climb_angles_rad=0.0 * angles,
+        speeds_m_s=0.0 * angles + speed,
+        position_covariances_m2=np.zeros((len(angles), 3, 3)),
+        collision_free=np.ones(len(angles)),
+        threat_levels=0.0 * angles,
+    )
+    return bool(state.rules.exposure.levels(lap, state.picture).max() > limit)
+
+
+def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
+    """The airspeed to command for a path: its last one, but never less than cruise [m/s].
+
+    Parameters
+    ----------
+    path : Path
+        As planned.
+    vehicle : VehicleModel
+        The aircraft.
+    """
+    fastest, cruise = float(path.speeds_m_s[-1]), vehicle.airspeed_cruise_m_s
+    return fastest if fastest > cruise + FASTER_M_S else cruise
+
+
+def airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> float:
+    """The airspeed at the end of a part of a path, for an aircraft that slows down along it [m/s].
+
+    Parameters
+    ----------
+    part : Path
+        The part.
+    vehicle : VehicleModel
+        The aircraft, for its deceleration.
+    commanded_m_s : float
+        The airspeed that the mission commands [m/s].
+    """
+    slowed = float(part.speeds_m_s[0]) ** 2 - 2.0 * vehicle.acceleration_max_m_s2 * part.length_m
+    return max(commanded_m_s, math.sqrt(max(slowed, 0.0)))
+
+
+def simulated(state: FlightState, path: Path, waypoints: Waypoints) -> Track:
+    """Fly from where a path begins over the waypoints made of it, and once round the circle at their end.
+
+    Parameters
+    ----------
+    state : FlightState
+        How the autopilot flies, and the wind.
+    path : Path
+        Where the flight begins.
+    waypoints : Waypoints
+        What the mission carries.
+    """
+    guidance, wind = guidance_over(state, waypoints), math.hypot(*state.wind_enu_m_s)
+    radius = abs(waypoints.loiter_radius_m) * guidance.circle_stretch
+    lap_s = 2.0 * math.pi * radius / max(waypoints.airspeed_m_s - wind, SLOWEST_M_S)
+    slowest = max(min(waypoints.airspeed_m_s, float(path.speeds_m_s[0])) - wind, SLOWEST_M_S)
+    centre = waypoints.loiter_centre_enu_m
+    track = track_of_legs(
+        guidance, at_row(path, state.wind_enu_m_s), waypoints.positions_enu_m,
+        loiter=None if centre is None else (centre, waypoints.loiter_radius_m),
+        ends_s=(float(waypoints.distances_m[-1]) + DETOUR_MAX_M) / slowest + lap_s, step_s=STEP_S,
+    )  # fmt: skip
+    at_circle = int(np.searchsorted(track.reached, len(waypoints.positions_enu_m)))
+    return track.until(at_circle + math.ceil(lap_s / STEP_S))
+
+
+def faults_of(
+    state: FlightState, part: Path, waypoints: Waypoints, track: Track
+) -> tuple[Faults, tuple[Violation, ...]]:
+    """What is wrong with the simulated flight over a mission, and what of that forbids the mission.
+
+    Parameters
+    ----------
+    state : FlightState
+        Rules and threats.
+    part : Path
+        The part of the path that the mission covers.
+    waypoints : Waypoints
+        The mission's waypoints and circle.
+    track : Track
+        Its simulated flight, as :func:`simulated` returns it.
+
+    Returns
+    -------
+    Faults
+        By how much wanted distances are missed.
+    tuple of Violation
+        Where the track touches something, or its circle lacks the hard margin.
+    """
+    margin = state.rules.checker.limits.margin_m
+    wanted = float(state.mission.planning.clearance_min_m) + GUSTS_M
+    is_on_circle = track.reached >= len(waypoints.positions_enu_m)
+    lacking, beyond, forbidden = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}, []
+    for entry in state.rules.checker.check_track(track.positions_enu_m, wanted, may_come_back=True):
+        on_circle = bool(is_on_circle[entry.row])
+        if entry.rule == "bounds":
+            beyond[on_circle] = max(beyond[on_circle], abs(entry.value - entry.limit) - BOUNDS_TOLERANCE_M)
+            continue
+        lacking[on_circle] = max(lacking[on_circle], wanted - entry.value)
+        if entry.value < (margin if on_circle else TOUCHING_M):
+            forbidden.append(replace(entry, limit=margin))
+    between = part.positions_enu_m[:, None, :2] - track.positions_enu_m[None, :, :2]
+    deviation = float(np.linalg.norm(between, axis=2).min(axis=1).max())
+    faults = Faults(
+        on_circle_m=max(lacking[True], beyond[True]),
+        is_exposed=is_circle_exposed(state, waypoints, float(part.times_s[-1])),
+        before_m=max(0.0, lacking[False] - (wanted - margin), beyond[False]),
+        short_m=lacking[False],
+        deviation_m=max(0.0, deviation - DEVIATION_TOLERANCE_M),
+    )
+    return faults, tuple(forbidden)
