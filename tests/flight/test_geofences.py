@@ -11,8 +11,8 @@ from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.mission_types import MissionKind
+from tests.flight.state.test_cycle import BLOCK
 from tests.flight.test_app import at
-from tests.flight.test_cycle import BLOCK
 from tests.sim.client import PLAIN
 from tests.support.operator_places import home_at, put
 from tests.support.sitl_harness import SitlHarness

@@ -12,8 +12,8 @@ from companion.flight.tasks import replanning
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.vehicle.control import Level
+from tests.flight.state.test_cycle import BLOCK, OPEN
 from tests.flight.test_app import at
-from tests.flight.test_cycle import BLOCK, OPEN
 from tests.support.operator_places import home_at, rally_points
 from tests.support.sitl_harness import SitlHarness
 from tests.torture.harness import MISSION_MODE

@@ -13,8 +13,8 @@ from companion.flight.tasks.plan_maker import Planner, least_threat_request
 from companion.kernels.native.kernel import refuse_compiling
 from companion.kernels.native.ready import make_ready
 from companion.types.events import Dialect
+from tests.flight.tasks.test_surprise import ahead, sighted
 from tests.flight.test_app import at, both, switch
-from tests.flight.test_surprise import ahead, sighted
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
 
