@@ -3,7 +3,6 @@
 import ast
 import dataclasses
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,8 +34,11 @@ from companion.types.state import Ownship
 from companion.types.threat import Obstacle
 from tests.flight.state.test_cycle import OPEN, TWO_GOALS, WALL, straight
 from tests.mission.made import item
+from tests.support.sources import ROOT, SOURCES, nodes_of
 
-COMPANION = Path(__file__).parents[3] / "companion"
+pytestmark = pytest.mark.xdist_group("sources")
+
+COMPANION = ROOT / "companion"
 WRITERS = {
     COMPANION / "flight" / "state" / "flight_state.py",
     COMPANION / "flight" / "state" / "list_state.py",
@@ -195,13 +197,11 @@ def test_the_owner_hands_out_what_the_last_transition_made():
     assert owner.listed.is_exchanging
 
 
-def trees():
-    for path in sorted(COMPANION.rglob("*.py")):
-        yield path, ast.parse(path.read_text(encoding="utf-8"))
+MODULES = [path for path in SOURCES if path.is_relative_to(COMPANION)]
 
 
-def calls(tree, *names):
-    for node in ast.walk(tree):
+def calls(path, *names):
+    for node in nodes_of(path):
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in names:
             yield node
 
@@ -210,9 +210,9 @@ def test_only_transitions_are_applied():
     """What is applied is a function of the two modules, by its name: nothing made up on the spot."""
     transitions = {name for module in (flight_state, list_state) for name in vars(module) if "after_" in name}
     applied = []
-    for path, tree in trees():
+    for path in MODULES:
         if path not in WRITERS:
-            applied += [ast.unparse(node.args[0]) for node in calls(tree, "apply", "apply_to_list")]
+            applied += [ast.unparse(node.args[0]) for node in calls(path, "apply", "apply_to_list")]
     assert len(applied) > 20
     assert set(applied) <= transitions
 
@@ -220,8 +220,8 @@ def test_only_transitions_are_applied():
 def test_nobody_else_makes_or_replaces_the_state():
     made = {
         (path.name, ast.unparse(node.func))
-        for path, tree in trees()
-        for node in calls(tree, FlightState.__name__, ListState.__name__, StateOwner.__name__)
+        for path in MODULES
+        for node in calls(path, FlightState.__name__, ListState.__name__, StateOwner.__name__)
     }
     assert made == {
         ("flight_state.py", "FlightState"),
@@ -235,8 +235,8 @@ def test_nobody_else_makes_or_replaces_the_state():
         for field in dataclasses.fields(kind)
         if field.name not in ("rules", "phase", "goals", "mode", "layout", "operator")
     }
-    for path, tree in trees():
+    for path in MODULES:
         if path not in WRITERS:
-            for node in calls(tree, "replace"):
+            for node in calls(path, "replace"):
                 named = {keyword.arg for keyword in node.keywords}
                 assert not (named & fields and ast.unparse(node.args[0]) in ("state", "listed")), path
