@@ -55,6 +55,8 @@ def test_nobody_but_the_announcer_sends_a_text():
     tells = {
         name
         for name, node in nodes
-        if isinstance(node, ast.Attribute) and node.attr == "tell" and ast.unparse(node.value).endswith("link")
+        if isinstance(node, ast.Attribute)
+        and node.attr == "tell"
+        and ast.unparse(node.value).endswith("link")
     }
     assert tells == {"companion/flight/messages/announcer.py"}

@@ -1,4 +1,4 @@
-"""The doctor's judgements, each with what was found; the round over a real link is in tests/service."""
+"""The doctor's judgements, each with what was found, and its round over a link to the simulator."""
 
 import asyncio
 import os
@@ -205,10 +205,22 @@ class Round:
 
 @pytest.mark.parametrize("dialect", list(Dialect))
 def test_a_good_link_is_found_good(dialect):
-    found = verdicts(Round(dialect=dialect).findings())
+    findings = Round(dialect=dialect).findings()
+    assert all(finding.advice for finding in findings if finding.verdict is not OK)
+    found = verdicts(findings)
     assert [check for check, verdict in found.items() if verdict is FAIL] == []
     streams = ("link loss", "GLOBAL_POSITION_INT", "VFR_HUD", "MISSION_CURRENT", "autopilot")
     assert [found[check] for check in streams] == [OK] * 5
+
+
+def test_an_arduplane_fails_by_the_one_parameter_that_would_harm():
+    round_ = Round()
+    round_.simulator.autopilot.parameters["MIS_RESTART"] = 1.0
+    found = {finding.check: finding for finding in round_.findings()}
+    assert [check for check, finding in found.items() if finding.verdict is FAIL] == ["MIS_RESTART"]
+    assert "set 0" in found["MIS_RESTART"].advice
+    assert found["autopilot"].found == "ArduPilot 4.7.0dev"
+    assert found["airspeeds"].verdict is OK
 
 
 def test_whole_numbers_of_px4_are_read_as_they_lie_in_memory():
