@@ -53,9 +53,10 @@ def assert_as_good_as_exact(seeds, dimension):
     assert max(bounds) <= 1.0 + BOUND_ERROR
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_a_few_random_maps_are_flown_nearly_as_cheaply_as_can_be(dimension):
-    assert_as_good_as_exact(range(6 if dimension == 2 else 3), dimension)
+@pytest.mark.parametrize(("seeds", "dimension"), [(range(6), 2), ((1,), 3)])
+def test_a_few_random_maps_are_flown_nearly_as_cheaply_as_can_be(seeds, dimension):
+    """An exact answer in space takes 15 s."""
+    assert_as_good_as_exact(seeds, dimension)
 
 
 @pytest.mark.slow
@@ -158,14 +159,14 @@ def test_goals_on_the_way_stay_on_it():
             assert away <= goal.acceptance_radius_m
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_nearness_has_a_price_where_the_objective_decides(method):
+def test_nearness_has_a_price_where_the_objective_decides():
     """Comparators are what was printed."""
-    chosen = settings_for(
-        method, certainty=Certainty.SHIFTED, clearance_min_m=15.0, sensing_horizon_m=600.0,
-        max_iterations=1000, clearance_wanted_m=60.0,
-    )  # fmt: skip
-    assert chosen.room_wanted_m == (60.0 if METHODS[method].by_objective else 0.0)
+    for name, method in METHODS.items():
+        chosen = settings_for(
+            name, certainty=Certainty.SHIFTED, clearance_min_m=15.0, sensing_horizon_m=600.0,
+            max_iterations=1000, clearance_wanted_m=60.0,
+        )  # fmt: skip
+        assert chosen.room_wanted_m == (60.0 if method.by_objective else 0.0), name
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from tests.service.replay.corruptions import DATA, KINDS, RECORDINGS, damaged, l
 from tests.service.replay.test_references import part_of
 from tests.sim.client import CONFIGS
 
-FEW, MANY = 3, 1000
+FEW, MANY = 2, 1000
 UTC_S = 1.795e9
 
 
