@@ -69,7 +69,7 @@ pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
 page-test: $(STAMP) ## drive the page in headless Chromium; needs Debian's chromium and chromium-driver
 	@command -v chromedriver > /dev/null && command -v chromium > /dev/null || { \
 		echo "headless Chromium is needed: apt-get install chromium chromium-driver" >&2; exit 1; }
-	$(BIN)/pytest -q -m page tests/page
+	$(BIN)/pytest -q -m page tests/ui/page
 
 mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/path/to/mavproxy.py, Xvfb, ImageMagick
 	@command -v Xvfb > /dev/null && command -v import > /dev/null && command -v "$${MAVPROXY:-mavproxy.py}" > /dev/null || { \
@@ -133,13 +133,13 @@ docs: $(STAMP) ## write docs/mission-file.md, docs/pilot-messages.md, the pictur
 	$(BIN)/python -m tests.docs.run_notebook
 
 interrupted: $(STAMP) ## kill campaigns and their Dask workers, fill the disk: the rows are those of undisturbed ones
-	$(BIN)/pytest -q -m slow tests/campaign/test_campaign_run.py tests/campaign/test_dask_engine.py
+	$(BIN)/pytest -q -m slow tests/research/campaign/test_campaign_run.py tests/research/campaign/test_dask_engine.py
 
 tables: $(STAMP) ## write docs/tables.md anew from the rows in campaigns/results
 	$(BIN)/python -m companion results campaigns/results --page docs/tables.md
 
 corruptions: $(STAMP) ## replay N damaged copies of each recording of a real autopilot; prints counts
-	$(BIN)/python -m tests.replay.corruptions -n $(N)
+	$(BIN)/python -m tests.service.replay.corruptions -n $(N)
 
 image: ## carry the Dockerfile out in a clean Debian; needs root and debootstrap
 	$(PYTHON) packaging/prove_image.py

@@ -3,12 +3,13 @@
 import ast
 import collections
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-SOURCES = sorted(path for tree in ("companion", "sim") for path in (ROOT / tree).rglob("*.py"))
+from tests.support.sources import FUNCTIONS, SOURCES, found_in, name_of, nodes_of, text_of, tree_of
+
+pytestmark = pytest.mark.xdist_group("sources")
+
 MODULE_LINES_MAX = 500
 FUNCTION_LINES_MAX = 80
 
@@ -26,7 +27,6 @@ KEEPERS = {
     "mavsdk": "companion/link/missions/mavsdk_reader.py",
 }
 
-FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 # Ways through a function. Ruff counts branches and loops; here the operands of and and or, conditional
 # expressions, loops of comprehensions and their conditions count, too.
 WAYS_MAX = {"companion/kernels/": 15}
@@ -34,21 +34,10 @@ WAYS_MAX_ELSEWHERE = 12
 BRANCHES = (
     ast.If | ast.For | ast.AsyncFor | ast.While | ast.IfExp | ast.ExceptHandler | ast.Assert | ast.match_case
 )
-# What is still above; nothing may be added, and none may grow.
+# A module may import so many of our own.
 FAN_OUT_MAX = 15
-
-
-def tree_of(path):
-    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
-
-
-def name_of(path):
-    return path.relative_to(ROOT).as_posix()
-
-
-@pytest.fixture(params=SOURCES, ids=name_of)
-def source(request):
-    return request.param
+COMPANION = [path for path in SOURCES if name_of(path).startswith("companion/")]
+FOLDERS = sorted({path.parent for path in SOURCES})
 
 
 def names_in(node):
@@ -64,53 +53,48 @@ def public_definitions(node, prefix=""):
                 yield from public_definitions(child, f"{child.name}.")
 
 
-def test_every_module_and_public_definition_has_a_docstring(source):
-    tree = tree_of(source)
-    assert ast.get_docstring(tree), "the module has none"
-    missing = [name for name, node in public_definitions(tree) if not ast.get_docstring(node)]
-    assert missing == []
+def test_every_module_and_public_definition_has_a_docstring():
+    def without(path):
+        found = [("the module", tree_of(path)), *public_definitions(tree_of(path))]
+        return [name for name, node in found if not ast.get_docstring(node)]
+
+    assert found_in(SOURCES, without) == {}
 
 
-def test_nothing_is_printed(source):
-    calls = [node for node in ast.walk(tree_of(source)) if isinstance(node, ast.Call)]
-    assert [node.lineno for node in calls if ast.unparse(node.func) == "print"] == []
+@pytest.mark.parametrize("function", ["print", "time.sleep"])
+def test_nothing_is_printed_and_nothing_sleeps_by_the_computers_clock(function):
+    def calls(path):
+        found = [node for node in nodes_of(path) if isinstance(node, ast.Call)]
+        return [node.lineno for node in found if ast.unparse(node.func) == function]
+
+    assert found_in(SOURCES, calls) == {}
 
 
-def test_nothing_sleeps_by_the_computers_clock(source):
-    calls = [node for node in ast.walk(tree_of(source)) if isinstance(node, ast.Call)]
-    assert [node.lineno for node in calls if ast.unparse(node.func) == "time.sleep"] == []
+def broad_excepts(path):
+    """Lines that catch every exception."""
+    return [
+        node.lineno
+        for node in nodes_of(path)
+        if isinstance(node, ast.ExceptHandler)
+        and (node.type is None or {"Exception", "BaseException"} & names_in(node.type))
+    ]
 
 
-def test_broad_excepts_are_listed_with_a_reason(source):
-    broad = {
-        handler.lineno
-        for handler in ast.walk(tree_of(source))
-        if isinstance(handler, ast.ExceptHandler)
-        and (handler.type is None or {"Exception", "BaseException"} & names_in(handler.type))
-    }
-    assert len(broad) <= (name_of(source) in BROAD_EXCEPTS), f"lines {sorted(broad)}"
-
-
-def test_the_list_of_broad_excepts_is_up_to_date():
-    assert BROAD_EXCEPTS.keys() <= {name_of(path) for path in SOURCES}
+def test_each_broad_except_is_listed_with_a_reason():
+    assert {name: len(lines) for name, lines in found_in(SOURCES, broad_excepts).items()} == dict.fromkeys(
+        BROAD_EXCEPTS, 1
+    )
     assert all(BROAD_EXCEPTS.values())
 
 
-@pytest.mark.parametrize("listed", BROAD_EXCEPTS)
-def test_listed_modules_still_catch_everything_somewhere(listed):
-    handlers = [node for node in ast.walk(tree_of(ROOT / listed)) if isinstance(node, ast.ExceptHandler)]
-    assert any("Exception" in names_in(node.type) for node in handlers if node.type is not None)
+def test_modules_and_functions_are_short():
+    def long(path):
+        lengths = {node.name: _body_lines(node) for node in nodes_of(path) if isinstance(node, FUNCTIONS)}
+        found = {name: lines for name, lines in lengths.items() if lines > FUNCTION_LINES_MAX}
+        num_lines = len(text_of(path).splitlines())
+        return found | ({"the module": num_lines} if num_lines > MODULE_LINES_MAX else {})
 
-
-def test_modules_are_short(source):
-    assert len(source.read_text(encoding="utf-8").splitlines()) <= MODULE_LINES_MAX
-
-
-def test_functions_are_short(source):
-    lengths = {
-        node.name: _body_lines(node) for node in ast.walk(tree_of(source)) if isinstance(node, FUNCTIONS)
-    }
-    assert {name: lines for name, lines in lengths.items() if lines > FUNCTION_LINES_MAX} == {}
+    assert found_in(SOURCES, long) == {}
 
 
 def _body_lines(function):
@@ -119,16 +103,16 @@ def _body_lines(function):
     return function.end_lineno - function.lineno + 1 - hidden
 
 
-def test_functions_have_few_ways_through_them(source):
-    limit = next(
-        (ways for folder, ways in WAYS_MAX.items() if name_of(source).startswith(folder)), WAYS_MAX_ELSEWHERE
-    )
-    ways = {
-        f"{name_of(source)}: {node.name}": _ways_through(node)
-        for node in ast.walk(tree_of(source))
-        if isinstance(node, FUNCTIONS)
-    }
-    assert {name: n for name, n in ways.items() if n > limit} == {}
+def test_functions_have_few_ways_through_them():
+    def tangled(path):
+        name = name_of(path)
+        limit = next(
+            (ways for folder, ways in WAYS_MAX.items() if name.startswith(folder)), WAYS_MAX_ELSEWHERE
+        )
+        ways = {node.name: _ways_through(node) for node in nodes_of(path) if isinstance(node, FUNCTIONS)}
+        return {name: n for name, n in ways.items() if n > limit}
+
+    assert found_in(SOURCES, tangled) == {}
 
 
 def _ways_through(function):
@@ -147,56 +131,62 @@ def _ways_through(function):
     return ways
 
 
-def test_modules_import_few_others(source):
-    modules = {
-        node.module
-        for node in ast.walk(tree_of(source))
-        if isinstance(node, ast.ImportFrom) and node.module.startswith(("companion.", "sim."))
-    }
-    assert len(modules) <= FAN_OUT_MAX, sorted(modules)
+def test_modules_import_few_others():
+    def many(path):
+        modules = {
+            node.module
+            for node in nodes_of(path)
+            if isinstance(node, ast.ImportFrom) and node.module.startswith(("companion.", "sim."))
+        }
+        return sorted(modules) if len(modules) > FAN_OUT_MAX else []
+
+    assert found_in(SOURCES, many) == {}
 
 
-def test_libraries_are_known_to_their_keepers_only(source):
-    if name_of(source).startswith("sim/"):
-        return  # the simulator is the other side of the link
-    imported = set()
-    for node in ast.walk(tree_of(source)):
-        if isinstance(node, ast.Import):
-            imported |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            imported.add(node.module.split(".")[0])
-    strangers = {library for library in imported & KEEPERS.keys() if KEEPERS[library] != name_of(source)}
-    assert strangers == set()
+def test_libraries_are_known_to_their_keepers_only():
+    """The simulator, as the other side of the link, may know them."""
+
+    def strangers(path):
+        imported = set()
+        for node in nodes_of(path):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                imported.add(node.module.split(".")[0])
+        return {library for library in imported & KEEPERS.keys() if KEEPERS[library] != name_of(path)}
+
+    assert found_in(COMPANION, strangers) == {}
 
 
-def test_no_work_is_left_as_a_remark(source):
-    marks = ("TO" + "DO", "FIX" + "ME", "X" * 3)
-    lines = source.read_text(encoding="utf-8").splitlines()
-    assert [number for number, line in enumerate(lines, 1) if any(mark in line for mark in marks)] == []
+@pytest.mark.parametrize(
+    "marks",
+    [("TO" + "DO", "FIX" + "ME", "X" * 3), ("/home/", "/root/", "/Users/", "C:\\")],
+    ids=["work left as a remark", "a path of somebody's computer"],
+)
+def test_no_line_holds_it(marks):
+    def holds(path):
+        lines = text_of(path).splitlines()
+        return [number for number, line in enumerate(lines, 1) if any(mark in line for mark in marks)]
 
-
-def test_no_path_of_somebodys_computer(source):
-    text = source.read_text(encoding="utf-8")
-    assert [place for place in ("/home/", "/root/", "/Users/", "C:\\") if place in text] == []
-
-
-def folders():
-    return sorted({path.parent for path in SOURCES})
+    assert found_in(SOURCES, holds) == {}
 
 
 FILES_A_FOLDER_MAX = 12
 NAMED_ALIKE = {"__init__.py", "__main__.py"}
 
 
-@pytest.mark.parametrize("folder", folders(), ids=name_of)
-def test_a_folder_has_a_dozen_files_at_most(folder):
-    assert len([path for path in folder.glob("*.py") if path.name != "__init__.py"]) <= FILES_A_FOLDER_MAX
+def test_a_folder_has_a_dozen_files_at_most():
+    counts = {
+        name_of(folder): len([path for path in folder.glob("*.py") if path.name != "__init__.py"])
+        for folder in FOLDERS
+    }
+    assert {name: number for name, number in counts.items() if number > FILES_A_FOLDER_MAX} == {}
 
 
-@pytest.mark.parametrize("folder", folders(), ids=name_of)
-def test_every_folder_says_what_lives_there_and_what_it_may_touch(folder):
-    told = ast.get_docstring(tree_of(folder / "__init__.py")) or ""
-    assert len(re.findall(r"[.;](?:\s|$)", told)) >= 2, told
+def test_every_folder_says_what_lives_there_and_what_it_may_touch():
+    for folder in FOLDERS:
+        told = ast.get_docstring(tree_of(folder / "__init__.py")) or ""
+        assert len(re.findall(r"[.;](?:\s|$)", told)) >= 2, f"{name_of(folder)}: {told}"
 
 
 def test_every_file_name_occurs_once():
@@ -222,9 +212,9 @@ def made_here(function):
                 yield from names_in(target)
 
 
-def assigned_elsewhere(tree):
+def assigned_elsewhere(path):
     """Lines that assign an attribute of something that is neither their own object nor made there."""
-    for function in ast.walk(tree):
+    for function in nodes_of(path):
         if not isinstance(function, FUNCTIONS | ast.Module):
             continue
         own = {"self", "cls"} | set(made_here(function))
@@ -238,13 +228,14 @@ def assigned_elsewhere(tree):
                         yield ast.unparse(part.value), f"line {part.lineno}: {ast.unparse(part)}"
 
 
-def test_no_object_is_assigned_from_outside(source):
+def test_no_object_is_assigned_from_outside():
     """So a value has one writer, and who changes it is found in one place."""
-    if name_of(source).startswith("sim/"):
-        return
-    known = ASSIGNED_ELSEWHERE.get(name_of(source), set())
-    found = [what for owner, what in assigned_elsewhere(tree_of(source)) if owner not in known]
-    assert found == []
+
+    def foreign(path):
+        known = ASSIGNED_ELSEWHERE.get(name_of(path), set())
+        return [what for owner, what in assigned_elsewhere(path) if owner not in known]
+
+    assert found_in(COMPANION, foreign) == {}
 
 
 # Elsewhere code asks a dialect for what follows from it, not which it is.
@@ -257,12 +248,8 @@ DIALECT_FILES = {
 
 
 def test_dialects_are_told_apart_in_four_files():
-    asked = {
-        name_of(path)
-        for path in SOURCES
-        for node in ast.walk(tree_of(path))
-        if name_of(path).startswith("companion/")
-        and isinstance(node, ast.Attribute)
-        and ast.unparse(node) in ("Dialect.ARDUPILOT", "Dialect.PX4")
-    }
-    assert asked == DIALECT_FILES
+    def asks(path):
+        attributes = [node for node in nodes_of(path) if isinstance(node, ast.Attribute)]
+        return [node for node in attributes if ast.unparse(node) in ("Dialect.ARDUPILOT", "Dialect.PX4")]
+
+    assert found_in(COMPANION, asks).keys() == DIALECT_FILES

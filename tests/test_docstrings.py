@@ -8,15 +8,13 @@ may say in it what it returns. Classes that bundle arrays say it of their fields
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-FOLDERS = ("companion", "sim")
-SOURCES = sorted(
-    path.relative_to(ROOT).as_posix() for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")
-)
+from tests.support.sources import SOURCES, found_in, name_of, nodes_of, tree_of
+
+pytestmark = pytest.mark.xdist_group("sources")
+
 ARRAYS = re.compile(r"(Float|Int|Bool)Array|NDArray|ArrayLike|ndarray")
 SHAPE = r"\([^()]*,[^()]*\)"
 SIZE = r"(?:\d+|[A-Z]|…)(?: [+-] \d+)?"
@@ -68,8 +66,8 @@ def _without_arguments(docstring):
 
 def silent_functions(path):
     """Functions and arrays of a module without a shape."""
-    for node, public in functions_of(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
-        docstring, kinds = ast.get_docstring(node) or "", kinds_of(path, public)
+    for node, public in functions_of(tree_of(path)):
+        docstring, kinds = ast.get_docstring(node) or "", kinds_of(name_of(path), public)
         arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
         for argument in arguments:
             if is_array(argument.annotation) and not any(says(docstring, argument.arg, k) for k in kinds):
@@ -80,7 +78,7 @@ def silent_functions(path):
 
 def silent_fields(path):
     """Fields of bundles (named tuples, data classes) without a shape."""
-    for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if not isinstance(node, ast.ClassDef):
             continue
         docstring = ast.get_docstring(node) or ""
@@ -91,17 +89,20 @@ def silent_fields(path):
                     yield f"{node.name}.{name}"
 
 
-@pytest.mark.parametrize("path", SOURCES)
-def test_the_shape_of_every_array_is_given(path):
-    assert [*silent_functions(path), *silent_fields(path)] == []
-
-
-@pytest.mark.parametrize("path", SOURCES)
-def test_texts_of_parameters_stand_alone(path):
-    for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
+def riddles(path):
+    """Texts of parameters that do not stand alone."""
+    for node in nodes_of(path):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             texts = re.findall(r"^[\w, ]+ : .*\n +(.*)$", ast.get_docstring(node) or "", re.MULTILINE)
-            assert [text for text in texts if text.startswith(RIDDLES)] == []
+            yield from (text for text in texts if text.startswith(RIDDLES))
+
+
+def test_the_shape_of_every_array_is_given():
+    assert found_in(SOURCES, lambda path: [*silent_functions(path), *silent_fields(path)]) == {}
+
+
+def test_texts_of_parameters_stand_alone():
+    assert found_in(SOURCES, lambda path: list(riddles(path))) == {}
 
 
 def test_the_rule_tells_silence_from_shapes():

@@ -2,13 +2,14 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.support.sources import ROOT, SOURCES, found_in, nodes_of
+
+pytestmark = pytest.mark.xdist_group("sources")
+
 PAGE = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
-SOURCES = sorted(path for folder in ("companion", "sim") for path in (ROOT / folder).rglob("*.py"))
 
 
 def rows(heading):
@@ -23,7 +24,7 @@ GIVEN_UP = {word.strip() for row in rows("Words that names do not use") for word
 def names_in(source):
     """Names that a module defines: itself, classes, functions, arguments, variables and attributes."""
     yield source.stem
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+    for node in nodes_of(source):
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             yield node.name
         elif isinstance(node, ast.arg):
@@ -39,10 +40,9 @@ def words_of(name):
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
 
 
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_names_use_no_word_that_the_glossary_gives_up(source):
-    found = {name for name in names_in(source) if words_of(name) & GIVEN_UP}
-    assert not found, "docs/glossary.md has the terms to use instead"
+def test_names_use_no_word_that_the_glossary_gives_up():
+    found = found_in(SOURCES, lambda source: {name for name in names_in(source) if words_of(name) & GIVEN_UP})
+    assert found == {}, "docs/glossary.md has the terms to use instead"
 
 
 def test_the_glossary_has_each_term_once_with_its_meaning_and_source():

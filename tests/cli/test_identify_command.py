@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tests.sim.client import CONFIGS
 
-RECORDINGS = Path(__file__).parents[1] / "replay" / "recordings"
+RECORDINGS = Path(__file__).parents[1] / "service" / "replay" / "recordings"
 
 
 def test_it_prints_what_can_be_pasted_into_a_mission_file(companion):

@@ -7,8 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import mission_from_text
 from companion.tracking import threat_assigner
 from companion.types.events import Dialect
+from tests.flight.tasks.test_surprise import LONG
 from tests.flight.test_geofences import BOTH
-from tests.flight.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness
 
 SPEED_M_S, MEET_S, PERIOD_S = 50.0, 60.0, 0.5

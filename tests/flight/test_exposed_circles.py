@@ -8,7 +8,7 @@ from companion.flight.state import shaping
 from companion.flight.state.mission_simulation import is_circle_exposed
 from companion.flight.state.mission_construction import waypoints_of
 from companion.types.events import Dialect
-from tests.flight.test_surprise import LONG
+from tests.flight.tasks.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness
 
 FAR = LONG.replace("sensing_horizon_m: 825", "sensing_horizon_m: 1500").replace(

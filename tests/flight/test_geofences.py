@@ -11,8 +11,8 @@ from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.mission_types import MissionKind
+from tests.flight.state.test_cycle import BLOCK
 from tests.flight.test_app import at
-from tests.flight.test_cycle import BLOCK
 from tests.sim.client import PLAIN
 from tests.support.operator_places import home_at, put
 from tests.support.sitl_harness import SitlHarness
@@ -84,9 +84,12 @@ HOME = (800.0, 1000.0)
 SHORTER = BLOCK.format("wall", 1500, -400, 1550, 2150)
 
 
-@BOTH
-@pytest.mark.parametrize("radius_m", [0.0, 1500.0])
-def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_m):
+# Without the parameter another way is flown, on one autopilot as on the other.
+KEPT_AND_NOT = [(Dialect.ARDUPILOT, False), (Dialect.ARDUPILOT, True), (Dialect.PX4, True)]
+
+
+@pytest.mark.parametrize(("dialect", "is_set"), KEPT_AND_NOT)
+def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, is_set):
     """The shorter way round a wall leads out of it; it is told after the first plan."""
     text = PLAIN.replace("{east_m: 1750, north_m: 750", "{east_m: 2000, north_m: 900")
     mission = mission_from_text(
@@ -95,7 +98,7 @@ def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_
     )
     harness = SitlHarness(mission, dialect=dialect)
     home_at(harness, *HOME)
-    fenced_by(harness, radius_m, 0.0)
+    fenced_by(harness, 1500.0 * is_set, 0.0)
 
     def look(harness):
         harness.is_over = harness.app.mode is Mode.ARRIVED
@@ -104,9 +107,9 @@ def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, radius_
     assert harness.app.mode.value == "arrived"
     rows = np.array(harness.simulator.truth.path)[:, 1:3]
     reach = np.linalg.norm(rows - HOME, axis=1).max()
-    assert bool(reach < 1500.0) is (radius_m > 0.0)
+    assert bool(reach < 1500.0) is is_set
     assert harness.texts("fence") == (
-        ["0 to stay out of, 1 to stay in, within 1500 m of home"] if radius_m else []
+        ["0 to stay out of, 1 to stay in, within 1500 m of home"] if is_set else []
     )
 
 
@@ -120,16 +123,15 @@ def fenced_by(harness, radius_m, height_m):
     parameters["FENCE_RADIUS"], parameters["FENCE_ALT_MAX"] = radius_m, height_m
 
 
-@BOTH
-@pytest.mark.parametrize("height_m", [0.0, 140.0])
-def test_a_ceiling_that_is_a_parameter_is_kept_below(dialect, height_m):
+@pytest.mark.parametrize(("dialect", "is_set"), KEPT_AND_NOT)
+def test_a_ceiling_that_is_a_parameter_is_kept_below(dialect, is_set):
     """A wall in the way is lower than the bounds, and higher than the ceiling."""
     text = PLAIN.replace("dimension: 2", "dimension: 3").replace("up_m: [60, 160]", "up_m: [60, 260]")
     text = text.replace("{east_m: 1750, north_m: 750", "{east_m: 2600, north_m: 0")
     wall = BLOCK.format("wall", 1400, -1800, 1450, 1800).replace("top_m: 300", "top_m: 130")
     mission = mission_from_text(text + "obstacles:\n" + wall, "fence.yaml")
     harness = SitlHarness(mission, dialect=dialect)
-    fenced_by(harness, 0.0, height_m)
-    harness.fly(100.0 if not height_m else 60.0)
+    fenced_by(harness, 0.0, 140.0 * is_set)
+    harness.fly(60.0 if is_set else 100.0)
     flown_up = np.array(harness.simulator.truth.path)[:, 3]
-    assert bool(flown_up.max() < 140.0) is (height_m > 0.0)
+    assert bool(flown_up.max() < 140.0) is is_set

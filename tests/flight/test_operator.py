@@ -82,15 +82,21 @@ def places_of(harness, items):
 
 
 @BOTH
-def test_the_operators_waypoints_are_the_goals_and_the_landing_is_flown_on_to(dialect):
+def test_the_operators_waypoints_are_flown_to_with_what_is_done_there_and_the_landing_is_flown_on_to(dialect):
     harness = deck_of(FROM_AUTOPILOT, dialect, operator_items)
-    commands = []
+    autopilot = harness.simulator.autopilot
+    commands, photos, do = [], [], autopilot.do
+
+    def note(item):
+        do(item)
+        if item.command == CAMERA:
+            photos.append(autopilot.flight.position)
 
     def watch(harness):
-        autopilot = harness.simulator.autopilot
         if autopilot.current_sequence < len(autopilot.mission_items):
             commands.append(autopilot.mission_items[autopilot.current_sequence].command)
 
+    autopilot.do = note
     harness.fly(90.0, watch)
     assert harness.app.mode is Mode.ARRIVED
     goals = [goal.position_enu_m for goal in harness.app.state.goals]
@@ -99,24 +105,7 @@ def test_the_operators_waypoints_are_the_goals_and_the_landing_is_flown_on_to(di
     for place in WAYPOINTS:
         assert np.linalg.norm(flown - place, axis=1).min() <= 60.0
     assert Command.NAV_LOITER_TO_ALT in commands[-1000:]
-
-
-@BOTH
-def test_what_the_operator_does_at_a_waypoint_is_done_there(dialect):
-    harness = deck_of(FROM_AUTOPILOT, dialect, operator_items)
-    autopilot = harness.simulator.autopilot
-    done = []
-    do = autopilot.do
-
-    def note(item):
-        do(item)
-        if item.command == CAMERA:
-            done.append(autopilot.flight.position)
-
-    autopilot.do = note
-    harness.fly(80.0)
-    assert len(done) == len(WAYPOINTS)
-    for position, place in zip(done, WAYPOINTS, strict=True):
+    for position, place in zip(photos, WAYPOINTS, strict=True):
         assert np.linalg.norm(np.subtract(position, place)) < 120.0
 
 
@@ -231,8 +220,10 @@ def ends_well(harness):
         assert first <= harness.simulator.autopilot.current_sequence < end
 
 
-@BOTH
-@pytest.mark.parametrize("stamp_s", [10.0, 25.0, 37.0])
+@pytest.mark.parametrize(
+    ("dialect", "stamp_s"),
+    [(Dialect.ARDUPILOT, 10.0), (Dialect.PX4, 10.0), (Dialect.ARDUPILOT, 25.0), (Dialect.PX4, 37.0)],
+)
 def test_killed_in_flight_it_plans_again_within_5_s_and_the_flight_ends_well(dialect, stamp_s, tmp_path):
     lengths, planned = [], []
 

@@ -1,10 +1,8 @@
 """Whatever a flight does is compiled before it."""
 
-import re
+import json
 import subprocess
 import sys
-
-import pytest
 
 from companion.kernels.native.ready import make_ready
 from tests.support.ready_flights import FLIGHTS
@@ -12,16 +10,17 @@ from tests.support.ready_flights import FLIGHTS
 DECIDED = {"handed back": "handback", "surprised": "emergency", "in the plane": "arrived", "PX4": "arrived"}
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
-def test_a_flight_compiles_nothing_and_does_without_the_compiler(name):
-    """It runs where compiling raises, and ends with a plan for an emergency."""
+def test_no_flight_compiles_anything_and_all_do_without_the_compiler():
+    """They run where compiling raises, and end with a plan for an emergency."""
     make_ready()
     done = subprocess.run(
-        [sys.executable, "-m", "tests.support.ready_flights", name],
+        [sys.executable, "-m", "tests.support.ready_flights"],
         capture_output=True, text=True, timeout=600.0, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    plans, numba, decided = re.fullmatch(r"(\d+) plans, numba: (\w+), (.*)\n", done.stdout).groups()
-    assert int(plans) >= 2
-    assert numba == "False"
-    assert DECIDED.get(name, "takeover") in decided
+    told = json.loads(done.stdout)
+    assert told.keys() == FLIGHTS.keys()
+    for kind, (num_plans, decided, is_numba_loaded) in told.items():
+        assert num_plans >= 2, kind
+        assert not is_numba_loaded, kind
+        assert DECIDED.get(kind, "takeover") in decided, kind

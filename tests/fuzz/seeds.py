@@ -31,7 +31,7 @@ TESTS = Path(__file__).parents[1]
 LOGS = (
     TESTS / "data" / "arduplane-4.7dev-replace.tlog",
     TESTS / "data" / "px4-1.17dev-replace.tlog",
-    TESTS / "replay" / "recordings" / "first-flight-ardupilot.tlog",
+    TESTS / "service" / "replay" / "recordings" / "first-flight-ardupilot.tlog",
 )
 KINDS_MAX = 16
 KEPT = ("regression", "found")
@@ -127,7 +127,7 @@ def mcap_seeds():
     for choice in range(4):
         yield bytes((0,)) + about[:1] + bytes((1, 0, 10, choice, choice % 2, 2))
     yield bytes((0, 11, 4, 1, 2, 3, 4, 9, 9, 9, 5, 3))
-    whole = (TESTS / "replay" / "recordings" / "first-flight-px4.mcap").read_bytes()
+    whole = (TESTS / "service" / "replay" / "recordings" / "first-flight-px4.mcap").read_bytes()
     yield bytes((AS_IT_IS,)) + whole[:3500]
     yield bytes((AS_IT_IS,)) + MAGIC
 

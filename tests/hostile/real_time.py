@@ -24,7 +24,7 @@ from companion.link.messages.codec import signer_of
 from companion.link.wire.framing import frames_in, raw_frame
 from companion.link.wire.signing import Timestamps
 from companion.recording import mcap_schema
-from tests.service.processes import FIRST_FLIGHT, Manager, free_port, process
+from tests.service.process.processes import FIRST_FLIGHT, Manager, free_port, process
 from tests.support.messages import read_messages
 
 OURS = (1, 195)

@@ -12,7 +12,7 @@ from companion.ui.page.access import Access
 from companion.ui.page.feed import Feed
 from companion.ui.page.page_server import PageServer
 from tests.docs.test_commands import free_port
-from tests.page.flown import Told
+from tests.ui.page.flown import Told
 
 pytestmark = pytest.mark.mavproxy
 FOLDER = Path(__file__).parents[2] / "integrations" / "mavproxy"

@@ -17,7 +17,7 @@ from companion.frames import LocalFrame
 from companion.ui.page.access import Access
 from companion.ui.page.feed import Feed
 from companion.ui.page.page_server import PageServer
-from tests.page.flown import Told
+from tests.ui.page.flown import Told
 
 FILE = Path(__file__).parents[2] / "integrations" / "mavproxy" / "mavproxy_companion.py"
 

@@ -4,7 +4,6 @@ import ast
 import importlib
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,30 +13,28 @@ from scipy.special import gammainc
 from companion.kernels.aircraft.lqg_mp import collision_free
 from companion.planning.solver import solve
 from tests.support.paths import box
+from tests.support.sources import FUNCTIONS, ROOT, SOURCES, nodes_of, tree_of
 from tests.support.worlds import problem
 
-TABLE = Path("docs/formulas.md").read_text(encoding="utf-8")
+pytestmark = pytest.mark.xdist_group("sources")
+
+TABLE = (ROOT / "docs" / "formulas.md").read_text(encoding="utf-8")
 ROWS = [line for line in TABLE.splitlines() if line.startswith("|") and "`" in line]
 PLACES = sorted(set(re.findall(r"`(companion[\w.]*):(\w+)`", TABLE)))
 TESTS = sorted(set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", TABLE)))
 
 
-@pytest.mark.parametrize(("module", "name"), PLACES)
-def test_every_place_named_exists(module, name):
-    assert hasattr(importlib.import_module(module), name)
-
-
-SOURCES = sorted(Path("companion").rglob("*.py"))
+def test_every_place_named_exists():
+    assert [place for place in PLACES if not hasattr(importlib.import_module(place[0]), place[1])] == []
 
 
 def definitions_of(tree):
     """Functions of a module, those of its classes included, by name."""
-    functions = ast.FunctionDef | ast.AsyncFunctionDef
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
             yield node.name, node
-        for child in [node] if isinstance(node, functions) else getattr(node, "body", []):
-            if isinstance(child, functions):
+        for child in [node] if isinstance(node, FUNCTIONS) else getattr(node, "body", []):
+            if isinstance(child, FUNCTIONS):
                 yield child.name, child
 
 
@@ -48,7 +45,7 @@ def names_in(node):
 
 
 def module_of(path):
-    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 class Meanings:
@@ -90,7 +87,7 @@ def flown():
     A name counts as used where a function that is itself used mentions it, and its module imports it from
     where it is defined, or defines it. What runs on import is used. Methods belong to their class.
     """
-    trees = {module_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+    trees = {module_of(path): tree_of(path) for path in SOURCES if path.is_relative_to(ROOT / "companion")}
     meanings = Meanings(trees)
     waiting = [place for place in meanings.defined if place[0] == "companion.cli"]
     only_defined = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.ImportFrom
@@ -106,28 +103,23 @@ def flown():
     return found
 
 
-FLOWN = flown()
+def test_the_program_comes_to_every_place_named_and_what_nothing_calls_is_told_from_it():
+    found = flown()
+    assert [place for place in PLACES if place not in found] == []
+    assert ("companion.planning.solver", "solve") in found
+    assert ("companion.kernels.search.path_edit", "ramp") in found  # by climb_profile, by join, by splice
+    assert ("companion.kernels.search.path_edit", "no_such_kernel") not in found
+    assert ("companion.research.campaign.measures", "pursuit_measures") not in found
 
 
-@pytest.mark.parametrize(("module", "name"), PLACES)
-def test_the_program_comes_to_every_place_named(module, name):
-    assert (module, name) in FLOWN
-
-
-def test_what_nothing_calls_is_told_from_what_is_flown():
-    assert ("companion.planning.solver", "solve") in FLOWN
-    assert ("companion.kernels.search.path_edit", "ramp") in FLOWN  # by climb_profile, by join, by splice
-    assert ("companion.kernels.search.path_edit", "no_such_kernel") not in FLOWN
-    assert ("companion.research.campaign.measures", "pursuit_measures") not in FLOWN
-
-
-@pytest.mark.parametrize(("file", "name"), TESTS)
-def test_every_test_named_exists(file, name):
+def test_every_test_named_exists():
     functions = {
-        node.name for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8")))
+        (file, node.name)
+        for file in {file for file, _ in TESTS}
+        for node in nodes_of(ROOT / file)
         if isinstance(node, ast.FunctionDef)
-    }  # fmt: skip
-    assert name in functions
+    }
+    assert [test for test in TESTS if test not in functions] == []
 
 
 def test_every_row_names_a_place_and_a_test_and_every_formula_has_one():

@@ -19,9 +19,9 @@ from companion.recording.foxglove_export import export_flight, layout_of
 from companion.recording.mcap_reader import utc_of
 from companion.recording.mcap_writer import plain
 from companion.types.threat import Obstacle
-from tests.page.flown import EPOCH_S, recorded
 from tests.support.messages import read_messages
-from tests.ui.flights import mission
+from tests.ui.page.flown import EPOCH_S, recorded
+from tests.ui.reports.flights import mission
 
 
 @pytest.fixture

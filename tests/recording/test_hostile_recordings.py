@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -119,7 +120,7 @@ def zeros(size):
 
 EMPTY = message("/ownship", b"{}")
 BOMBS = {
-    "chunks of empty messages": lambda: [chunk(EMPTY * 450_000, "zstd")] * 30,
+    "chunks of empty messages": lambda: [chunk(EMPTY * 450_000, "zstd")] * 3,
     "a chunk of two gigabytes": lambda: [chunk(b"", "zstd", claimed=1_000, packed=zeros(2048 * MEGABYTE))],
     "a chunk that claims to be small": lambda: [chunk(b"", "zstd", 10, zeros(1024 * MEGABYTE))] * 3,
     "lz4": lambda: [chunk(bytes(256 * MEGABYTE), "lz4", claimed=10)] * 3,
@@ -271,9 +272,9 @@ def test_report_and_replay_of_what_is_strange_end_with_an_exit_code_and_no_trace
     assert "\x1b" not in done.out + done.err
 
 
-def test_a_recording_without_a_mission_that_can_be_read_is_named(tmp_path):
+def test_a_recording_without_a_mission_that_can_be_read_is_named(tmp_path, companion_command):
     folder = flight(tmp_path / "flight", message("/mission", b'{"mission_file": "a: *b"}'), mission=False)
-    done = in_a_process("report", folder)
+    done = companion_command("report", folder)
     assert done.code == 2
     assert "flight.mcap" in done.err
 
@@ -309,15 +310,14 @@ NOISE = {
 def test_a_telemetry_log_of_any_content_is_read_once_and_in_little_memory(tmp_path, noise):
     """Counted in places looked at, since a test asks for no time."""
     file = tmp_path / "a.tlog"
-    file.write_bytes(noise(2 * MEGABYTE))
+    file.write_bytes(noise(MEGABYTE))
     counters, num_entries = Counter(), 0
     for _ in read_tlog(file, counters):
         num_entries += 1
-    assert counters["skipped_bytes"] <= 2 * MEGABYTE
-    assert 16 * num_entries + counters["skipped_bytes"] <= 2 * MEGABYTE
+    assert 16 * num_entries + counters["skipped_bytes"] <= MEGABYTE
     folder = flight(tmp_path / "flight", mission=False, tlog=False)
-    (folder / "flight.tlog").write_bytes(noise(2 * MEGABYTE))
-    assert megabytes_to_read(folder, 700) < 60 * 2
+    shutil.copy(file, folder / "flight.tlog")
+    assert megabytes_to_read(folder, 700) < 60
 
 
 def test_frames_beyond_the_longest_flight_are_left_out_and_told(tmp_path, monkeypatch):

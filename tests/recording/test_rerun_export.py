@@ -18,8 +18,8 @@ from companion.recording import scene_update as scenes
 from companion.recording.mcap_reader import messages_of
 from companion.recording.rerun_export import TIMELINE, export_rerun
 from tests.cli.calls import in_a_process
-from tests.page.flown import EPOCH_S, recorded
-from tests.ui.flights import mission
+from tests.ui.page.flown import EPOCH_S, recorded
+from tests.ui.reports.flights import mission
 
 ITS_NAME = "expected a name that ends in .rrd with --rerun, and only then"
 DRAWN = (

@@ -1,8 +1,9 @@
-"""Flights in a process in which nothing can be compiled: ``python -m tests.support.ready_flights NAME``.
+"""Flights in a process in which nothing can be compiled: ``python -m tests.support.ready_flights``.
 
 In a process of its own, since what was compiled stays with a process.
 """
 
+import json
 import sys
 from dataclasses import replace
 
@@ -13,8 +14,8 @@ from companion.flight.tasks.plan_maker import Planner, least_threat_request
 from companion.kernels.native.kernel import refuse_compiling
 from companion.kernels.native.ready import make_ready
 from companion.types.events import Dialect
+from tests.flight.tasks.test_surprise import ahead, sighted
 from tests.flight.test_app import at, both, switch
-from tests.flight.test_surprise import ahead, sighted
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
 
@@ -54,15 +55,13 @@ FLIGHTS = {
 }  # fmt: skip
 
 
-def main():
-    """Have the kernels ready, refuse to compile, and fly."""
-    name, changes, dialect, until_s, events = FLIGHTS[sys.argv[1]]
+def flown(kind):
+    """Fly one of them; how many plans were made, and what was decided."""
+    name, changes, dialect, until_s, events = FLIGHTS[kind]
     text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
     for old, new in changes:
         assert text.count(old) == 1
         text = text.replace(old, new)
-    make_ready()
-    refuse_compiling()
     harness = SitlHarness(mission_from_text(text, f"{name}.yaml"), dialect=dialect)
 
     def look(harness):
@@ -70,10 +69,14 @@ def main():
 
     harness.fly(until_s, both(look, *events))
     emergency(harness)
-    decided = {decision.kind for decision in harness.recorder.decisions}
-    sys.stdout.write(
-        f"{len(harness.recorder.plan_ms)} plans, numba: {'numba' in sys.modules}, {sorted(decided)}\n"
-    )
+    return len(harness.recorder.plan_ms), sorted({entry.kind for entry in harness.recorder.decisions})
+
+
+def main():
+    """Have the kernels ready, refuse to compile, and fly them all."""
+    make_ready()
+    refuse_compiling()
+    json.dump({kind: (*flown(kind), "numba" in sys.modules) for kind in FLIGHTS}, sys.stdout)
 
 
 if __name__ == "__main__":

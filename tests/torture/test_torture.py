@@ -24,13 +24,10 @@ from tests.torture.harness import (
 
 BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
 # Within the first mission's upload, its reading back and entry, within the next one's, and within the
-# first that writes a part only.
+# first that writes a part only. `make torture` breaks off everywhere.
 BREAKS = {
-    Dialect.ARDUPILOT: (
-        *(8, 30, 60, 100, 111, 150, 185, 215, 260, 330),
-        *(346, 400, 435, 436, 455, 475, 476, 480, 530, 565, 566),
-    ),
-    Dialect.PX4: (8, 14, 20, 30, 40, 44, 60, 80),
+    Dialect.ARDUPILOT: (8, 60, 111, 150, 215, 330, 435, 436, 476, 530, 566),
+    Dialect.PX4: (8, 20, 40, 80),
 }
 
 
@@ -54,7 +51,7 @@ def test_an_exchange_broken_off_leaves_a_mission_that_passes(dialect, number):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_random_schedules(dialect, seed):
     verdict, _ = random_flight(dialect, seed)
     assert verdict.violations == []
@@ -114,8 +111,10 @@ def test_the_positions_broken_at_lie_in_the_exchange():
         LinkFaults(jitter_s=1.0),
         LinkFaults(duplication=0.5),
         LinkFaults(corruption=0.3),
-        *(LinkFaults(mission_nack=number) for number in (1, 4, 13, 14, 15)),
-        *(LinkFaults(command_nack=number) for number in (1, 2, 3, 4)),
+        *(LinkFaults(mission_nack=number) for number in (1, 15)),
+        *(pytest.param(LinkFaults(mission_nack=number), marks=pytest.mark.slow) for number in (4, 13, 14)),
+        LinkFaults(command_nack=1),
+        *(pytest.param(LinkFaults(command_nack=number), marks=pytest.mark.slow) for number in (2, 3, 4)),
     ],
     ids=str,
 )

@@ -2,30 +2,29 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
 from companion.flight.state.decision import DecisionKind
 from companion.types.pilot_texts import SUBJECTS, TEXTS, kind_of, pilot_message
 from tests.docs.write_pilot_messages import PAGE, page
+from tests.support.sources import SOURCES, name_of, nodes_of
+
+pytestmark = pytest.mark.xdist_group("sources")
 
 NAMES = {key: re.findall(r"{(\w+)}", row.template) for key, row in TEXTS.items()}
 STATUSTEXT = 50
-ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("key", TEXTS)
-def test_a_text_is_found_again_by_its_words(key):
-    message = pilot_message(key, **dict.fromkeys(NAMES[key], "a word"))
-    assert kind_of(message.text) == TEXTS[key].kind
-    assert message.severity == TEXTS[key].severity
-    assert DecisionKind(TEXTS[key].kind)
+def test_a_text_is_found_again_by_its_words():
+    for key, row in TEXTS.items():
+        message = pilot_message(key, **dict.fromkeys(NAMES[key], "a word"))
+        assert (kind_of(message.text), message.severity) == (row.kind, row.severity)
+        assert DecisionKind(row.kind)
 
 
-@pytest.mark.parametrize("key", [key for key, names in NAMES.items() if not names])
-def test_a_text_without_values_fits_one_message(key):
-    assert len(TEXTS[key].template) <= STATUSTEXT
+def test_a_text_without_values_fits_one_message():
+    assert [key for key, row in TEXTS.items() if not NAMES[key] and len(row.template) > STATUSTEXT] == []
 
 
 def test_the_usual_text_of_a_path_fits_one_message():
@@ -45,17 +44,19 @@ def test_the_page_has_every_text_with_its_cause_and_what_to_do():
 
 
 def test_nobody_but_the_announcer_sends_a_text():
+    nodes = [(name_of(path), node) for path in SOURCES for node in nodes_of(path)]
+    nodes = [(name, node) for name, node in nodes if name.startswith("companion/")]
     calls = {
-        source.relative_to(ROOT).as_posix()
-        for source in (ROOT / "companion").rglob("*.py")
-        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        name
+        for name, node in nodes
         if isinstance(node, ast.Attribute) and node.attr == "status_text" and isinstance(node.ctx, ast.Load)
     }
     assert calls == {"companion/flight/messages/speech.py", "companion/link/messages/component.py"}
     tells = {
-        source.relative_to(ROOT).as_posix()
-        for source in (ROOT / "companion").rglob("*.py")
-        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("link.tell")
+        name
+        for name, node in nodes
+        if isinstance(node, ast.Attribute)
+        and node.attr == "tell"
+        and ast.unparse(node.value).endswith("link")
     }
     assert tells == {"companion/flight/messages/announcer.py"}

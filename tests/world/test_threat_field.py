@@ -11,7 +11,7 @@ from companion.config.compose import world_of
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.world.threat_field import flight_height, threat_field
-from tests.ui.flights import mission, snapshot_of
+from tests.ui.reports.flights import mission, snapshot_of
 
 ROOT = Path(__file__).parents[2]
 

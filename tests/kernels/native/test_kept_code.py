@@ -1,7 +1,9 @@
 """What is compiled is kept, found again by what it comes from, and never flown when that has changed."""
 
 import importlib.util
+import itertools
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -49,11 +51,16 @@ def apart(x: float) -> float:
 '''
 
 
+MOMENTS = itertools.count(1_000_000_000)
+
+
 def module_of(folder, text):
     """The kernels of a text, as a module of the same name each time."""
     folder.mkdir(exist_ok=True)
     file = folder / "made_kernels.py"
     file.write_text(text, encoding="utf-8")
+    # Python takes a module that was changed within a second, to the same size, for the old one.
+    os.utime(file, (next(MOMENTS),) * 2)
     spec = importlib.util.spec_from_file_location("made_kernels", file)
     module = importlib.util.module_from_spec(spec)
     sys.modules["made_kernels"] = module  # annotations are evaluated there
@@ -138,31 +145,42 @@ def kept(folder, kind="o"):
     return {path.name for path in (folder / "cache" / "kernels").glob(f"*.{kind}")}
 
 
-def test_no_stale_kernel_runs_and_no_other_is_compiled_again(tmp_path):
-    module_of(tmp_path / "module", KERNELS)
-    assert run(CALL, tmp_path) == "9.5\n"
-    first = kept(tmp_path)
+@pytest.fixture(scope="module")
+def first_build(tmp_path_factory):
+    """A folder with the module, and what calling its kernels once has compiled."""
+    folder = tmp_path_factory.mktemp("first")
+    module_of(folder / "module", KERNELS)
+    assert run(CALL, folder) == "9.5\n"
+    return folder
+
+
+@pytest.fixture
+def built(first_build, tmp_path):
+    """A copy of the first build."""
+    return shutil.copytree(first_build, tmp_path / "built")
+
+
+def test_no_stale_kernel_runs_and_no_other_is_compiled_again(built):
+    first = kept(built)
     assert {name.partition("-")[0] for name in first} == {"caller", "called"}
     for old, new, result in [
         ("FACTOR = 2.0", "FACTOR = 3.0", "13.5\n"),
         ("scaled(x) + 1.0", "scaled(x) + 2.0", "10.5\n"),
     ]:
-        module_of(tmp_path / "module", KERNELS.replace(old, new))
-        assert run(CALL, tmp_path) == result
-        (new_one,) = kept(tmp_path) - first
+        module_of(built / "module", KERNELS.replace(old, new))
+        assert run(CALL, built) == result
+        (new_one,) = kept(built) - first
         assert new_one.startswith("called-")
-        first = kept(tmp_path)
-    module_of(tmp_path / "module", KERNELS)
-    assert run(WITHOUT_COMPILING + CALL + NO_NUMBA, tmp_path) == "9.5\n"
+        first = kept(built)
+    module_of(built / "module", KERNELS)
+    assert run(WITHOUT_COMPILING + CALL + NO_NUMBA, built) == "9.5\n"
 
 
-def test_another_place_compiles_nothing_and_needs_no_numba(tmp_path):
-    module_of(tmp_path / "module", KERNELS)
-    run(CALL, tmp_path)
-    (tmp_path / "module").rename(tmp_path / "other")
-    (tmp_path / "module").mkdir()
-    module_of(tmp_path / "module", "# moved\n" + KERNELS)
-    assert run(WITHOUT_COMPILING + CALL + NO_NUMBA, tmp_path) == "9.5\n"
+def test_another_place_compiles_nothing_and_needs_no_numba(built):
+    (built / "module").rename(built / "other")
+    (built / "module").mkdir()
+    module_of(built / "module", "# moved\n" + KERNELS)
+    assert run(WITHOUT_COMPILING + CALL + NO_NUMBA, built) == "9.5\n"
 
 
 def test_what_would_have_to_be_compiled_is_named_where_that_is_refused(tmp_path):
@@ -189,13 +207,11 @@ def test_several_processes_may_fill_it_at_once(tmp_path):
 
 
 @pytest.mark.parametrize("damage", [lambda raw: raw[:-100], lambda raw: b"", lambda raw: raw[:-1] + b"\0"])
-def test_a_damaged_file_is_compiled_again(tmp_path, damage):
-    module_of(tmp_path / "module", KERNELS)
-    run(CALL, tmp_path)
-    files = {path: path.read_bytes() for path in (tmp_path / "cache" / "kernels").glob("*.o")}
+def test_a_damaged_file_is_compiled_again(built, damage):
+    files = {path: path.read_bytes() for path in (built / "cache" / "kernels").glob("*.o")}
     for path, raw in files.items():
         path.write_bytes(damage(raw))
-    assert run(CALL, tmp_path) == "9.5\n"
+    assert run(CALL, built) == "9.5\n"
     assert all(len(path.read_bytes()) == len(raw) for path, raw in files.items())
 
 

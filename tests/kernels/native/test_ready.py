@@ -12,16 +12,14 @@ import pytest
 from companion.kernels.native import build, kernel, kinds, ready
 from companion.kernels.native.kernel import Kernel
 from companion.kernels.native.store import Store
+from tests.support.sources import ROOT, SOURCES, nodes_of, tree_of
 
-SOURCES = [
-    path for root in ("companion", "sim") for path in sorted(Path(root).rglob("*.py"))
-    if not path.is_relative_to("companion/kernels")
-]  # fmt: skip
+pytestmark = pytest.mark.xdist_group("sources")
 
 
 def called_from(path):
     """Kernels that a module imports."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("companion.kernels."):
             for alias in node.names:
                 value = getattr(importlib.import_module(node.module), alias.name, None)
@@ -29,22 +27,26 @@ def called_from(path):
                     yield value
 
 
-CALLED = {one.symbol: one for path in SOURCES for one in called_from(path)}
+@pytest.fixture(scope="module")
+def called():
+    """The kernels that Python calls, by symbol."""
+    above = [path for path in SOURCES if not path.is_relative_to(ROOT / "companion" / "kernels")]
+    return {one.symbol: one for path in above for one in called_from(path)}
 
 
-def test_python_calls_kernels_that_are_compiled_beforehand_only():
-    assert len(CALLED) > 30
-    assert {symbol for symbol, one in CALLED.items() if one.is_inlined} == set()
-    assert set(CALLED) <= {one.symbol for one in ready.kernels()}
+def test_python_calls_kernels_that_are_compiled_beforehand_only(called):
+    assert len(called) > 30
+    assert {symbol for symbol, one in called.items() if one.is_inlined} == set()
+    assert set(called) <= {one.symbol for one in ready.kernels()}
 
 
-def test_every_kernel_is_there_for_another_or_for_python():
+def test_every_kernel_is_there_for_another_or_for_python(called):
     """What only tests call would be compiled on every computer for nothing."""
-    used = set(CALLED)
+    used = set(called)
     for module in sorted({one.py_func.__module__ for one in ready.kernels()}):
         values = vars(importlib.import_module(module)).values()
         used |= {callee.symbol for one in values if isinstance(one, Kernel) for callee in one.callees}
-        source = ast.parse(Path(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
+        source = tree_of((ROOT / Path(*module.split("."))).with_suffix(".py"))
         plain = [
             node for node in source.body if isinstance(node, ast.FunctionDef) and not node.decorator_list
         ]
@@ -133,8 +135,8 @@ def test_what_another_process_cannot_compile_is_told_by_name(monkeypatch, tmp_pa
     assert os.listdir(tmp_path / "kernels") == []
 
 
-def test_a_signature_says_how_a_kernel_is_called():
-    signature = CALLED["companion.kernels.geometry.line_of_sight.line_blocked"].signature
+def test_a_signature_says_how_a_kernel_is_called(called):
+    signature = called["companion.kernels.geometry.line_of_sight.line_blocked"].signature
     assert signature.names[-1] == "prisms"
     assert signature.kinds[:6] == (kinds.Scalar("f"),) * 6
     assert signature.returns == kinds.Scalar("b")

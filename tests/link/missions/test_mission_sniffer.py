@@ -15,7 +15,7 @@ from companion.link.wire.framing import raw_frame
 from companion.link.wire.tlog import read_tlog
 from companion.types.events import Dialect, Heartbeat, MissionCurrent, TrackReport
 from tests.link.pymavlink_frames import packed
-from tests.replay.corruptions import DATA
+from tests.service.replay.corruptions import DATA
 
 TAKEOFF, WAYPOINT, LOITER, LAND_START, LOITER_TO_ALT, LAND = 22, 16, 17, 189, 31, 21
 COMPANION = (1, 195)

@@ -1,0 +1,260 @@
+"""The doctor's judgements, each with what was found, and its round over a link to the simulator."""
+
+import asyncio
+import os
+import random
+from datetime import UTC, datetime
+
+import pytest
+
+from companion.clock import ManualClock
+from companion.config import mission_from_text
+from companion.link.messages.codec import Codec
+from companion.link.wire.decoded_frame import VersionTold
+from companion.link.wire.memory_transport import MemoryTransport
+from companion.service.doctor import host_checks as doctor
+from companion.service.doctor.finding import Verdict
+from companion.service.doctor.link_checks import LinkDoctor
+from companion.service.doctor.parameter_checks import (
+    ARDUPLANE,
+    PX4,
+    parameter_findings,
+    parameter_names,
+    version,
+)
+from companion.types.events import Dialect
+from sim.simulator import Simulator
+from tests.support.sitl_harness import FIRST_FLIGHT
+
+OK, WARN, FAIL = Verdict.OK, Verdict.WARN, Verdict.FAIL
+MISSION = mission_from_text(FIRST_FLIGHT, "first-flight.yaml")
+GOOD = {
+    "MIS_RESTART": 0.0, "RTL_AUTOLAND": 2.0,
+    "AVD_ENABLE": 0.0, "AVD_F_ACTION": 1.0, "AVD_W_ACTION": 1.0, "ADSB_TYPE": 0.0,
+    "WP_RADIUS": 50.0, "AIRSPEED_MIN": 12.0, "AIRSPEED_MAX": 38.0, "AIRSPEED_CRUISE": 25.0,
+    "SERIAL1_PROTOCOL": 2.0, "SERIAL1_BAUD": 921.0,
+}  # fmt: skip
+GOOD_PX4 = {
+    "MIS_TKO_LAND_REQ": 0.0, "NAV_TRAFF_AVOID": 1.0, "NAV_ACC_RAD": 10.0, "FW_AIRSPD_MIN": 12.0,
+    "FW_AIRSPD_MAX": 38.0, "FW_AIRSPD_TRIM": 25.0, "MAV_0_CONFIG": 101.0, "MAV_0_MODE": 0.0,
+    "MAV_1_CONFIG": 102.0, "MAV_1_MODE": 2.0, "SER_TEL1_BAUD": 57_600.0, "SER_TEL2_BAUD": 921_600.0,
+}  # fmt: skip
+
+
+def verdicts(findings):
+    return {finding.check: finding.verdict for finding in findings}
+
+
+def test_a_clock_of_the_past_is_a_failure():
+    assert doctor.clock_set(datetime(1970, 1, 1, tzinfo=UTC)).verdict is FAIL
+    assert doctor.clock_set(datetime(2026, 11, 21, tzinfo=UTC)).verdict is OK
+
+
+@pytest.mark.parametrize(("state", "verdict"), [(0, OK), (5, WARN), (-1, WARN)])
+def test_an_unsynchronised_clock_is_told(state, verdict):
+    assert doctor.clock_synchronised(state).verdict is verdict
+
+
+def test_a_cold_a_temporary_and_a_warm_kernel_cache_are_told_apart(tmp_path):
+    assert doctor.kernel_cache(tmp_path).verdict is WARN
+    (tmp_path / "search-0123.o").touch()
+    assert doctor.kernel_cache(tmp_path).verdict is OK
+    temporary = tmp_path / "safe-rrt-companion-x"
+    temporary.mkdir()
+    assert doctor.kernel_cache(temporary).verdict is WARN
+    assert doctor.kernel_cache(tmp_path / "none").verdict is FAIL
+
+
+def test_a_disk_that_fills_is_told(tmp_path, monkeypatch):
+    for free_mb, verdict in ((100, FAIL), (1_000, WARN), (5_000, OK)):
+        usage = type("Usage", (), {"free": free_mb * 2**20})
+        monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder, usage=usage: usage)
+        assert doctor.disk(tmp_path / "flights" / "to come").verdict is verdict
+
+
+def test_a_serial_port_is_looked_at(tmp_path):
+    assert "not there" in doctor.serial_port(tmp_path / "ttyNone").found
+    (tmp_path / "file").touch()
+    assert doctor.serial_port(tmp_path / "file").verdict is FAIL
+    master, slave = os.openpty()
+    try:
+        assert doctor.serial_port(type(tmp_path)(os.ttyname(slave))).verdict is OK
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_key_that_others_may_read_is_a_failure(tmp_path):
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o644)
+    assert doctor.signing_key(key).verdict is FAIL
+    key.chmod(0o600)
+    assert doctor.signing_key(key).verdict is OK
+
+
+@pytest.mark.parametrize(
+    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 7), (Dialect.PX4, GOOD_PX4, 5)]
+)
+@pytest.mark.parametrize("baud_rate", [None, 921_600])
+def test_good_parameters_need_nothing(dialect, values, number, baud_rate):
+    findings = parameter_findings(dialect, values, MISSION, baud_rate)
+    assert {finding.verdict for finding in findings} == {OK}
+    assert len(findings) == number
+    assert set(values) <= set(parameter_names(dialect))
+
+
+@pytest.mark.parametrize(
+    ("changes", "check", "verdict"),
+    [
+        ({"MIS_RESTART": 1.0}, "MIS_RESTART", FAIL),
+        ({"AVD_ENABLE": 1.0}, "AVD_ENABLE", WARN),
+        ({"AVD_ENABLE": 1.0, "AVD_F_ACTION": 4.0}, "AVD_F_ACTION", FAIL),
+        ({"ADSB_TYPE": 1.0}, "ADSB_TYPE", WARN),
+        ({"WP_RADIUS": 90.0}, "WP_RADIUS", WARN),
+        ({"WP_RADIUS": 10.0}, "WP_RADIUS", WARN),
+        ({"AIRSPEED_MIN": 26.0}, "airspeeds", FAIL),
+        ({"SERIAL1_BAUD": 57.0}, "serial ports", WARN),
+        ({"SERIAL1_BAUD": float("nan")}, "serial ports", WARN),
+        ({"SERIAL1_PROTOCOL": 1.0}, "serial ports", WARN),
+        ({"SERIAL1_PROTOCOL": 5.0}, "serial ports", WARN),
+    ],
+)
+def test_what_would_harm_on_arduplane_is_told_with_advice(changes, check, verdict):
+    findings = parameter_findings(Dialect.ARDUPILOT, {**GOOD, **changes}, MISSION, 921_600)
+    found = next(finding for finding in findings if finding.check == check)
+    assert found.verdict is verdict
+    assert "set" in found.advice or "let" in found.advice
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "verdict"),
+    [("MIS_TKO_LAND_REQ", 2.0, WARN), ("NAV_TRAFF_AVOID", 2.0, FAIL), ("NAV_ACC_RAD", 80.0, WARN)],
+)
+def test_what_would_harm_on_px4_is_told(name, value, verdict):
+    findings = parameter_findings(Dialect.PX4, {**GOOD_PX4, name: value}, None, None)
+    assert verdicts(findings)[name] is verdict
+
+
+@pytest.mark.parametrize(
+    ("changes", "advice"),
+    [
+        ({"MAV_1_CONFIG": 0.0}, "MAV_1_CONFIG 102"),
+        ({"MAV_1_CONFIG": 201.0}, "MAV_1_CONFIG 102"),
+        ({"SER_TEL2_BAUD": 57_600.0}, "SER_TEL2_BAUD for 921600"),
+        ({"SER_TEL2_BAUD": float("nan")}, "SER_TEL2_BAUD for 921600"),
+        ({"MAV_1_MODE": 0.0}, "MAV_n_MODE 2"),
+    ],
+)
+def test_px4s_serial_ports_are_judged_by_the_line_that_is_used(changes, advice):
+    values = {**GOOD_PX4, **changes}
+    (found,) = (
+        entry for entry in parameter_findings(Dialect.PX4, values, None, 921_600)
+        if entry.check == "serial ports"
+    )  # fmt: skip
+    assert found.verdict is WARN
+    assert advice in found.advice
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+@pytest.mark.parametrize(("baud_rate", "verdict"), [(None, OK), (921_600, WARN)])
+def test_serial_ports_that_are_not_told_are_not_judged(dialect, baud_rate, verdict):
+    found = parameter_findings(dialect, {}, MISSION, baud_rate)[-1]
+    assert (found.check, found.found, found.verdict) == ("serial ports", "not told", verdict)
+    assert "set" not in found.advice
+
+
+def test_a_parameter_that_is_not_told_is_a_warning():
+    for dialect, checks in ((Dialect.ARDUPILOT, ARDUPLANE), (Dialect.PX4, PX4)):
+        found = verdicts(parameter_findings(dialect, {}, MISSION, None))
+        assert all(found[check.name] is WARN for check in checks)
+
+
+def test_another_version_than_those_measured_is_a_warning():
+    assert version(Dialect.ARDUPILOT, VersionTold((4, 7, 0), 255)).verdict is OK
+    assert version(Dialect.ARDUPILOT, VersionTold((4, 5, 7), 255)).verdict is WARN
+    assert version(Dialect.PX4, None).verdict is WARN
+
+
+class Round:
+    """A link doctor before the simulator, with the wire in the test's hands."""
+
+    def __init__(self, url="tcp://autopilot:1", dialect=Dialect.ARDUPILOT, wire=lambda data, now_s: data):
+        self.clock, self.wire = ManualClock(), wire
+        ours, self.theirs = MemoryTransport.pair()
+        self.simulator = Simulator(MISSION, seed=1, dialect=dialect)
+        self.doctor = LinkDoctor(ours, self.clock, url, MISSION)
+
+    def findings(self, seconds=3.0):
+        return asyncio.run(self._run(seconds))
+
+    async def _run(self, seconds):
+        self.theirs.set_receiver(self.simulator.receive)
+        await self.theirs.open()
+        running = asyncio.create_task(self.doctor.examine(seconds))
+        while not running.done():
+            self.simulator.step(0.02)
+            data = self.wire(self.simulator.take_outgoing(), self.clock.now_s())
+            if data:
+                self.theirs.send(data)
+            self.clock.advance_to(self.clock.now_s() + 0.02)
+            for _ in range(4):
+                await asyncio.sleep(0)
+        return running.result()
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+def test_a_good_link_is_found_good(dialect):
+    findings = Round(dialect=dialect).findings()
+    assert all(finding.advice for finding in findings if finding.verdict is not OK)
+    found = verdicts(findings)
+    assert [check for check, verdict in found.items() if verdict is FAIL] == []
+    streams = ("link loss", "GLOBAL_POSITION_INT", "VFR_HUD", "MISSION_CURRENT", "autopilot")
+    assert [found[check] for check in streams] == [OK] * 5
+
+
+def test_an_arduplane_fails_by_the_one_parameter_that_would_harm():
+    round_ = Round()
+    round_.simulator.autopilot.parameters["MIS_RESTART"] = 1.0
+    found = {finding.check: finding for finding in round_.findings()}
+    assert [check for check, finding in found.items() if finding.verdict is FAIL] == ["MIS_RESTART"]
+    assert "set 0" in found["MIS_RESTART"].advice
+    assert found["autopilot"].found == "ArduPilot 4.7.0dev"
+    assert found["airspeeds"].verdict is OK
+
+
+def test_whole_numbers_of_px4_are_read_as_they_lie_in_memory():
+    findings = Round(dialect=Dialect.PX4).findings()
+    assert next(finding for finding in findings if finding.check == "MIS_TKO_LAND_REQ").found == "2"
+
+
+def test_losses_are_counted_and_slow_streams_told():
+    toss = random.Random(1)
+
+    def every_second_turn(data, now_s):
+        return b"" if toss.random() < 0.5 else data
+
+    found = verdicts(Round(wire=every_second_turn).findings())
+    assert found["link loss"] is FAIL
+    assert WARN in (found["GLOBAL_POSITION_INT"], found["VFR_HUD"])
+
+
+@pytest.mark.parametrize(
+    ("url", "wire", "words"),
+    [
+        ("serial:///dev/ttyAMA0:57600", lambda data, now_s: b"", "nothing comes"),
+        (
+            "serial:///dev/ttyAMA0:57600",
+            lambda data, now_s: bytes(byte ^ 0x5A for byte in data),
+            "no message",
+        ),
+        ("udpin://0.0.0.0:1", lambda data, now_s: Codec(9).named_value(1.0, "x", 1.0), "no autopilot"),
+    ],
+)
+def test_silence_has_its_reasons(url, wire, words):
+    round_ = Round(url=url, wire=wire)
+    (finding,) = round_.findings()
+    assert finding.verdict is FAIL
+    assert words in finding.found
+    assert finding.advice
+    assert not round_.doctor.is_heard
