@@ -165,12 +165,8 @@ def _turns(
     for first, last in _runs_of_turning(courses):
         turn = float(courses[last] - courses[first])
         num = math.ceil(abs(turn) / (spacing * (CORNER_MAX_RAD if flies_by else CHORD_MAX_RAD)))
-        turned, cuts = (
-            np.abs(courses[first : last + 1] - courses[first]),
-            np.linspace(0.0, abs(turn), num + 1),
-        )
-        lengths = np.interp(cuts, turned, travelled[first : last + 1])
-        places = np.column_stack([np.interp(lengths, travelled, points[:, axis]) for axis in range(3)])
+        cuts = courses[first] + turn * np.linspace(0.0, 1.0, num + 1)
+        lengths, places = _at_courses(points, courses, travelled, first, last, cuts)
         if not flies_by:
             found += [
                 (float(length), place)
@@ -186,6 +182,27 @@ def _turns(
             corner[:2] = begin[:2] + reach * np.array([math.sin(course), math.cos(course)])
             found.append((0.5 * float(lengths[part] + lengths[part + 1]), corner))
     return found
+
+
+def _at_courses(
+    points: FloatArray, courses: FloatArray, travelled: FloatArray, first: int, last: int, cuts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lengths (K,) [m] and places (K, 3) [m] at which a turn has the courses ``cuts`` (K,) [rad].
+
+    The turn goes from row ``first`` to row ``last``; between two rows it is an arc. The columns are as in
+    :func:`_turns`.
+    """
+    turned = np.abs(courses[first : last + 1] - courses[first])
+    rows = first + np.clip(
+        np.searchsorted(turned, np.abs(cuts - courses[first]), side="right") - 1, 0, last - first - 1
+    )
+    turn, chord = courses[rows + 1] - courses[rows], points[rows + 1] - points[rows]
+    share = (cuts - courses[rows]) / turn
+    lengths = travelled[rows] + share * (travelled[rows + 1] - travelled[rows])
+    reach = np.hypot(chord[:, 0], chord[:, 1]) * np.sin(0.5 * share * turn) / np.sin(0.5 * turn)
+    course = courses[rows] + 0.5 * share * turn
+    level = points[rows, :2] + reach[:, None] * np.column_stack([np.sin(course), np.cos(course)])
+    return lengths, np.column_stack([level, points[rows, 2] + share * chord[:, 2]])
 
 
 def _runs_of_turning(courses: FloatArray) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ from companion.assurance.checker import Checker
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.mission_construction import waypoints_of
+from companion.flight.state.mission_construction import construct
 from companion.planning.solver import solve
 from companion.research.campaign.runs import offline_problem, offline_world
 from sim.simulator import Simulator
@@ -74,7 +74,7 @@ def test_check(planned, tell):
     tell(f"{name}, check of a path of {len(plan.path)} rows", 1e3 * float(np.median(took)), "ms")
     state = first_state(mission, 0.0)
     began = time.perf_counter()
-    waypoints, _, _ = waypoints_of(state, plan.path, 58)
+    waypoints = construct(state, plan.path, 58).waypoints
     spent = time.perf_counter() - began
     tell(f"{name}, mission of {len(waypoints.positions_enu_m)} waypoints with its check", 1e3 * spent, "ms")
     assert np.median(took) < 1.0

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import at_row, guidance_over
+from companion.flight.state.mission_simulation import AT_ONCE_M_S2, at_row, guidance_over
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints
@@ -155,7 +155,8 @@ def _is_harmless(
     check = partial(state.rules.checker.check_track, may_come_back=True)
     if check(way.positions_enu_m[way.times_s <= ends_s], MARGIN_SHARE * clearance):
         return False
-    fan = _fan(guidance, ownship) if with_fan else iter(())
+    at_once = replace(guidance, acceleration_m_s2=AT_ONCE_M_S2)
+    fan = _fan(guidance, ownship) if with_fan else iter([(at_once, ownship)])
     others = (_way_in(law, own, waypoints, number, min(ends_s, LONGEST_S)) for law, own in fan)
     return not any(check(other.positions_enu_m, FAN_MARGIN_SHARE * clearance) for other in others)
 
@@ -171,6 +172,7 @@ def _way_in(guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: 
 
 def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownship]]:
     """How the aircraft might as well fly in: each with what it is steered by and where it begins."""
+    yield replace(guidance, acceleration_m_s2=AT_ONCE_M_S2), ownship
     yield guidance, predicted(ownship, LATER_S)
     yield replace(guidance, roll_time_s=ROLLS_LESS * guidance.roll_time_s), ownship
     swinging = replace(  # out of one turn into another, fast, it goes wide

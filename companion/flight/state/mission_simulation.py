@@ -20,6 +20,7 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
 LAP_PLACES = 13  # The threat level of a circle is looked up at so many places.
 SLOWEST_M_S = 3.0  # Ground speed by which a lap in strong wind is timed at least.
+AT_ONCE_M_S2 = 100.0  # Any change of airspeed is over within a quarter of a second.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 DETOUR_MAX_M = 500.0  # A flight over waypoints is longer than their path by less than that.
 GUSTS_M = 3.0  # Turbulence moves an aircraft so far off its track.
@@ -50,6 +51,16 @@ class Faults(NamedTuple):
     before_m: float
     short_m: float
     deviation_m: float
+
+    def worst(self, other: Faults) -> Faults:
+        """The larger of each of two flights' faults."""
+        return Faults(
+            max(self.on_circle_m, other.on_circle_m),
+            self.is_exposed or other.is_exposed,
+            max(self.before_m, other.before_m),
+            max(self.short_m, other.short_m),
+            max(self.deviation_m, other.deviation_m),
+        )
 
     @property
     def at_end(self) -> bool:
@@ -91,7 +102,7 @@ def guidance_of(state: FlightState) -> Guidance:
     )
 
 
-def guidance_over(state: FlightState, waypoints: Waypoints) -> Guidance:
+def guidance_over(state: FlightState, waypoints: Waypoints, *, at_once: bool = False) -> Guidance:
     """The autopilot's guidance over a mission, with the airspeed that the mission commands.
 
     Parameters
@@ -100,12 +111,12 @@ def guidance_over(state: FlightState, waypoints: Waypoints) -> Guidance:
         The autopilot's parameters and the aircraft.
     waypoints : Waypoints
         The mission.
+    at_once : bool
+        Whether the aircraft changes its airspeed at once: a gust or a strong engine may change it faster than
+        the aircraft's limits say.
     """
-    return replace(
-        guidance_of(state),
-        airspeed_m_s=waypoints.airspeed_m_s,
-        acceleration_m_s2=state.rules.vehicle.acceleration_max_m_s2,
-    )
+    acceleration = AT_ONCE_M_S2 if at_once else state.rules.vehicle.acceleration_max_m_s2
+    return replace(guidance_of(state), airspeed_m_s=waypoints.airspeed_m_s, acceleration_m_s2=acceleration)
 
 
 def circle_stretch(state: FlightState) -> float:
@@ -207,19 +218,21 @@ def airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> 
     return max(commanded_m_s, math.sqrt(max(slowed, 0.0)))
 
 
-def simulated(state: FlightState, path: Path, waypoints: Waypoints) -> Track:
+def simulated(state: FlightState, path: Path, waypoints: Waypoints, *, at_once: bool = False) -> Track:
     """Fly from where a path begins over the waypoints made of it, and once round the circle at their end.
 
     Parameters
     ----------
     state : FlightState
-        How the autopilot flies, and the wind.
+        The autopilot's guidance, and the wind.
     path : Path
-        Where the flight begins.
+        The path, for its beginning.
     waypoints : Waypoints
-        What the mission carries.
+        The mission.
+    at_once : bool
+        Whether the aircraft changes to the commanded airspeed at once.
     """
-    guidance, wind = guidance_over(state, waypoints), math.hypot(*state.wind_enu_m_s)
+    guidance, wind = guidance_over(state, waypoints, at_once=at_once), math.hypot(*state.wind_enu_m_s)
     radius = abs(waypoints.loiter_radius_m) * guidance.circle_stretch
     lap_s = 2.0 * math.pi * radius / max(waypoints.airspeed_m_s - wind, SLOWEST_M_S)
     slowest = max(min(waypoints.airspeed_m_s, float(path.speeds_m_s[0])) - wind, SLOWEST_M_S)

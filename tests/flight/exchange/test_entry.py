@@ -14,8 +14,8 @@ from companion.flight.exchange import entry
 from companion.flight.exchange.entry import entry_of, may_be_entered
 from companion.flight.exchange.swap_protocol import Entry
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.mission_simulation import guidance_of
-from companion.flight.state.mission_construction import waypoints_of
+from companion.flight.state.mission_construction import construct
+from companion.flight.state.mission_simulation import guidance_of, guidance_over
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import track_of_legs
@@ -59,15 +59,16 @@ def at(east=0.0, north=0.0, course=EAST, bank_deg=0.0, **changes):
 def test_the_first_waypoint_thirty_metres_ahead(flies_by, east, first):
     """Waypoints at 50 m and at the end; the last may be nearer."""
     made = begun(flies_by=flies_by)
-    found, _, _ = waypoints_of(made, straight(), 30)
+    found = construct(made, straight(), 30).waypoints
     assert entry_of(made, at(east), straight(), found) == first
 
 
 @BOTH
 def test_no_entry_through_a_wall(flies_by):
     made, path = begun(BLOCK.format("wall", 700, -100, 750, 100), flies_by=flies_by), straight(north=200.0)
-    found, _, violations = waypoints_of(made, path, 30)
-    assert violations == ()
+    mission = construct(made, path, 30)
+    assert mission.violations == ()
+    found = mission.waypoints
     assert entry_of(made, at(0.0, 200.0), path, found) == 0
     columns = {name: getattr(found, name)[1:] for name in ("positions_enu_m", "distances_m")}
     behind = replace(found, **columns)
@@ -78,7 +79,7 @@ def test_no_entry_through_a_wall(flies_by):
 @BOTH
 def test_no_entry_behind_the_aircraft(flies_by):
     made = begun(flies_by=flies_by)
-    found, _, _ = waypoints_of(made, straight(), 30)
+    found = construct(made, straight(), 30).waypoints
     assert entry_of(made, at(course=-EAST), straight(), found) is None
 
 
@@ -127,20 +128,21 @@ def test_another_waypoint_serves_where_the_first_does_not():
     assert entry_of(made, at(), straight(), replace(places, airspeed_again=1), number=2) is None
 
 
-def test_where_it_is_hurried_behind_the_entry_it_is_judged_at_that_speed():
+def test_an_entry_is_judged_at_the_airspeed_that_the_mission_commands_behind_it():
     """A pillar stands where it swings widest at 37.5 m/s; at 25 m/s it passes inside."""
     made, places = begun(), placed((150, 0, 100), (330, 150, 100), (330, 1200, 100))
-    faster, law = replace(places, airspeed_m_s=37.5), guidance_of(begun())
+    faster = replace(places, airspeed_m_s=37.5)
     assert entry_of(made, at(), straight(), faster) == 0
-    way = entry._way_in(law, at(), places, 0, 30.0)
-    wide = entry._way_while_gaining_speed(law, at(), faster, 0, way).positions_enu_m
-    away = np.linalg.norm(wide[:, None, :2] - way.positions_enu_m[None, :, :2], axis=2).min(axis=1)
-    east, north = wide[int(np.argmax(away)), :2]
-    assert away.max() > 17.0
+    way, wide = (
+        entry._way_in(guidance_over(made, found, at_once=True), at(), found, 0, 30.0).positions_enu_m
+        for found in (places, faster)
+    )
+    away = np.linalg.norm(wide[:, None, :2] - way[None, :, :2], axis=2).min(axis=1)
+    east, north = wide[int(np.argmax(away[:40])), :2]
+    assert away[:40].max() > 17.0
     pillar = begun(BLOCK.format("pillar", east - 2, north - 2, east + 2, north + 2))
     assert entry_of(pillar, at(), straight(), places) == 0
     assert entry_of(pillar, at(), straight(), faster) is None
-    assert entry._way_while_gaining_speed(law, at(), places, 0, way) is None
 
 
 def test_who_is_nearer_to_something_already_may_fly_away_from_it():

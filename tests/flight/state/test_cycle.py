@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,20 +13,16 @@ from companion.config.compose import world_of
 from companion.flight.state.cycle import conclude, conclude_either, flown_passes
 from companion.flight.state.decision import Verdict, judge
 from companion.flight.state.flight_state import after_position, first_state
-from companion.flight.state.mission_simulation import at_row, guidance_of
 from companion.flight.state.list_state import FlownPath
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, start_after, start_at
-from companion.flight.state.mission_construction import carried, waypoints_of
 from companion.flight.tasks.plan_maker import Planner, plan_request
-from companion.mission.list_layout import new_banks
-from companion.mission.waypoints import merge_close_waypoints, mission_part, waypoints_from_path
+from companion.mission.waypoints import merge_close_waypoints
 from companion.planning.plan_runner import StopRule
-from companion.types.mission import Command, Mission
+from companion.types.mission import Mission
 from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk
 from companion.types.state import Ownship
 from companion.types.threat import ThreatPicture, TrackState
-from companion.world.vehicle.guidance import track_of_legs
-from tests.mission.made import item, path_along, waypoints
+from tests.mission.made import path_along, waypoints
 from tests.sim.client import PLAIN
 
 EAST = 0.5 * math.pi
@@ -314,68 +309,6 @@ def test_a_start_keeps_the_aircrafts_limits_and_the_missions_level():
     assert (begin.airspeed_m_s, begin.climb_rad, begin.position_enu_m[2]) == (12.5, 0.0, 100.0)
 
 
-# --- what is uploaded
-
-
-def circle_of(waypoints):
-    centre = shapely.Point(waypoints.loiter_centre_enu_m[:2])
-    return centre.buffer(abs(waypoints.loiter_radius_m), quad_segs=64)
-
-
-def test_a_mission_carries_three_horizons_and_ends_in_a_circle():
-    made = begun()
-    waypoints, until_s, violations = waypoints_of(made, straight(), 30)
-    assert violations == ()
-    assert until_s == pytest.approx(45.0)
-    np.testing.assert_allclose(waypoints.positions_enu_m[-1], [1125.0, 0.0, 100.0], atol=1e-9)
-    # An ArduPlane widens 117 m to 125 m in standard air at 684 m above the sea, where its density is 0.936 of
-    # that at the sea; in hot air to 140 m: so much room it is given.
-    assert abs(waypoints.loiter_radius_m) == 117.0
-    centre = waypoints.loiter_centre_enu_m[:2]
-    assert np.linalg.norm(centre - (1125.0, 0.0)) == pytest.approx(1.12 * 125.0)
-    px4 = replace(made, flies_by=False)
-    circled, _, _ = waypoints_of(px4, straight(), 30)
-    assert abs(circled.loiter_radius_m) == 125.0
-    assert circle_of(circled).exterior.distance(shapely.Point(*circled.positions_enu_m[-1, :2])) < 0.1
-
-
-PILLARS = (
-    "obstacles:\n" + BLOCK.format("north", 1000, 60, 1250, 300) + BLOCK.format("south", 1000, -300, 1250, -60)
-)
-GORGE = "obstacles:\n" + BLOCK.format("north", -50, 40, 2700, 60) + BLOCK.format("south", -50, -60, 2700, -40)
-
-
-def test_the_circle_is_put_where_it_is_clear():
-    made = begun(PILLARS)
-    waypoints, until_s, violations = waypoints_of(made, straight(), 30)
-    assert violations == ()
-    assert until_s > 45.0
-    walls = shapely.union_all([shapely.box(1000, 60, 1250, 300), shapely.box(1000, -300, 1250, -60)])
-    assert circle_of(waypoints).distance(walls) >= 7.5 - 0.1  # half of clearance_min_m
-
-
-def test_a_path_that_nowhere_has_room_for_a_circle_is_not_flown():
-    _, _, violations = waypoints_of(begun(GORGE), straight(), 30)
-    assert {violation.rule for violation in violations} == {"clearance"}
-
-
-def test_a_path_with_too_many_corners_for_the_bank_is_not_flown():
-    """An entry and an end are two waypoints."""
-    _, _, violations = waypoints_of(begun(), straight(), 1)
-    assert [violation.rule for violation in violations] == ["bank"]
-
-
-def test_the_mission_is_what_was_decided():
-    made = begun()
-    waypoints, _, _ = waypoints_of(made, straight(), 30)
-    layout = new_banks((item(0),), len(waypoints.positions_enu_m))
-    mission, banks = layout.with_new(layout.items_for(mission_part(waypoints, made.mission.frame)), 7)
-    assert mission.plan_number == 7
-    assert mission.entry == 1
-    assert banks.flown == tuple(replace(entry, sequence=0, is_current=False) for entry in mission.items[1:])
-    assert mission.items[-1].command == Command.NAV_LOITER_UNLIM
-
-
 # --- planning
 
 
@@ -456,40 +389,7 @@ def test_mending_never_claims_what_the_checker_denies(steps):
     assert set(map(tuple, kept.positions_enu_m)) <= set(map(tuple, made.positions_enu_m))
 
 
-# --- the style of turns
-
-
-OUTSIDE = BLOCK.format("wall", 692, -400, 740, 50)
-
-
-def round_a_corner(wind=(0.0, 0.0), *, flies_by=False, wall=OUTSIDE):
-    """East, and by a quarter circle of 125 m to the south, past a wall outside the turn."""
-    path = path_along((550.0, 22), (125.0, 0.5 * math.pi, 8), (600.0, 24), course=EAST)
-    made = begun("obstacles:\n" + wall)
-    return replace(made, flies_by=flies_by, wind_enu_m_s=wind), path
-
-
-def room_of(made, path, found):
-    """How near the foreseen track comes to the wall [m]."""
-    own = at_row(path, made.wind_enu_m_s)
-    track = track_of_legs(guidance_of(made), own, found.positions_enu_m, ends_s=50.0)
-    return shapely.LineString(track.positions_enu_m[:, :2]).distance(shapely.box(692, -400, 740, 50))
-
-
-def test_a_turn_that_the_wind_makes_too_wide_is_laid_out_otherwise():
-    made, path = round_a_corner((10.0, 0.0))
-    usual = waypoints_from_path(path, 25.0, flies_by=False)
-    chosen, violations = carried(made, path, len(path) - 1)
-    assert violations == ()
-    assert room_of(made, path, usual) < room_of(made, path, chosen)
-
-
-@pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
-def test_where_nothing_is_near_the_usual_style_is_kept(flies_by):
-    made, path = round_a_corner(flies_by=flies_by, wall=BLOCK.format("far", 600, 900, 700, 950))
-    usual = waypoints_from_path(path, 25.0, flies_by=flies_by)
-    chosen, _ = carried(made, path, len(path) - 1)
-    np.testing.assert_array_equal(chosen.positions_enu_m, usual.positions_enu_m)
+# --- what is judged
 
 
 def test_the_wind_is_the_one_told_last():

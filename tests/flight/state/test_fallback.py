@@ -11,9 +11,9 @@ from companion.assurance.emergency import EmergencyStep
 from companion.config import mission_from_text
 from companion.flight.state import fallback
 from companion.flight.state.fallback import flown_violations, respond, straight_ahead
+from companion.flight.state.mission_construction import construct_until
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import is_on_last_leg, start_after
-from companion.flight.state.mission_construction import carried
 from companion.types.plan import PlanStatus
 from tests.flight.state.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
 from tests.support.sitl_harness import SitlHarness
@@ -122,8 +122,8 @@ def test_straight_ahead_is_a_refuge_only_as_far_as_it_is_clear():
 def test_a_refuge_at_the_end_of_a_path_does_not_go_on_to_the_landing():
     made = replace(begun(), tail_enu_m=(1500.0, 900.0, 80.0))
     to_the_goal, short = straight(rows=60), straight(rows=20)
-    assert carried(made, to_the_goal, len(to_the_goal) - 1)[0].continues_with_operator_items
-    assert not carried(made, short, len(short) - 1)[0].continues_with_operator_items
+    assert construct_until(made, to_the_goal, len(to_the_goal) - 1).waypoints.continues_with_operator_items
+    assert not construct_until(made, short, len(short) - 1).waypoints.continues_with_operator_items
 
 
 def test_paths_from_elsewhere_are_no_safe_loiter():

@@ -13,7 +13,7 @@ from companion.kernels.aircraft.steering import (
     moved,
 )
 
-LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0)
+LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0, 0.0, 0.0)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 
@@ -97,3 +97,14 @@ def test_a_slight_change_of_height_is_made_at_once():
         )  # fmt: skip
         heights.append(rows[-1, 2])
     assert heights == pytest.approx([102.5, 110.0], abs=0.1)
+
+
+def test_a_commanded_airspeed_is_taken_up_behind_the_first_target():
+    """From 25 m/s at 0.5 m/s² to 30 m/s in ten seconds, which begin 50 m before the first target."""
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 300.0, 100.0], [0.0, 2000.0, 100.0]])
+    law, rows = LAW._replace(airspeed=30.0, acceleration=0.5), np.empty((101, 7))
+    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), law, 5, rows)
+    speeds = np.diff(rows[:, 1]) / 0.25
+    assert speeds[:40] == pytest.approx(25.0)
+    assert speeds[60] == pytest.approx(25.0 + 0.5 * (15.125 - 10.0), abs=0.05)
+    assert speeds[-1] == pytest.approx(30.0)

@@ -1,12 +1,12 @@
-"""The circle at the end of a mission is put where no threat is; beside the same missions that do not look."""
+"""The circle at the end of a mission is put where no threat is; compared with missions of one end only."""
 
 import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.state import shaping
+from companion.flight.state import mission_construction
+from companion.flight.state.mission_construction import construct
 from companion.flight.state.mission_simulation import is_circle_exposed
-from companion.flight.state.mission_construction import waypoints_of
 from companion.types.events import Dialect
 from tests.flight.tasks.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness
@@ -21,10 +21,10 @@ def circled(dialect, north):
     """How far the circle at the end of what is flown lies from the radar, and whether it is under threat."""
     harness = SitlHarness(mission_from_text(FAR + RADAR.format(north), "radar.yaml"), dialect=dialect)
     state = harness.fly(12.0).app.state
-    waypoints, carried_s, wrong = waypoints_of(state, state.flown.path, state.mission_list.max_waypoints)
-    assert wrong == ()
-    away = np.hypot(waypoints.loiter_centre_enu_m[0] - 1230.0, waypoints.loiter_centre_enu_m[1] - north)
-    return away, is_circle_exposed(state, waypoints, carried_s)
+    found = construct(state, state.flown.path, state.mission_list.max_waypoints)
+    assert found.violations == ()
+    away = np.hypot(*(found.waypoints.loiter_centre_enu_m[:2] - (1230.0, north)))
+    return away, is_circle_exposed(state, found.waypoints, found.covered_until_s)
 
 
 # Each autopilot's circle lies on another side of the path. The radar stands where it would reach that circle.
@@ -40,7 +40,7 @@ def circled(dialect, north):
 def test_should_the_service_fall_silent_it_circles_out_of_the_radar(dialect, north, monkeypatch):
     away, is_exposed = circled(dialect, north)
     assert not is_exposed
-    monkeypatch.setattr(shaping, "SAFER_ROWS", 0)
+    monkeypatch.setattr(mission_construction, "ENDS_MAX", 1)
     nearer, was_exposed = circled(dialect, north)
     assert was_exposed
     assert nearer < away
