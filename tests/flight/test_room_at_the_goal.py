@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.state import shaping
+from companion.flight.state import mission_construction
 from companion.types.events import Dialect
 from companion.types.path import Path, run_on
 from sim.bench.reaction import MISSION
@@ -40,10 +40,10 @@ def test_it_flies_on_beyond_the_goal_to_where_there_is_room():
 
 
 def test_else_it_has_no_mission_that_leads_to_the_goal(monkeypatch):
-    monkeypatch.setattr(shaping, "RUN_ON_M", (0.0,))
+    monkeypatch.setattr(mission_construction, "RUN_ON_M", 0.0)
     harness, is_there = flown()
     rejected = [entry.text for entry in harness.recorder.decisions if entry.kind == "rejected"]
-    assert any("mission" in text and "clearance" in text for text in rejected)
+    assert any("mission" in text and "no circle" in text for text in rejected)
     assert not is_there
 
 

@@ -188,29 +188,30 @@ def test_the_track_is_never_farther_from_the_path_than_without_corrections(
 
 
 def round_a_corner(made):
-    """A path that comes to 37.5 m/s, left by 80 degrees: how fast it is flown, and how near it comes so."""
+    """The mission for a path that comes to 37.5 m/s and turns left, and how near it comes to walls [m]."""
     path = path_along((700.0, 28), (170.0, math.radians(-80.0), 9), (600.0, 24), course=EAST)
     path = replace(path, speeds_m_s=np.linspace(25.0, 37.5, len(path)))
     found = construct_until(made, path, len(path) - 1)
-    assert found.violations == ()
     line = shapely.LineString(simulated(made, path, found.waypoints, at_once=True).positions_enu_m[:, :2])
     walls = [shapely.Polygon(wall.polygon_enu_m) for wall in made.rules.obstacles]
-    return found.waypoints.airspeed_m_s, min((wall.distance(line) for wall in walls), default=math.inf)
+    return found, min((wall.distance(line) for wall in walls), default=math.inf)
 
 
 def test_a_mission_that_flies_wide_is_corrected_or_else_flown_at_cruise(monkeypatch):
-    assert round_a_corner(begun()) == (37.5, math.inf)
+    found, _ = round_a_corner(begun())
+    assert (found.violations, found.waypoints.airspeed_m_s) == ((), 37.5)
     near = begun("obstacles:\n" + BLOCK.format("tower", 876, 105, 910, 125))
-    margin = near.rules.checker.limits.margin_m
-    airspeed, nearest = round_a_corner(near)
-    assert airspeed == 37.5
-    assert nearest > margin
+    found, nearest = round_a_corner(near)
+    assert (found.violations, found.waypoints.airspeed_m_s) == ((), 37.5)
+    assert nearest > near.rules.checker.limits.margin_m
     monkeypatch.setattr(mission_construction, "CORRECTIONS", 0)
     monkeypatch.setattr(mission_construction, "SPACINGS", (1.0,))
-    airspeed, nearest = round_a_corner(near)
-    assert airspeed == 25.0
+    found, _ = round_a_corner(near)
+    assert (found.violations, found.waypoints.airspeed_m_s) == ((), 25.0)
     monkeypatch.setattr(mission_construction, "_airspeeds", lambda *_: [37.5])
-    assert round_a_corner(near)[1] < nearest < margin
+    found, nearest = round_a_corner(near)
+    assert {entry.rule for entry in found.violations} == {"clearance"}
+    assert nearest == 0.0
 
 
 def test_what_is_slowed_down_is_slower_at_the_end():
