@@ -3,7 +3,6 @@
 import contextlib
 import io
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ from companion.research.campaign.campaign_progress import run_campaign
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import RunStore
 from tests.research.campaign.test_campaign_run import HERE, ROOT, SPEC, num_rows, repeatable, run
+from tests.service.process.processes import free_port
 
 pytest.importorskip("distributed")
 pytestmark = [
@@ -25,12 +25,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 LIMIT_S = 60.0
-
-
-def free_port():
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Cluster:
