@@ -1,6 +1,11 @@
-"""How Hypothesis searches, the command line, and which tests stay together when processes share the suite."""
+"""How Hypothesis searches, the command line, coroutines as tests, and which tests stay together.
 
+The last is for processes that share the suite.
+"""
+
+import asyncio
 import functools
+import inspect
 import os
 import re
 from pathlib import Path
@@ -42,6 +47,20 @@ COMPILED = {
 def companion_command(monkeypatch, capsys):
     """The command line, for tests of what lies behind it."""
     return Caller(monkeypatch, capsys)
+
+
+COROUTINE_S = 30.0  # Of one test; only what hangs takes so long.
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """Run a test that is a coroutine in a loop of its own."""
+    test = pyfuncitem.obj
+    if not inspect.iscoroutinefunction(test):
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+    asyncio.run(asyncio.wait_for(test(**given), COROUTINE_S))
+    return True
 
 
 def pytest_itemcollected(item):

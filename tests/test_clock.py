@@ -44,19 +44,16 @@ def test_an_instant_that_has_come_is_not_waited_for_but_others_get_their_turn():
     assert asyncio.run(run()) == ["other"]
 
 
-def test_nobody_wakes_early():
-    async def run():
-        clock = ManualClock()
-        task = asyncio.create_task(clock.sleep_until(1.0))
-        await settle()
-        assert clock.advance_to(0.999) == 0
-        await settle()
-        assert not task.done()
-        assert clock.advance_to(1.0) == 1
-        await settle()
-        assert task.done()
-
-    asyncio.run(run())
+async def test_nobody_wakes_early():
+    clock = ManualClock()
+    task = asyncio.create_task(clock.sleep_until(1.0))
+    await settle()
+    assert clock.advance_to(0.999) == 0
+    await settle()
+    assert not task.done()
+    assert clock.advance_to(1.0) == 1
+    await settle()
+    assert task.done()
 
 
 @given(st.lists(st.integers(1, 20), min_size=1, max_size=12))
@@ -82,17 +79,14 @@ def test_all_who_are_due_wake_in_the_order_of_their_instants(instants):
     asyncio.run(run())
 
 
-def test_who_gave_up_is_not_woken():
-    async def run():
-        clock = ManualClock()
-        tasks = [asyncio.create_task(clock.sleep_until(1.0)) for _ in range(2)]
-        await settle()
-        tasks[0].cancel()
-        await settle()
-        assert clock.advance_to(2.0) == 1
-        await tasks[1]
-
-    asyncio.run(run())
+async def test_who_gave_up_is_not_woken():
+    clock = ManualClock()
+    tasks = [asyncio.create_task(clock.sleep_until(1.0)) for _ in range(2)]
+    await settle()
+    tasks[0].cancel()
+    await settle()
+    assert clock.advance_to(2.0) == 1
+    await tasks[1]
 
 
 def test_the_wall_clock_is_monotonic_time():

@@ -7,12 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from companion.frames import (
-    LocalFrame,
-    course_from_direction,
-    direction_from_course,
-    wrapped_angle,
-)
+from companion.frames import LocalFrame, course_from_direction, direction_from_course, wrapped_angle
 
 WGS84 = Geod(ellps="WGS84")
 FRAME = LocalFrame(-35.363261, 149.165230, 584.0)

@@ -86,11 +86,7 @@ REPLACED = [  # a file that is written whole, by whom, and the mode it has
     ("mission.yaml", by_recorder, 0o640),
     ("map.png", by_picture, 0o640),
 ]
-GROWING = [
-    ("flight.tlog", by_tlog),
-    ("flight.mcap", by_mcap),
-    ("crash.log", by_crash_log),
-]
+GROWING = [("flight.tlog", by_tlog), ("flight.mcap", by_mcap), ("crash.log", by_crash_log)]
 
 
 @pytest.mark.parametrize(("name", "write", "mode"), REPLACED, ids=[name for name, *_ in REPLACED])

@@ -189,8 +189,8 @@ def _at_courses(
 ) -> tuple[FloatArray, FloatArray]:
     """Lengths (K,) [m] and places (K, 3) [m] at which a turn has the courses ``cuts`` (K,) [rad].
 
-    The turn goes from row ``first`` to row ``last``; between two rows it is an arc. The columns are as in
-    :func:`_turns`.
+    The turn goes from row ``first`` to row ``last``; between two rows it is an arc. ``points`` (N, 3) [m],
+    ``courses`` (N,) [rad] and ``travelled`` (N,) [m] are as in :func:`_turns`.
     """
     turned = np.abs(courses[first : last + 1] - courses[first])
     rows = first + np.clip(

@@ -339,10 +339,7 @@ def test_no_unsafe_path_gets_past_the_clearance_rule(segments, boxes, climb, mar
 
 
 @settings(max_examples=200, deadline=None)
-@given(
-    st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=40, max_size=40),
-    st.integers(-3, 9),
-)
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=40, max_size=40), st.integers(-3, 9))
 def test_no_numbers_make_it_raise(numbers, from_row):
     values = np.array(numbers).reshape(5, 8)
     path = path_of(values[:, 0], values[:, 1:4], values[:, 4], values[:, 5], 25.0)

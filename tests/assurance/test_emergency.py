@@ -5,11 +5,7 @@ import itertools
 import pytest
 
 from companion.assurance.checker import Violation
-from companion.assurance.emergency import (
-    EmergencyOptions,
-    EmergencyStep,
-    emergency_decision,
-)
+from companion.assurance.emergency import EmergencyOptions, EmergencyStep, emergency_decision
 from companion.assurance.violation import keeps_hard_constraints
 
 HARD = Violation("clearance", 4, 3.0, 15.0, "distance to barn [m]")

@@ -7,17 +7,17 @@ second, and the campaign has fewer runs. A program that runs for ever is stopped
 should. A command that several pages have is run with the first of them.
 """
 
-import contextlib
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import pytest
+
+from tests.service.process.processes import free_port
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -43,12 +43,6 @@ def blocks_of(page):
     """The page's shell blocks."""
     found = re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.M | re.S)
     return [re.sub(r"\s+#.*|^\.venv/bin/", "", block, flags=re.M).strip() for block in found]
-
-
-def free_port():
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Reader:

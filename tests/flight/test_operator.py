@@ -244,7 +244,9 @@ def test_killed_in_flight_it_plans_again_within_5_s_and_the_flight_ends_well(dia
         assert max(lengths) <= 3 + 2 * size
 
 
-@BOTH
+@pytest.mark.parametrize(
+    "dialect", [pytest.param(Dialect.ARDUPILOT, marks=pytest.mark.slow), Dialect.PX4]
+)  # MAVSDK is waited for in real time, 8 s
 def test_killed_in_an_upload_what_is_flown_stays_whole(dialect):
     kept = []
 

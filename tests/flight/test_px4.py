@@ -7,7 +7,6 @@ from companion.config import mission_from_text
 from companion.flight.state.modes import Mode
 from companion.mission.mission_id import mission_id
 from companion.types.events import Dialect
-from sim.autopilot.px4.px4_store import stored
 from sim.mission_types import MissionKind
 from tests.flight.test_app import at, both, switch, when
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
@@ -69,7 +68,7 @@ def test_nothing_but_missions_and_streams_is_asked(undisturbed):
     assert undisturbed.said("SET_MODE") == []
 
 
-@pytest.mark.parametrize("mode", ["LOITER", "STABILIZED", "RTL"])
+@pytest.mark.parametrize("mode", ["STABILIZED", "RTL"])
 def test_the_pilot_wins_at_once_and_for_as_long(mode):
     harness = flown(28.0, switch(12.0, mode))
     assert harness.app.mode is Mode.SUSPENDED
@@ -147,28 +146,3 @@ def test_a_lost_last_acknowledgement_is_made_good_by_mission_current():
     autopilot = harness.simulator.autopilot
     identity = autopilot.stored_list(MissionKind.MISSION).identity
     assert mission_id(harness.app.state.flown.mission.items) == identity
-
-
-def upload_by_another(harness):
-    """A ground station's mission: 300 m east of where the aircraft is, with a landing."""
-    autopilot = harness.simulator.autopilot
-    items = autopilot.mission_items
-    keep = [items[0], items[1], *items[-3:]]
-    new = stored(tuple(entry for entry in keep))
-    autopilot.switch(MissionKind.MISSION, new, 1)
-
-
-def test_another_uploader_is_respected():
-    harness = flown(40.0, at(15.0, upload_by_another))
-    assert harness.app.mode is Mode.YIELDED
-    assert harness.changes(after_s=17.0) == []
-    assert len(harness.simulator.autopilot.mission_items) == 5
-
-
-def test_the_pilot_hands_back_after_another_upload_by_leaving_the_mode_and_coming_back():
-    harness = flown(45.0, both(at(15.0, upload_by_another), switch(22.0, "LOITER"), switch(24.0, "MISSION")))
-    assert harness.app.mode is Mode.ACTIVE
-    assert harness.changes(after_s=24.0) != []
-    commands = [entry.command for entry in harness.simulator.autopilot.mission_items]
-    assert commands[:2] == [22, 16]
-    assert commands[-3:] == [189, 31, 21]

@@ -376,14 +376,6 @@ def work_tlog(data):
 
 
 FILE_TARGETS = (
-    Target(
-        "mcap",
-        check_mcap,
-        work_mcap,
-        (
-            "companion.recording.reader",
-            "companion.recording.mcap_reader",
-        ),
-    ),
+    Target("mcap", check_mcap, work_mcap, ("companion.recording.reader", "companion.recording.mcap_reader")),
     Target("tlog", check_tlog, work_tlog, ("companion.link.wire.tlog", "companion.recording.reader")),
 )

@@ -187,14 +187,7 @@ def _boulder(random):
     return shapely.get_coordinates(shapely.MultiPoint(points).convex_hull)[:-1]
 
 
-SHAPES = {
-    "wall": _wall,
-    "box": _box,
-    "ell": _ell,
-    "cup": _cup,
-    "triangle": _triangle,
-    "boulder": _boulder,
-}
+SHAPES = {"wall": _wall, "box": _box, "ell": _ell, "cup": _cup, "triangle": _triangle, "boulder": _boulder}
 
 
 def _pursuer(random, kind, sides, start, goal, obstacles):

@@ -153,7 +153,9 @@ def test_where_it_is_everywhere_before_nothing_wins():
     assert solve(game(pursuer=(1500.0, 1000.0), speed=25.0), 25.0, slack_s=-math.inf) is not None
 
 
-@pytest.mark.parametrize(("kind", "seed", "speed"), [("route", 29, 25.0), ("speed", 20, 33.75)])
+@pytest.mark.parametrize(
+    ("kind", "seed", "speed"), [("route", 29, 25.0), pytest.param("speed", 20, 33.75, marks=pytest.mark.slow)]
+)
 def test_the_simulators_pursuer_catches_the_shortest_way_only(kind, seed, speed):
     mission = mission_from_text(random_game(seed, kind), "game.yaml")
     made = game_of(mission)

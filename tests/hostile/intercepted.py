@@ -105,10 +105,7 @@ TO_SERVICE = {
     ),
     "vehicle": lambda c, ms: (STRANGER, _vehicle(c)),
     "key": lambda c, ms: (STATION, mavlink.MAVLink_setup_signing_message(1, 195, list(OTHER_KEY), 0)),
-    "mode": lambda c, ms: (
-        STATION,
-        mavlink.MAVLink_command_long_message(1, 195, 176, 0, 1, 11, *[0.0] * 5),
-    ),
+    "mode": lambda c, ms: (STATION, mavlink.MAVLink_command_long_message(1, 195, 176, 0, 1, 11, *[0.0] * 5)),
 }
 # To the autopilot, under the service's or a station's ids; only where it believes signed frames alone.
 TO_AUTOPILOT = {

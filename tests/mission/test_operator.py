@@ -233,8 +233,7 @@ def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes
     layout, sizes = whole(), []
     for length in lengths:
         path = waypoints(
-            *((100.0 * n, 0.0, 100.0) for n in range(length)),
-            continues_with_operator_items=goes_on,
+            *((100.0 * n, 0.0, 100.0) for n in range(length)), continues_with_operator_items=goes_on
         )
         before = layout.size
         mission, layout = layout.with_new(layout.items_for(mission_part(path, FRAME)), 1)

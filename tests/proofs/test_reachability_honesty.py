@@ -31,7 +31,7 @@ def test_captures_are_what_they_say(chases):
     rng = np.random.default_rng(5)
     hunted = 0
     for chase in chases:
-        for _ in range(10):
+        for _ in range(5):
             start, heading = chase.random_start(rng)
             drive = chase.hunt(start, heading)
             if drive is None:

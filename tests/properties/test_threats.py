@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.threat.fuzzy_threat import (
-    aggregate_overlap,
-    line_threat,
-    node_threat,
-    point_threat,
-)
+from companion.kernels.threat.fuzzy_threat import aggregate_overlap, line_threat, node_threat, point_threat
 from companion.kernels.workspace import MAX_THREATS, threat_scene
 from companion.types.threat import Radar
 from companion.world.threats import packed_threats

@@ -168,7 +168,7 @@ def test_wherever_the_file_is_cut_what_stands_before_is_read(flown, tmp_path):
     folder, _ = flown
     whole = (folder / "flight.mcap").read_bytes()
     stamps = []
-    for length in range(0, len(whole), 997):
+    for length in range(0, len(whole), 2503):
         (tmp_path / "cut.mcap").write_bytes(whole[:length])
         found = read_messages(tmp_path / "cut.mcap", Counter())
         stamps.append(max((entry["stamp_s"] for entry in found.get(channels.OWNSHIP, ())), default=0.0))

@@ -294,10 +294,7 @@ def test_the_command(companion_command, flight, stream, tmp_path):
     [
         ([], "TARGET: got nothing; expected a file to write, or --rerun"),
         (["o.rrd"], f"TARGET: got o.rrd; {ITS_NAME}"),
-        (
-            ["o.mcap", "--rerun"],
-            f"TARGET: got o.mcap; {ITS_NAME}",
-        ),
+        (["o.mcap", "--rerun"], f"TARGET: got o.mcap; {ITS_NAME}"),
     ],
 )
 def test_a_target_that_does_not_fit_is_told(

@@ -139,7 +139,3 @@ def test_the_pilots_switch_knows_its_positions():
     assert simulator.autopilot.mode == "RTL"
     with pytest.raises(ValueError, match="no such mode: HOVER"):
         simulator.set_mode("HOVER")
-
-
-def test_mission_files_are_where_the_tests_look():
-    assert (CONFIGS / "first-flight.yaml").is_file()

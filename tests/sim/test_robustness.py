@@ -46,9 +46,7 @@ def frame(name: str, payload: bytes, command: int) -> bytes:
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    name=st.sampled_from(HANDLED),
-    payload=st.binary(max_size=255),
-    command=st.sampled_from([-1, *COMMANDS]),
+    name=st.sampled_from(HANDLED), payload=st.binary(max_size=255), command=st.sampled_from([-1, *COMMANDS])
 )
 def test_any_message_with_any_content_is_survived(simulator, name, payload, command):
     dropped = simulator.autopilot.channels[0].num_dropped

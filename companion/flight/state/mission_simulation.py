@@ -260,7 +260,7 @@ def faults_of(
     waypoints : Waypoints
         The mission's waypoints and circle.
     track : Track
-        Its simulated flight, as :func:`simulated` returns it.
+        The simulated flight over the mission, see :func:`simulated`.
 
     Returns
     -------

@@ -30,12 +30,7 @@ def circled(dialect, north):
 # Each autopilot's circle lies on another side of the path. The radar stands where it would reach that circle.
 @pytest.mark.parametrize(
     ("dialect", "north"),
-    [
-        (Dialect.ARDUPILOT, -520.0),
-        (Dialect.ARDUPILOT, -560.0),
-        (Dialect.PX4, 580.0),
-        (Dialect.PX4, 600.0),
-    ],
+    [(Dialect.ARDUPILOT, -520.0), (Dialect.ARDUPILOT, -560.0), (Dialect.PX4, 580.0), (Dialect.PX4, 600.0)],
 )
 def test_should_the_service_fall_silent_it_circles_out_of_the_radar(dialect, north, monkeypatch):
     away, is_exposed = circled(dialect, north)

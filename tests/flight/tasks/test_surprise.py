@@ -180,7 +180,9 @@ class QuickRunner(InlineRunner):
         return PlanTiming(StopRule(lambda _asked: False), until_s=clock.now_s() + min(budget_s, QUICK_S))
 
 
-@pytest.mark.parametrize(("dialect", "seed"), [(Dialect.PX4, 3), (Dialect.ARDUPILOT, 1)])
+@pytest.mark.parametrize(
+    ("dialect", "seed"), [pytest.param(Dialect.PX4, 3, marks=pytest.mark.slow), (Dialect.ARDUPILOT, 1)]
+)
 def test_a_mission_that_waits_for_its_entry_is_given_up(dialect, seed, monkeypatch):
     """A plan made while the turn is half seen ends before it is seen; its mission waits for seconds."""
     monkeypatch.setattr(sitl_harness, "InlineRunner", QuickRunner)

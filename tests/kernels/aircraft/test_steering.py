@@ -19,8 +19,7 @@ CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 
 
 @pytest.mark.parametrize(
-    ("place", "sign"),
-    [((0.0, 500.0), 0), ((20.0, 500.0), -1), ((-20.0, 500.0), 1), ((-300.0, 500.0), 1)],
+    ("place", "sign"), [((0.0, 500.0), 0), ((20.0, 500.0), -1), ((-20.0, 500.0), 1), ((-300.0, 500.0), 1)]
 )
 def test_legs_pull_back_to_their_line(place, sign):
     pull = leg_acceleration(*place, 0.0, 25.0, BEGIN, END, LAW)

@@ -8,11 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from companion.kernels.aircraft.dubins import distance_to_point
-from companion.kernels.objective.before_pursuers import (
-    Wave,
-    fill_before_pursuers,
-    time_to_fly,
-)
+from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers, time_to_fly
 from companion.kernels.objective.cost_to_go import CostField, Heap
 from companion.kernels.objective.row_costs import Objective, Prices
 from companion.world.obstacles import packed_obstacles

@@ -94,15 +94,7 @@ def plain_answer(x0, y0, heading, x, y, z, slack):
 
 
 @settings(max_examples=250, deadline=None)
-@given(
-    BESIDE,
-    BESIDE,
-    st.floats(-3.1, 3.1),
-    BESIDE,
-    BESIDE,
-    st.floats(5.0, 150.0),
-    st.floats(-1.0, 60.0),
-)
+@given(BESIDE, BESIDE, st.floats(-3.1, 3.1), BESIDE, BESIDE, st.floats(5.0, 150.0), st.floats(-1.0, 60.0))
 def test_reachable_agrees_with_the_definition(x0, y0, heading, x, y, z, slack):
     trees = pursuers_at(x0, y0, heading, time=7.0)
     answer, boundary, estimate = ask(trees, x, y, z, 7.0 + slack)

@@ -268,13 +268,6 @@ def test_frames_carry_what_was_received():
     ]
 
 
-def test_frames_in_any_portions():
-    whole, bytewise = Codec(1), Codec(1)
-    data = b"".join(FRAMES)
-    one_by_one = [frame for byte in data for frame in bytewise.feed(bytes([byte]), 0.0)]
-    assert one_by_one == whole.feed(data, 0.0)
-
-
 def test_mavlink_1_is_understood():
     data = packed(mavlink.MAVLink_mission_item_reached_message(4), version=1)
     assert data[0] == 0xFE
@@ -287,13 +280,6 @@ def test_signed_frames_are_understood():
     writer.signing.sign_outgoing = True
     data = bytes(mavlink.MAVLink_mission_item_reached_message(4).pack(writer))
     assert events(started(), data + heartbeat())[0] == MissionItemReached(10.0, 4)
-
-
-def test_garbage_between_frames_costs_nothing():
-    codec = Codec(1)
-    frames = codec.feed(b"\x00\xff" + FRAMES[0] + b"noise" + FRAMES[1] + b"\x01", 0.0)
-    assert [frame.raw for frame in frames] == FRAMES[:2]
-    assert codec.counters["garbage_bytes"] == 8
 
 
 def test_a_damaged_length_does_not_swallow_what_follows():

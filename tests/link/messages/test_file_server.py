@@ -12,13 +12,7 @@ from companion.config import mission_from_text
 from companion.config.pilot_parameters import Parameters
 from companion.flight.messages.speech import Speech
 from companion.link.messages.codec import Codec
-from companion.link.messages.file_server import (
-    BURST_MAX,
-    DATA_MAX,
-    SESSION_S,
-    SESSIONS_MAX,
-    FileServer,
-)
+from companion.link.messages.file_server import BURST_MAX, DATA_MAX, SESSION_S, SESSIONS_MAX, FileServer
 from tests.support.sitl_harness import FIRST_FLIGHT
 
 LONG = bytes(range(256)) * 8  # 2048 bytes: nine portions

@@ -5,10 +5,12 @@ import sys
 
 import pytest
 
+# Ten times after each of ten delays; a hundred times among the slow tests.
+KINDS = {"discovery": 100, "asked": 100, "answered": 100, "rally points": 2}
+LONG = [pytest.param(kind, 1_000, marks=pytest.mark.slow) for kind in ("discovery", "asked")]
 
-@pytest.mark.parametrize(
-    ("kind", "number"), [("discovery", 200), ("asked", 200), ("answered", 100), ("rally points", 2)]
-)
+
+@pytest.mark.parametrize(("kind", "number"), [*KINDS.items(), *LONG])
 def test_a_call_that_is_cancelled_at_any_moment_ends_alone(kind, number):
     done = subprocess.run(
         [sys.executable, "-m", "tests.link.missions.mavsdk_endings", kind, str(number)],

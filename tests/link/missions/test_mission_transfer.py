@@ -183,15 +183,12 @@ def test_a_part_alone_is_sent_and_the_rest_stays():
     assert not difference((*ITEMS[:5], *HIGHER[PART], *ITEMS[11:]), bench.autopilot.items)
 
 
-def test_a_part_behind_the_list_is_refused():
-    async def body():
-        bench = Bench(ArduPlane(), 1, **GOOD)
-        with_list(bench, ITEMS[:4])
-        with pytest.raises(TransferError, match="ERROR"):
-            await bench.until_done(bench.link.write(ITEMS[8:]))
-        assert len(bench.autopilot.items) == 4
-
-    asyncio.run(body())
+async def test_a_part_behind_the_list_is_refused():
+    bench = Bench(ArduPlane(), 1, **GOOD)
+    with_list(bench, ITEMS[:4])
+    with pytest.raises(TransferError, match="ERROR"):
+        await bench.until_done(bench.link.write(ITEMS[8:]))
+    assert len(bench.autopilot.items) == 4
 
 
 BAD_LINKS = {
@@ -349,15 +346,12 @@ def test_the_time_to_repeat_stays_within_its_limits(answers):
         assert REPEAT_MIN_S <= trip.repeat_s <= REPEAT_MAX_S
 
 
-def test_a_count_that_came_late_is_cancelled_and_cuts_no_longer_list_off():
+async def test_a_count_that_came_late_is_cancelled_and_cuts_no_longer_list_off():
     # A PX4 takes a count before any item for a repetition, and overlooks that it is another.
-    async def body():
-        bench = Bench(Px4(), 1, **GOOD)
-        with_list(bench, ITEMS[:6])
-        bench.there.put(0.0, bench.codec.mission_opening(0, 6, is_part=False))
-        for step in range(1, 20):
-            bench.step(step * STEP_S)
-        await bench.until_done(bench.link.upload(ITEMS))
-        assert not difference(ITEMS, bench.autopilot.items)
-
-    asyncio.run(body())
+    bench = Bench(Px4(), 1, **GOOD)
+    with_list(bench, ITEMS[:6])
+    bench.there.put(0.0, bench.codec.mission_opening(0, 6, is_part=False))
+    for step in range(1, 20):
+        bench.step(step * STEP_S)
+    await bench.until_done(bench.link.upload(ITEMS))
+    assert not difference(ITEMS, bench.autopilot.items)

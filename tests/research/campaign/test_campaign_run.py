@@ -90,15 +90,16 @@ def test_a_fault_is_a_row_and_what_is_no_number_was_not_measured(file, made_by, 
 
 def test_a_run_that_takes_its_process_with_it_is_tried_twice_and_then_a_row(file, made_by, tmp_path):
     made_by("Deadly")
+    file.write_text(SPEC.replace("safe-rrt, ", "").replace("seeds: 30", "seeds: 5"), encoding="utf-8")
     done = run(file, tmp_path / "out", jobs=2)
-    assert done.num_made == 60
+    assert done.num_made == 5
     with sqlite3.connect(tmp_path / "out" / DATABASE) as connection:
         chosen = "SELECT seed, error, attempts FROM runs WHERE attempts > 1 ORDER BY number"
         rows = connection.execute(chosen).fetchall()
     connection.close()
     died = "the process that made it was ended by signal 9"
     left = "the process that made it ended with code 7"
-    assert rows == [("2", died, 2), ("2", died, 2), ("3", left, 2), ("3", left, 2)]
+    assert rows == [("2", died, 2), ("3", left, 2)]
 
 
 def test_processes_that_never_get_ready_end_the_campaign(file, made_by, tmp_path):

@@ -1,9 +1,9 @@
 """A real scheduler and real workers: the rows are those of processes, whoever is killed meanwhile."""
 
 import contextlib
+import importlib.util
 import io
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,20 +17,16 @@ from companion.research.campaign.campaign_progress import run_campaign
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import RunStore
 from tests.research.campaign.test_campaign_run import HERE, ROOT, SPEC, num_rows, repeatable, run
+from tests.service.process.processes import free_port
 
-pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.slow,
+    # Looked for and not imported, which takes a second of every run.
+    pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="Dask is not installed"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 LIMIT_S = 60.0
-
-
-def free_port():
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Cluster:

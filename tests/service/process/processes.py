@@ -84,7 +84,7 @@ def process(*arguments, environment=None, **options):
             running.communicate()
 
 
-def simulator(port, mission=FIRST_FLIGHT, speed=2.0, *more):
+def simulator(port, mission=FIRST_FLIGHT, speed=4.0, *more):
     return process(
         "-m", "sim", mission, "--listen", f"tcp://127.0.0.1:{port}", "--speed", speed, *more,
     )  # fmt: skip

@@ -13,8 +13,7 @@ from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
 KILLED_S = 30.0
 TWO_GOALS = FIRST_FLIGHT.replace(
-    "goals:\n",
-    "goals:\n  - {east_m: 500, north_m: 750, up_m: 100, acceptance_radius_m: 60}\n",
+    "goals:\n", "goals:\n  - {east_m: 500, north_m: 750, up_m: 100, acceptance_radius_m: 60}\n"
 )
 
 

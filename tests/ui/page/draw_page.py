@@ -13,7 +13,7 @@ from companion.config import load_mission
 from companion.ui.page.access import Access
 from companion.ui.page.page_server import PageServer
 from companion.ui.page.playback import recorded_playback
-from tests.docs.test_commands import free_port
+from tests.service.process.processes import free_port
 from tests.ui.page.browser import Browser
 from tests.ui.page.made_ground import write_ground
 

@@ -20,7 +20,7 @@ from companion.ui.page.page_server import PageServer
 from companion.ui.page.playback import Playback
 from companion.ui.reports.report import write_report
 from companion.world.pursuit import pursuit_game
-from tests.docs.test_commands import free_port
+from tests.service.process.processes import free_port
 from tests.ui.page import browser, made_ground
 from tests.ui.page.flown import Told, ownship, track
 from tests.ui.page.wire_flight import WATCH, WireFlight, measured
