@@ -13,7 +13,6 @@ values are REAL32, which every dialect's encoding leaves alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion import __version__
@@ -87,30 +86,26 @@ def answer(
         return _parameter_list(request, codec, parameters)
     if (request.target_system, request.target_component) != (system, component):
         return b""  # an answer to a broadcast would be one of many, and the autopilot gives it
-    return _addressed_answer(request, frame, codec, parameters, _Reading(files, now_s))
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """What may be read, and when it is asked for."""
-
-    files: FileServer | None
-    now_s: float
+    return _addressed_answer(request, frame, codec, parameters, files, now_s)
 
 
 def _addressed_answer(
-    request: Request, frame: DecodedFrame, codec: Codec, parameters: ParameterStore | None, reading: _Reading
+    request: Request,
+    frame: DecodedFrame,
+    codec: Codec,
+    parameters: ParameterStore | None,
+    files: FileServer | None,
+    now_s: float,
 ) -> bytes:
-    """Answer to what is asked of this component alone."""
+    """Answer a request that is addressed to this component alone."""
     sender = (frame.system_id, frame.component_id)
     if request.kind == "command":
-        return _command_answer(request, sender, codec, reading)
+        return _command_answer(request, sender, codec, files, now_s)
     if request.kind == "file":
-        files = reading.files
-        told = () if files is None else files.answers(request.data, sender, reading.now_s)
-        return b"".join(codec.file_transfer(payload, *sender) for payload in told)
+        payloads = () if files is None else files.answers(request.data, sender, now_s)
+        return b"".join(codec.file_transfer(payload, *sender) for payload in payloads)
     if request.kind == "mission_list":
-        # The autopilot's own count, sent to us in a download, is no request.
+        # The autopilot's own count, which it sends to us in a download, is no request.
         return b"" if sender == (codec.own_ids[0], 1) else codec.mission_refusal(*sender)
     return b"" if parameters is None else _parameter_answer(request, frame, codec, parameters)
 
@@ -160,7 +155,9 @@ def _parameter_answer(
     return _told(name, codec, parameters) + said
 
 
-def _command_answer(request: Request, sender: tuple[int, int], codec: Codec, reading: _Reading) -> bytes:
+def _command_answer(
+    request: Request, sender: tuple[int, int], codec: Codec, files: FileServer | None, now_s: float
+) -> bytes:
     if request.number == Command.REQUEST_MESSAGE:
         wanted = int(request.parameters[0])
         accepted = codec.command_ack(request.number, CommandResult.ACCEPTED, *sender)
@@ -168,11 +165,9 @@ def _command_answer(request: Request, sender: tuple[int, int], codec: Codec, rea
             return accepted + codec.autopilot_version(_packed_version())
         if wanted == MessageId.HEARTBEAT:
             return accepted + codec.heartbeat_again()
-        if wanted == MessageId.COMPONENT_METADATA and reading.files is not None:
-            path, document = next(iter(reading.files.files.items()))
-            return accepted + codec.component_metadata(
-                reading.now_s, file_checksum(document), f"mftp://{path}"
-            )
+        if wanted == MessageId.COMPONENT_METADATA and files is not None:
+            path, document = next(iter(files.files().items()))
+            return accepted + codec.component_metadata(now_s, file_checksum(document), f"mftp://{path}")
     return codec.command_ack(request.number, CommandResult.UNSUPPORTED, *sender)
 
 

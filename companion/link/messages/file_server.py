@@ -92,14 +92,9 @@ class FileServer:
     """
 
     def __init__(self, files: Callable[[], Mapping[str, bytes]], counters: Counter[str]) -> None:
-        self._files = files
+        self.files = files
         self._counters = counters
         self._sessions: dict[Asker, _Session] = {}
-
-    @property
-    def files(self) -> Mapping[str, bytes]:
-        """What there is now, by path."""
-        return self._files()
 
     def answers(self, payload: bytes, asker: Asker, now_s: float) -> list[bytes]:
         """Payloads that answer one.
@@ -133,25 +128,25 @@ class FileServer:
             case FileOperation.BURST_READ_FILE:
                 return self._read(asked, self._session(asked, asker, now_s), BURST_MAX)
             case FileOperation.CALC_FILE_CRC32:
-                return [_ack(asked, struct.pack("<I", file_checksum(self._file(asked))))]
+                return [_packed(asked, struct.pack("<I", file_checksum(self._file(asked))))]
             case FileOperation.LIST_DIRECTORY:
-                return [_ack(asked, self._listed(asked))]
+                return [_packed(asked, self._listed(asked))]
             case FileOperation.TERMINATE_SESSION:
                 self._session(asked, asker, now_s)
                 del self._sessions[asker]
-                return [_ack(asked)]
+                return [_packed(asked)]
             case FileOperation.RESET_SESSIONS:  # the asker's: others may be reading
                 self._sessions.pop(asker, None)
-                return [_ack(asked)]
+                return [_packed(asked)]
         raise _Refused(FileError.UNKNOWN_COMMAND)
 
     def _refusal(self, asked: _Asked, error: FileError) -> bytes:
         if error != FileError.END_OF_FILE:  # by which every reading ends
             self._counters["refused_file"] += 1
-        return _packed(asked, FileOperation.NAK, bytes((error,)))
+        return _packed(asked, bytes((error,)), FileOperation.NAK)
 
     def _file(self, asked: _Asked) -> bytes:
-        files, path = self._files(), _path_in(asked)
+        files, path = self.files(), _path_in(asked)
         if path not in files:
             raise _Refused(FileError.FILE_NOT_FOUND)
         return files[path]
@@ -170,7 +165,7 @@ class FileServer:
                 raise _Refused(FileError.NO_SESSIONS_AVAILABLE)
             session_now = _Session(free, data, now_s)
         self._sessions[asker] = _Session(session_now.number, data, now_s)
-        return _ack(asked, struct.pack("<I", len(data)), session=session_now.number)
+        return _packed(asked, struct.pack("<I", len(data)), session=session_now.number)
 
     def _session(self, asked: _Asked, asker: Asker, now_s: float) -> _Session:
         session = self._sessions.get(asker)
@@ -187,7 +182,7 @@ class FileServer:
         step = asked.size or DATA_MAX
         starts = range(asked.offset, len(session.data), step)[:most]
         return [
-            _ack(
+            _packed(
                 asked,
                 session.data[start : start + step],
                 offset=start,
@@ -201,7 +196,7 @@ class FileServer:
         """List what stands in the one folder there is: kind, name, size, each ended by a zero byte."""
         if _path_in(asked) != "/":
             raise _Refused(FileError.FILE_NOT_FOUND)
-        files = self._files()
+        files = self.files()
         entries = [f"F{path.removeprefix('/')}\t{len(files[path])}\0".encode("ascii") for path in files]
         if asked.offset >= len(entries):
             raise _Refused(FileError.END_OF_FILE)
@@ -232,24 +227,10 @@ def _path_in(asked: _Asked) -> str:
     return "/" + name.decode("ascii").removeprefix("/") if name.isascii() else ""
 
 
-def _ack(
-    asked: _Asked,
-    data: bytes = b"",
-    *,
-    session: int | None = None,
-    offset: int | None = None,
-    ahead: int = 0,
-    is_last: bool = False,
-) -> bytes:
-    return _packed(
-        asked, FileOperation.ACK, data, session=session, offset=offset, ahead=ahead, is_last=is_last
-    )
-
-
 def _packed(
     asked: _Asked,
-    operation: FileOperation,
-    data: bytes,
+    data: bytes = b"",
+    operation: FileOperation = FileOperation.ACK,
     *,
     session: int | None = None,
     offset: int | None = None,

@@ -100,7 +100,7 @@ class Streams:
                 requests.append(codec.set_message_interval(number, stream.rate_hz))
                 if (
                     number == MessageId.HOME_POSITION
-                ):  # sent on change only: the interval alone may never bring it
+                ):  # It is sent on change only, so an interval is not enough.
                     requests.append(codec.request_message(MessageId.HOME_POSITION))
         return b"".join(requests) + self._reader.due(codec)
 

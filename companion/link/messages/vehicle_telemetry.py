@@ -105,8 +105,8 @@ class Telemetry:
             "EKF_STATUS_REPORT": self._health,
             "GPS_RAW_INT": self._fix,
             "MISSION_CURRENT": self._mission_current,
-            "MISSION_ITEM_REACHED": self._reached,
-            "EXTENDED_SYS_STATE": self._landed,
+            "MISSION_ITEM_REACHED": lambda m, _frame, stamp_s: MissionItemReached(stamp_s, m.seq),
+            "EXTENDED_SYS_STATE": lambda m, _frame, stamp_s: LandedReported(stamp_s, m.landed_state),
             "HOME_POSITION": self._home,
             "STATUSTEXT": self._text,
         }
@@ -259,12 +259,6 @@ class Telemetry:
             rally_id=int.from_bytes(payload[14:18], "little"),
             fence_id=int.from_bytes(payload[10:14], "little"),
         )
-
-    def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:
-        return MissionItemReached(stamp_s, message.seq)
-
-    def _landed(self, message: Message, _frame: RawFrame, stamp_s: float) -> LandedReported:
-        return LandedReported(stamp_s, message.landed_state)
 
     def _home(self, message: Message, _frame: RawFrame, stamp_s: float) -> HomePosition:
         latitude, longitude = place(message.latitude, message.longitude, "home")

@@ -48,15 +48,18 @@ class AutopilotLink:
     Parameters
     ----------
     codec : Codec
-        Codec of the link that the calls go over; it knows the vehicle's ids.
+        Codec of the link; it knows the vehicle's ids.
     clock : Clock
-        Clock by which ``set_current`` and ``set_mode`` wait, and transfers repeat.
+        Clock for waiting and for repeating.
     send : callable
-        Takes bytes for the transport.
-    on_pending_change : callable, optional
-        Called with ``pending_calls`` whenever that changes.
+        Passes bytes to the transport.
     timeout_s : float
-        Wall-clock limit of one transfer, beyond MAVSDK's own limits.
+        Wall-clock limit of one transfer of MAVSDK, beyond MAVSDK's own limits.
+
+    Attributes
+    ----------
+    dialect : Dialect or None
+        Dialect of the autopilot; None until its first heartbeat.
     """
 
     def __init__(
@@ -65,15 +68,14 @@ class AutopilotLink:
         clock: Clock,
         send: Callable[[bytes], None],
         *,
-        on_pending_change: Callable[[int], None] | None = None,
         timeout_s: float = 30.0,
     ) -> None:
         self.counters: Counter[str] = Counter()
         self._codec = codec
         self._clock = clock
         self._send = send
-        self._mavsdk = MavsdkReader(codec, send, self.counters, on_pending_change, timeout_s)
-        self._dialect: Dialect | None = None
+        self._mavsdk = MavsdkReader(codec, send, self.counters, timeout_s)
+        self.dialect: Dialect | None = None
         self._waiters: list[tuple[Callable[[object], bool], asyncio.Future[object]]] = []
         self._turn = asyncio.Lock()
         self._current: MissionCurrent | None = None
@@ -82,19 +84,13 @@ class AutopilotLink:
         self._moved = asyncio.Event()
 
     @property
-    def dialect(self) -> Dialect | None:
-        """Whose missions the autopilot flies; None until it is heard."""
-        return self._dialect
-
-    @property
     def mission_mode(self) -> str:
         """The flight mode in which missions are flown, in the autopilot's words."""
-        dialect = self.dialect
-        return "the mission mode" if dialect is None else MISSION_MODES[dialect]
+        return "the mission mode" if self.dialect is None else MISSION_MODES[self.dialect]
 
     @property
     def current(self) -> MissionCurrent | None:
-        """What the autopilot told last of the mission it flies."""
+        """The autopilot's last report on the mission that it flies."""
         return self._current
 
     @property
@@ -117,11 +113,6 @@ class AutopilotLink:
         return self.is_exchanging and frame.message_id in MISSION_MESSAGES
 
     @property
-    def pending_calls(self) -> int:
-        """How many calls of MAVSDK are under way."""
-        return self._mavsdk.pending_calls
-
-    @property
     def is_our_turn(self) -> bool:
         """Whether a call is under way and the next word is MAVSDK's, not the autopilot's."""
         return self._mavsdk.is_our_turn
@@ -136,7 +127,7 @@ class AutopilotLink:
             return
         for event in frame.events:
             if isinstance(event, Heartbeat):
-                self._dialect = event.dialect
+                self.dialect = event.dialect
             elif isinstance(event, MissionCurrent):
                 self._current = event
             self._tell(event)
@@ -423,9 +414,9 @@ class AutopilotLink:
                 future.set_result(what)
 
     def _require_autopilot(self) -> Dialect:
-        if self._dialect is None:
-            raise NoAutopilotError("no heartbeat of an autopilot was heard")
-        return self._dialect
+        if self.dialect is None:
+            raise NoAutopilotError("no heartbeat of an autopilot was received")
+        return self.dialect
 
     @contextlib.asynccontextmanager
     async def _exchange(self) -> AsyncIterator[None]:
@@ -440,7 +431,7 @@ class AutopilotLink:
 
     def _free(self, mission_type: int = MissionType.MISSION) -> None:
         """Tell a PX4 that a transfer is over: it would be busy for 5 s, and 5 more at each new try."""
-        if self._dialect is not None and self._dialect.stays_busy:
+        if self.dialect is not None and self.dialect.stays_busy:
             self._send(self._codec.mission_cancel(mission_type))
 
 

@@ -63,9 +63,7 @@ class MavsdkReader:
     send : callable
         Takes bytes for the transport.
     counters : Counter of str
-        Where frames of MAVSDK's that were dropped are counted.
-    on_pending_change : callable, optional
-        Called with ``pending_calls`` whenever that changes.
+        Counts dropped frames of MAVSDK.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """
@@ -75,13 +73,11 @@ class MavsdkReader:
         codec: Codec,
         send: Callable[[bytes], None],
         counters: Counter[str],
-        on_pending_change: Callable[[int], None] | None,
         timeout_s: float,
     ) -> None:
         self._counters = counters
         self._codec = codec
         self._send = send
-        self._on_pending_change = on_pending_change
         self._timeout_s = timeout_s
         self._pending_calls = 0
         self._is_our_turn = False
@@ -93,11 +89,6 @@ class MavsdkReader:
         self._under_way: asyncio.Future[Any] | None = None
         self._answered = threading.Event()  # the call begun last has come to its end, in MAVSDK's thread
         self._answered.set()
-
-    @property
-    def pending_calls(self) -> int:
-        """How many calls of MAVSDK are under way."""
-        return self._pending_calls
 
     @property
     def is_our_turn(self) -> bool:
@@ -245,8 +236,6 @@ class MavsdkReader:
     def _count(self, change: int) -> None:
         self._pending_calls += change
         self._is_our_turn = change > 0
-        if self._on_pending_change is not None:
-            self._on_pending_change(self._pending_calls)
 
 
 def _cancel(missions: Any) -> None:  # noqa: ANN401

@@ -145,32 +145,26 @@ class Framer:
         start, size = 0, len(buffer)
         found: list[RawFrame] = []
         while start < size:
-            if buffer[start] not in _HEADERS:
-                start = self._skipped(buffer, start)
-                continue
-            end = self._judged(buffer, start)
-            is_verified = end != _UNKNOWN
-            if not is_verified:
-                end = self._looked_through(buffer, start)
-            if end == _WAITING:
-                break
-            if is_verified and end == _NONE:
-                end = start + 1
-            elif is_verified or end - start == _length_at(buffer, start):
+            is_verified, is_frame = True, False
+            if buffer[start] in _HEADERS:
+                end = self._judged(buffer, start)
+                is_verified = end != _UNKNOWN
+                if not is_verified:
+                    end = self._looked_through(buffer, start)
+                if end == _WAITING:
+                    break
+                is_frame = end != _NONE and (is_verified or end - start == _length_at(buffer, start))
+                end = start + 1 if end == _NONE else end
+            else:
+                magic = _MAGIC(buffer, start)
+                end = size if magic is None else magic.start()
+            if is_frame:
                 found.append(raw_frame(buffer[start:end], is_verified=is_verified))
-                start = end
-                continue
-            self._counters["garbage_bytes"] += end - start
+            else:
+                self._counters["garbage_bytes"] += end - start
             start = end
         self._buffer = buffer[start:]
         return found
-
-    def _skipped(self, buffer: bytes, start: int) -> int:
-        """Where the next magic byte stands."""
-        magic = _MAGIC(buffer, start)
-        place = len(buffer) if magic is None else magic.start()
-        self._counters["garbage_bytes"] += place - start
-        return place
 
     def _judged(self, buffer: bytes, start: int, *, is_counted: bool = True) -> int:
         """Where the frame that begins at a magic byte ends, or a verdict below 0."""

@@ -298,10 +298,7 @@ class Signer:
         if raw[0] != MAGIC_V2:
             self.counters["not_signable"] += 1  # MAVLink 1 has no room for it
             return raw
-        end = _HEADER + raw[1]
-        extra = self._extras[int.from_bytes(raw[7:10], "little")]
-        body = bytes([raw[0], raw[1], raw[2] | _SIGNED]) + raw[3:end]
-        body += checksum(body[1:], extra).to_bytes(2, "little")
+        body = _with_flags(raw, raw[2] | _SIGNED, self._extras[int.from_bytes(raw[7:10], "little")])
         tail = bytes([self._link_id]) + self._timestamps.next().to_bytes(6, "little")
         return body + tail + self._digest(body + tail)
 
@@ -349,9 +346,11 @@ def without_signature(raw: bytes, extras: Mapping[int, int]) -> bytes:
     """A frame as it would be unsigned, for a reader that knows no keys."""
     if raw[0] != MAGIC_V2 or not raw[2] & _SIGNED:
         return raw
-    end = _HEADER + raw[1]
     extra = extras.get(int.from_bytes(raw[7:10], "little"))
-    if extra is None:
-        return raw
-    body = bytes([raw[0], raw[1], raw[2] & ~_SIGNED]) + raw[3:end]
+    return raw if extra is None else _with_flags(raw, raw[2] & ~_SIGNED, extra)
+
+
+def _with_flags(raw: bytes, flags: int, extra: int) -> bytes:
+    """Return a MAVLink 2 frame with other incompatibility flags, without a signature."""
+    body = bytes([raw[0], raw[1], flags]) + raw[3 : _HEADER + raw[1]]
     return body + checksum(body[1:], extra).to_bytes(2, "little")

@@ -5,6 +5,7 @@ Each entry is the time in microseconds since 1970 UTC, eight bytes big-endian, a
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -76,7 +77,9 @@ class TlogWriter:
                 self._file.flush()
                 self._flushed_s = time_s
         except OSError as error:
-            self._abandon()
+            file, self._file = self._file, None
+            with contextlib.suppress(OSError):  # On a full disk closing fails, too.
+                file.close()
             raise self._failure(error) from error
 
     def close(self) -> None:
@@ -88,15 +91,6 @@ class TlogWriter:
             file.close()
         except OSError as error:
             raise self._failure(error) from error
-
-    def _abandon(self) -> None:
-        """Close without a second complaint: on a full disk closing fails as writing did."""
-        file, self._file = self._file, None
-        if file is not None:
-            try:
-                file.close()
-            except OSError:
-                return
 
     def _failure(self, error: OSError) -> RecordError:
         return RecordError(f"{self._path}: {error.strerror or error}")

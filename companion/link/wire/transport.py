@@ -12,7 +12,7 @@ import errno
 import logging
 import os
 import socket
-from typing import Protocol
+from collections.abc import Callable
 from urllib.parse import SplitResult, urlsplit
 
 from companion.clock import Clock, WallClock
@@ -26,65 +26,27 @@ _BITS_A_BYTE = 10  # on a serial line, with start and stop bit
 _MAY_PASS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 _URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
 
-Address = tuple[str, int]  # host, port
-
-
-class Receiver(Protocol):
-    """Takes what arrives, in the event loop."""
-
-    def __call__(self, data: bytes, address: Address | None = None, /) -> None:
-        """Take bytes, and where they come from; None on a line, which has one end."""
+Address = tuple[str, int]  # Host and port.
+Receiver = Callable[..., None]  # Takes bytes and, except on a line, the sender's address.
 
 
 _log = logging.getLogger(__name__)
 
 
-class Transport(Protocol):
-    """One link to the autopilot."""
-
-    @property
-    def is_open(self) -> bool:
-        """Whether bytes can be sent now."""
-        ...
-
-    @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        ...
-
-    @property
-    def trouble(self) -> str:
-        """Why the line is not up, as far as that is known; '' while it is."""
-        ...
-
-    @property
-    def bytes_per_s(self) -> float | None:
-        """What the line carries; None where that is not known."""
-        ...
-
-    async def open(self) -> None:
-        """Begin; returns when the line is up, or at once if it comes up by itself later."""
-        ...
-
-    def answer_to(self, address: Address) -> None:
-        """Send to this address from now on, where there is a choice."""
-        ...
-
-    async def close(self) -> None:
-        """End for good."""
-        ...
-
-    def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down."""
-        ...
-
-    def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        ...
+def dropped(_data: bytes, _address: Address | None = None) -> None:
+    """Drop received bytes."""
 
 
-class BaseTransport:
-    """What all transports share."""
+class Transport:
+    """One link to the autopilot; the base of all transports.
+
+    Attributes
+    ----------
+    bytes_per_s : float or None
+        Capacity of the line; None if it is unknown.
+    trouble : str
+        Why the line is down, as far as known; '' while it is up.
+    """
 
     bytes_per_s: float | None = None
 
@@ -93,81 +55,34 @@ class BaseTransport:
         self.dropped_bytes = 0
         self.trouble = ""
 
-    def answer_to(self, address: Address) -> None:
-        """Nothing: there is one address to send to."""
-
-    @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        return 0
-
-    def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        self._receiver = receiver
-
-
-class LastingTransport:
-    """A transport that stays open for the next user when one is done with it.
-
-    Parameters
-    ----------
-    line : Transport
-        Opened by the first user, closed by :meth:`end`.
-    """
-
-    def __init__(self, line: Transport) -> None:
-        self._line = line
-        self._has_begun = False
-
     @property
     def is_open(self) -> bool:
         """Whether bytes can be sent now."""
-        return self._line.is_open
+        raise NotImplementedError
 
     @property
     def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        return self._line.backlog_bytes
-
-    @property
-    def trouble(self) -> str:
-        """Why the line is not up."""
-        return self._line.trouble
-
-    @property
-    def bytes_per_s(self) -> float | None:
-        """What the line carries."""
-        return self._line.bytes_per_s
-
-    def answer_to(self, address: Address) -> None:
-        """Send to this address from now on."""
-        self._line.answer_to(address)
+        """Number of bytes queued for sending."""
+        return 0
 
     async def open(self) -> None:
-        """Open the line, unless it is."""
-        if not self._has_begun:
-            await self._line.open()
-            self._has_begun = True
+        """Open the transport; returns when the line is up, or at once if it comes up by itself later."""
+        raise NotImplementedError
+
+    def answer_to(self, address: Address) -> None:
+        """Send to this address from now on, if the transport can choose one."""
 
     async def close(self) -> None:
-        """Take no more of what arrives."""
-        self.set_receiver(dropped)
-
-    async def end(self) -> None:
-        """Close the line."""
-        await self._line.close()
+        """Close the transport for good."""
+        raise NotImplementedError
 
     def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down."""
-        self._line.send(data)
+        """Send data; drops it while the line is down."""
+        raise NotImplementedError
 
     def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        self._line.set_receiver(receiver)
-
-
-def dropped(_data: bytes, _address: Address | None = None) -> None:
-    """Nobody is there to take it."""
+        """Set the function that takes arriving bytes, in the event loop."""
+        self._receiver = receiver
 
 
 class _DatagramProtocol(asyncio.DatagramProtocol):
@@ -181,7 +96,7 @@ class _DatagramProtocol(asyncio.DatagramProtocol):
         _log.debug("datagram refused: %s", exc)  # nobody listens there yet
 
 
-class _UdpTransport(BaseTransport):
+class _UdpTransport(Transport):
     """What both kinds of UDP share; where the network is not up yet, the socket is made when it is."""
 
     kind = ""
@@ -201,13 +116,15 @@ class _UdpTransport(BaseTransport):
         return self._socket is not None and self._peer is not None
 
     async def open(self) -> None:
-        """Make the socket, or begin trying to.
+        """Create the socket, or begin trying to; does nothing if an earlier user opened it.
 
         Raises
         ------
         LinkError
-            When the address cannot be had, and will not be by itself.
+            If the address cannot be used, and waiting would not help.
         """
+        if self._socket is not None or self._task is not None:
+            return
         try:
             await self._make()
         except OSError as error:
@@ -303,7 +220,7 @@ class _StreamProtocol(asyncio.Protocol):
             self.lost.set_result(None)
 
 
-class _StreamTransport(BaseTransport):
+class _StreamTransport(Transport):
     """What serial line and TCP share: connect, wait for the loss, pause, connect again."""
 
     def __init__(self, clock: Clock) -> None:
@@ -320,7 +237,7 @@ class _StreamTransport(BaseTransport):
 
     @property
     def backlog_bytes(self) -> int:
-        """How much waits to leave."""
+        """Number of bytes queued for sending."""
         return 0 if self._line is None else self._line.get_write_buffer_size()
 
     async def open(self) -> None:

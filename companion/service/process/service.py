@@ -15,7 +15,7 @@ from companion.config.reload import prepared_mission
 from companion.errors import CompanionError, ConfigError
 from companion.flight.tasks.app import App
 from companion.kernels.native.ready import make_ready
-from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
+from companion.link.wire.transport import Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.process.metrics import Endpoint, Metrics
 from companion.service.process.observers import LivePage, Observers, page_of
@@ -75,7 +75,7 @@ class Service:
         self._text = mission_text(file)
         self._mission = mission_from_text(self._text, str(file))
         self._clock = clock or WallClock()
-        self._line = LastingTransport(line or transport_from_url(url, self._clock))
+        self._line = line or transport_from_url(url, self._clock)
         self._begun_s = self._clock.now_s()
         self._watchdog_s = watchdog_of(environment)
         _check_budget(self._mission, file, self._watchdog_s)
@@ -149,7 +149,7 @@ class Service:
             for number in (*STOP_SIGNALS, signal.SIGHUP):
                 loop.remove_signal_handler(number)
             self.close()
-            await self._line.end()
+            await self._line.close()
         _log.info("stopped; the autopilot keeps the mission it flies")
 
     def close(self) -> None:
