@@ -10,7 +10,7 @@ Key = TypeVar("Key")
 Kept = TypeVar("Kept")
 
 
-def kept_for(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: int) -> Kept:
+def get_or_create(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: int) -> Kept:
     """What is kept for somebody, made where there is nothing; who was asked for longest ago is forgotten.
 
     Parameters

@@ -44,7 +44,7 @@ class Dialect(Enum):
         return self is Dialect.PX4
 
     @property
-    def tells_covariances(self) -> bool:
+    def sends_covariances(self) -> bool:
         """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND and EKF_STATUS_REPORT."""
         return self is Dialect.PX4
 

@@ -123,7 +123,7 @@ class VehicleLink:
     def send(self, data: bytes) -> None:
         """Send packed frames, signed where there is a key, and record them."""
         if self.transport.is_open and data:
-            data = self.codec.on_the_wire(data)
+            data = self.codec.signed(data)
             self.transport.send(data)
             for raw in frames_in(data):
                 self._recorder.frame(self._clock.now_s(), raw)

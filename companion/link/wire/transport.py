@@ -1,7 +1,7 @@
-"""Bytes in and out of the computer: serial line, UDP, TCP, or memory.
+"""Transports for the bytes of a link: serial line, UDP, TCP and memory.
 
-A transport owns its reconnecting: a lost line is opened again with growing pauses for as long as
-the transport is open, and what is sent meanwhile is dropped, as a radio link would.
+An open transport reconnects by itself: it reopens a lost line with growing pauses. Data sent meanwhile is
+dropped, as by a radio link.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 10.0
-_BACKLOG_MAX = 64 * 1024  # bytes, where the line's speed is not known
-_BACKLOG_S = 2.0  # of a line whose speed is known: what is older is of no use
-_BITS_A_BYTE = 10  # on a serial line, with start and stop bit
-# An interface that is not up yet has no address, and a name is not known.
-_MAY_PASS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
+_PENDING_BYTES_MAX = 64 * 1024  # Bytes that may wait for sending on a line of unknown speed.
+_PENDING_MAX_S = 2.0  # Time that data may wait on a line of known speed; older data is useless.
+_BITS_A_BYTE = 10  # A serial line adds a start bit and a stop bit.
+# Errors that may disappear by themselves: an interface that is not up yet has no address.
+_TRANSIENT_ERRORS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 _URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
 
 Address = tuple[str, int]  # Host and port.
@@ -61,7 +61,7 @@ class Transport:
         raise NotImplementedError
 
     @property
-    def backlog_bytes(self) -> int:
+    def pending_bytes(self) -> int:
         """Number of bytes queued for sending."""
         return 0
 
@@ -97,7 +97,7 @@ class _DatagramProtocol(asyncio.DatagramProtocol):
 
 
 class _UdpTransport(Transport):
-    """What both kinds of UDP share; where the network is not up yet, the socket is made when it is."""
+    """Base of both kinds of UDP; if the network is not up yet, the socket is created once it is."""
 
     kind = ""
 
@@ -107,12 +107,12 @@ class _UdpTransport(Transport):
         self._clock = clock or WallClock()
         self._task: asyncio.Task[None] | None = None
         self._peer: Address | None = None
-        self._to: Address | None = None  # nothing for a socket that is connected
+        self._destination: Address | None = None  # None for a connected socket.
         self._socket: asyncio.DatagramTransport | None = None
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a socket and somebody to send to."""
+        """Whether there is a socket and an address to send to."""
         return self._socket is not None and self._peer is not None
 
     async def open(self) -> None:
@@ -126,15 +126,15 @@ class _UdpTransport(Transport):
         if self._socket is not None or self._task is not None:
             return
         try:
-            await self._make()
+            await self._create_socket()
         except OSError as error:
-            if not isinstance(error, socket.gaierror) and error.errno not in _MAY_PASS:
+            if not isinstance(error, socket.gaierror) and error.errno not in _TRANSIENT_ERRORS:
                 host, port = self._address
-                raise LinkError(f"{self.kind}://{host}:{port}: {_words(error)}") from error
-            self.trouble = _words(error)
+                raise LinkError(f"{self.kind}://{host}:{port}: {_error_text(error)}") from error
+            self.trouble = _error_text(error)
             self._task = asyncio.create_task(self._try_again(), name="transport")
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         raise NotImplementedError
 
     async def _try_again(self) -> None:
@@ -143,9 +143,9 @@ class _UdpTransport(Transport):
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
             try:
-                await self._make()
+                await self._create_socket()
             except OSError as error:
-                self.trouble = _words(error)
+                self.trouble = _error_text(error)
             else:
                 self.trouble = ""
                 return
@@ -154,49 +154,49 @@ class _UdpTransport(Transport):
         """Close the socket."""
         task, self._task = self._task, None
         if task is not None:
-            await _ended(task)
+            await _cancelled(task)
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
-            await asyncio.sleep(0)  # the loop closes it in its next round
+            await asyncio.sleep(0)  # The event loop closes it in its next iteration.
 
     def send(self, data: bytes) -> None:
         """Send one datagram to the peer."""
         if self._socket is None or self._peer is None:
             self.dropped_bytes += len(data)
         else:
-            self._socket.sendto(data, self._to)
+            self._socket.sendto(data, self._destination)
 
     def _received(self, data: bytes, address: Address | None = None) -> None:
-        self._receiver(data, address)  # looked up at each call: it may be set after opening
+        self._receiver(data, address)  # Looked up at each call, since it may be set after opening.
 
 
 class UdpInTransport(_UdpTransport):
-    """Listens on a port; sends to whom it is told to, and to nobody before."""
+    """Listens on a port; sends to the address given to :meth:`answer_to`, and to nobody before."""
 
     kind = "udpin"
 
     @property
     def port(self) -> int | None:
-        """Port that is listened on, once open."""
+        """Port that the open socket listens on."""
         return None if self._socket is None else int(self._socket.get_extra_info("sockname")[1])
 
     def answer_to(self, address: Address) -> None:
         """Send to this address from now on."""
-        self._peer = self._to = address
+        self._peer = self._destination = address
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: _DatagramProtocol(self._received), local_addr=self._address
         )
 
 
 class UdpOutTransport(_UdpTransport):
-    """Sends to a fixed address and takes what comes from there, and from nowhere else."""
+    """Sends to a fixed address and receives from that address only."""
 
     kind = "udpout"
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         host, port = self._address
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
@@ -221,7 +221,7 @@ class _StreamProtocol(asyncio.Protocol):
 
 
 class _StreamTransport(Transport):
-    """What serial line and TCP share: connect, wait for the loss, pause, connect again."""
+    """Base of serial line and TCP: connects, waits for the loss, pauses and connects again."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -236,7 +236,7 @@ class _StreamTransport(Transport):
         return self._line is not None and not self._line.is_closing()
 
     @property
-    def backlog_bytes(self) -> int:
+    def pending_bytes(self) -> int:
         """Number of bytes queued for sending."""
         return 0 if self._line is None else self._line.get_write_buffer_size()
 
@@ -250,12 +250,12 @@ class _StreamTransport(Transport):
         """Close the line and stop connecting."""
         task, self._task = self._task, None
         if task is not None:
-            await _ended(task)
+            await _cancelled(task)
 
     def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down or its buffer is full."""
+        """Send data; drops it while the line is down or its buffer is full."""
         line = self._line
-        most = _BACKLOG_MAX if self.bytes_per_s is None else _BACKLOG_S * self.bytes_per_s
+        most = _PENDING_BYTES_MAX if self.bytes_per_s is None else _PENDING_MAX_S * self.bytes_per_s
         if line is None or line.is_closing() or line.get_write_buffer_size() > most:
             self.dropped_bytes += len(data)
         else:
@@ -267,12 +267,12 @@ class _StreamTransport(Transport):
     async def _run(self) -> None:
         pause_s = FIRST_PAUSE_S
         while True:
-            protocol = _StreamProtocol(self._receiver_now)
+            protocol = _StreamProtocol(self._received)
             try:
                 self._line = await self._connect(protocol)
             except OSError as error:
                 _log.debug("no connection: %s", error)
-                self.trouble = _words(error)
+                self.trouble = _error_text(error)
             else:
                 self.connections += 1
                 self.trouble = ""
@@ -286,8 +286,8 @@ class _StreamTransport(Transport):
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
-    def _receiver_now(self, data: bytes, _address: Address | None = None) -> None:
-        self._receiver(data)  # looked up at each call: it may be set after connecting
+    def _received(self, data: bytes, _address: Address | None = None) -> None:
+        self._receiver(data)  # Looked up at each call, since it may be set after connecting.
 
 
 class TcpTransport(_StreamTransport):
@@ -304,7 +304,7 @@ class TcpTransport(_StreamTransport):
 
 
 class SerialTransport(_StreamTransport):
-    """Serial line; an unplugged one is opened again when it is back."""
+    """Serial line; an unplugged device is reopened when it is back."""
 
     def __init__(self, device: str, baud_rate: int, clock: Clock) -> None:
         super().__init__(clock)
@@ -318,15 +318,15 @@ class SerialTransport(_StreamTransport):
         try:
             line, _ = await serialx.create_serial_connection(
                 asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,
-                exclusive=True,  # two readers would get half of each frame
+                exclusive=True,  # Two readers would get half of each frame each.
             )  # fmt: skip
         except serialx.SerialException as error:
-            raise OSError(str(error)) from error  # a baud rate that the device does not have, say
+            raise OSError(str(error)) from error  # For example a baud rate that the device does not support.
         return line
 
 
 def transport_from_url(url: str, clock: Clock) -> Transport:
-    """Make the transport that a URL names; it is not open yet.
+    """Create the transport that a URL describes, without opening it.
 
     Parameters
     ----------
@@ -334,12 +334,12 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
         ``serial:///dev/ttyAMA0:921600``, ``udpin://0.0.0.0:14540``, ``udpout://host:port`` or
         ``tcp://host:port``.
     clock : Clock
-        Clock by which the pauses between attempts to connect are timed.
+        Clock for the pauses between attempts to connect.
 
     Raises
     ------
     ConfigError
-        For anything else.
+        For any other URL.
     """
     kind, _, rest = url.partition("://")
     if kind == "serial":
@@ -355,14 +355,14 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
     return UdpOutTransport(host, port, clock) if kind == "udpout" else TcpTransport(host, port, clock)
 
 
-async def _ended(task: asyncio.Task[None]) -> None:
+async def _cancelled(task: asyncio.Task[None]) -> None:
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
 
 
-def _words(error: OSError) -> str:
-    """What is wrong with an address; the event loop's own words name it once more."""
+def _error_text(error: OSError) -> str:
+    """Describe an error of an address; the event loop's own text would repeat the address."""
     if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
         return "another program has the port: the service?"
     if isinstance(error, socket.gaierror) or not error.errno:
@@ -375,7 +375,7 @@ def _address(url: str) -> tuple[str, int]:
     try:
         parts: SplitResult = urlsplit(url)
         host, port = parts.hostname, parts.port
-        (host or "").encode("idna")  # what a look-up would choke on
+        (host or "").encode("idna")  # The name resolver would raise for names that this refuses.
     except ValueError:
         host, port = None, None
     is_plain = host is not None and port is not None and url.count("/") == 2 and "@" not in url

@@ -10,7 +10,7 @@ from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.link.messages.codec import Codec
 from companion.link.messages.streams import Streams
-from companion.link.wire.decoded_frame import ParameterTold, VersionTold
+from companion.link.wire.decoded_frame import AutopilotVersion, ParameterValue
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.transport import Address, Transport
@@ -66,8 +66,8 @@ class LinkDoctor:
         self._quality = LinkQuality()
         self._num_bytes = 0
         self._heartbeat: Heartbeat | None = None
-        self._version: VersionTold | None = None
-        self._values: dict[str, ParameterTold] = {}
+        self._version: AutopilotVersion | None = None
+        self._values: dict[str, ParameterValue] = {}
         self._counts: Counter[int] = Counter()
         self._of_mission = None if mission is None else MissionDoctor(mission, self._codec, clock, self._send)
 
@@ -112,7 +112,7 @@ class LinkDoctor:
 
     def _send(self, data: bytes) -> None:
         if self._transport.is_open:
-            self._transport.send(self._codec.on_the_wire(data))
+            self._transport.send(self._codec.signed(data))
 
     def _receive(self, data: bytes, address: Address | None = None) -> None:
         now, identity = self._clock.now_s(), self._codec.identity
@@ -130,9 +130,9 @@ class LinkDoctor:
             for event in frame.events:
                 if isinstance(event, Heartbeat):
                     self._heartbeat = event
-            if isinstance(frame.reply, VersionTold):
+            if isinstance(frame.reply, AutopilotVersion):
                 self._version = frame.reply
-            elif isinstance(frame.reply, ParameterTold):
+            elif isinstance(frame.reply, ParameterValue):
                 self._values[frame.reply.name] = frame.reply
 
     async def _until(self, is_done: Callable[[], bool], seconds: float, names: tuple[str, ...] = ()) -> None:
@@ -145,8 +145,8 @@ class LinkDoctor:
                     questions += self._codec.request_message(MessageId.AUTOPILOT_VERSION)
                 for name in names:
                     if name not in self._values:
-                        questions += self._codec.parameter_question(name)
-                self._transport.send(self._codec.on_the_wire(questions))
+                        questions += self._codec.parameter_request(name)
+                self._transport.send(self._codec.signed(questions))
             await self._clock.sleep_until(min(now + ASK_S, until))
 
     def _silence(self) -> Finding:
@@ -198,7 +198,7 @@ class LinkDoctor:
         return int(rest.rpartition(":")[2]) if kind == "serial" else None
 
 
-def _number(told: ParameterTold, dialect: Dialect) -> float:
+def _number(told: ParameterValue, dialect: Dialect) -> float:
     """The value, as the autopilot's dialect packs it."""
     value = told.number(is_bytewise=dialect.packs_parameters_bytewise)
     return value if math.isfinite(value) else math.nan

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from companion.config import MissionConfig
-from companion.link.wire.decoded_frame import VersionTold
+from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
@@ -130,7 +130,7 @@ def _serial_names(dialect: Dialect) -> list[str]:
     return names + [f"SER_{port}_BAUD" for port in PX4_PORTS.values()]
 
 
-def version(dialect: Dialect, told: VersionTold | None) -> Finding:
+def version(dialect: Dialect, told: AutopilotVersion | None) -> Finding:
     """Whether it is one whose behaviour is known."""
     check, name = "autopilot", NAMES[dialect]
     major, minor = MEASURED[dialect]

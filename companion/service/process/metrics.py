@@ -88,7 +88,7 @@ class Metrics(Observer):
             _gauge("companion_link_loss_ratio", "Share of the autopilot's frames lost", {(): quality.loss}),
             _gauge("companion_streams_missing", "Vital streams that do not come", {(): missing}),
             _gauge("companion_tracks", "Vehicles that are followed", {(): len(tracks)}),
-            _gauge("companion_queue_bytes", "Waiting", {("link",): link.transport.backlog_bytes}, "queue"),
+            _gauge("companion_queue_bytes", "Waiting", {("link",): link.transport.pending_bytes}, "queue"),
             _gauge("companion_recording", "Whether the flight is recorded", {(): recorder.is_recording}),
             _counter("companion_autopilot_frames", "Frames of the autopilot's", frames, "what"),
             _reasons("companion_frames", "Received frames by what became of them", link.codec.counters),

@@ -184,7 +184,7 @@ class Replay:
     def _follow(self, heard: RecordedFrame) -> None:
         """Keep up what the recorded autopilot holds."""
         if self._link is not None:
-            self._flown.speaks(self._link.dialect)
+            self._flown.set_dialect(self._link.dialect)
         self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
 
     def _is_kept_back(self, frame: RawFrame) -> bool:
@@ -203,7 +203,7 @@ class Replay:
         now_us = round(1e6 * self._clock.now_s())
         for raw in frames_in(data):
             frame = raw_frame(raw)
-            self._now.speaks(None if self._link is None else self._link.dialect)
+            self._now.set_dialect(None if self._link is None else self._link.dialect)
             self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
             if self._link is None or self._link.has_diverged or not is_reported(frame):
                 continue

@@ -58,16 +58,17 @@ async def _is_waited_for(app: App, turn_timeout_s: float) -> bool:
     Returns whether it was: what it said may have begun its next call, which must not begin a step
     later on a slower computer.
     """
-    was_waited_for = app.link.autopilot.is_our_turn
+    was_waited_for = app.link.autopilot.is_mavsdk_turn
     for _ in range(SETTLE_TURNS):
         await asyncio.sleep(0)
-        was_waited_for = was_waited_for or app.link.autopilot.is_our_turn  # its last word may come meanwhile
+        # MAVSDK may send its last message meanwhile.
+        was_waited_for = was_waited_for or app.link.autopilot.is_mavsdk_turn
     waited_from = time.perf_counter()
     # Its threads cannot tell when they are about to speak, so their turn is polled.
-    while app.link.autopilot.is_our_turn:
+    while app.link.autopilot.is_mavsdk_turn:
         if time.perf_counter() - waited_from > turn_timeout_s:
             # Over a bad link what MAVSDK was passed may call for no word: a repetition, say.
-            app.link.autopilot.give_up_turn()
+            app.link.autopilot.end_mavsdk_turn()
             return False
         await asyncio.sleep(_POLL_S)
     return was_waited_for

@@ -89,14 +89,14 @@ class ReplayLink(AutopilotLink):
         return held
 
     @property
-    def is_our_turn(self) -> bool:
+    def is_mavsdk_turn(self) -> bool:
         """Whether the next word is MAVSDK's, its last one included."""
-        return self._is_closing or super().is_our_turn
+        return self._is_closing or super().is_mavsdk_turn
 
-    def give_up_turn(self) -> None:
+    def end_mavsdk_turn(self) -> None:
         """MAVSDK has nothing to say."""
         self._is_closing = False
-        super().give_up_turn()
+        super().end_mavsdk_turn()
 
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
         """Replace the mission, in the model once apart."""
@@ -189,12 +189,12 @@ class ReplayLink(AutopilotLink):
             if not self.has_diverged:
                 raise
 
-    async def _asked(
+    async def _send_and_wait(
         self, data: bytes, is_answer: Callable[[object], bool], *, wait_s: float
     ) -> object | None:
         if self.has_diverged:
             raise TransferError("question", "the recorded autopilot answers no more")
-        return await super()._asked(data, is_answer, wait_s=wait_s)
+        return await super()._send_and_wait(data, is_answer, wait_s=wait_s)
 
     async def _lasts(self, num_items: int) -> None:
         self._is_closing = True

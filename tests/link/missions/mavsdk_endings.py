@@ -57,7 +57,7 @@ async def main():
     kind, count = sys.argv[1], int(sys.argv[2])
     for number in range(count):
         await ended(kind, number)
-    sys.stdout.write(f"{count} ended, {len(mavsdk_reader._LEFT)} left alone\n")
+    sys.stdout.write(f"{count} ended, {len(mavsdk_reader._UNDESTROYED)} left alone\n")
 
 
 if __name__ == "__main__":
