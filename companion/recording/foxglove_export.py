@@ -16,7 +16,7 @@ from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, Pictures, extent_of
 from companion.recording.mcap_reader import messages_of, number, utc_of
-from companion.recording.mcap_writer import plain
+from companion.recording.mcap_writer import plain, registered
 from companion.safe_files import open_to_write
 
 NAMES = {
@@ -57,7 +57,7 @@ def export_flight(flight: Path, target: Path) -> Path:
         with open_to_write(target) as file:
             writer = Writer(file, compression=CompressionType.ZSTD)
             writer.start("", "companion")
-            ids = _registered(writer)
+            ids = registered(writer, _schemas())
             for topic, told in messages_of(flight, Counter()):
                 if topic not in ids:
                     continue
@@ -114,20 +114,13 @@ def _known(message: Mapping[str, object]) -> dict[str, object]:
     }
 
 
-def _registered(writer: Writer) -> dict[str, int]:
-    """Channels of what was recorded and of the pictures, by topic."""
-    schemas = {channel.topic: (channel.name, readable(channel.schema)) for channel in channels.CHANNELS}
-    schemas |= {
-        topic: (name, {"title": name, "type": "object"})
-        for topic, name in NAMES.items()
-        if topic not in schemas
+def _schemas() -> dict[str, tuple[str, channels.Schema]]:
+    """Name and schema of each topic of the recording and of the pictures."""
+    recorded = {channel.topic: (channel.name, readable(channel.schema)) for channel in channels.CHANNELS}
+    drawn: dict[str, tuple[str, channels.Schema]] = {
+        topic: (name, {"title": name, "type": "object"}) for topic, name in NAMES.items()
     }
-    return {
-        topic: writer.register_channel(
-            topic, "json", writer.register_schema(name, "jsonschema", json.dumps(schema).encode("ascii"))
-        )
-        for topic, (name, schema) in schemas.items()
-    }
+    return {**drawn, **recorded}
 
 
 def _titled(title: str) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from companion.errors import RecordError
-from companion.recording.mcap_schema import CHANNELS
+from companion.recording.mcap_schema import CHANNELS, Schema
 from companion.safe_files import open_to_write
 
 CHUNK_S = 0.5  # of the clock: what a killed process loses at most, and half of what is promised
@@ -47,16 +48,9 @@ class FlightLog:
             self._file = open_to_write(path)
             self._writer: Writer | None = Writer(self._file, compression=CompressionType.ZSTD)
             self._writer.start("", "companion")
-            self._channels = {
-                channel.topic: self._writer.register_channel(
-                    channel.topic,
-                    "json",
-                    self._writer.register_schema(
-                        channel.name, "jsonschema", json.dumps(channel.schema).encode("ascii")
-                    ),
-                )
-                for channel in CHANNELS
-            }
+            self._channels = registered(
+                self._writer, {channel.topic: (channel.name, channel.schema) for channel in CHANNELS}
+            )
         except OSError as error:
             raise self._failure(error) from error
 
@@ -87,15 +81,23 @@ class FlightLog:
             raise self._failure(error) from error
 
     def _abandon(self) -> None:
-        """Close without a second complaint."""
+        """Close the file without another error."""
         self._writer = None
-        try:
+        with contextlib.suppress(OSError):
             self._file.close()
-        except OSError:
-            return
 
     def _failure(self, error: OSError) -> RecordError:
         return RecordError(f"{self._path}: {error.strerror or error}")
+
+
+def registered(writer: Writer, schemas: Mapping[str, tuple[str, Schema]]) -> dict[str, int]:
+    """Register a channel for each topic, given the name and JSON schema; returns their ids by topic."""
+    return {
+        topic: writer.register_channel(
+            topic, "json", writer.register_schema(name, "jsonschema", json.dumps(schema).encode("ascii"))
+        )
+        for topic, (name, schema) in schemas.items()
+    }
 
 
 def encoded(now_s: float, message: Mapping[str, object]) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import logging
 import math
@@ -195,7 +196,8 @@ class Recorder:
             tlog, log, self._tlog, self._log = self._tlog, self._log, None, None
             for file in (tlog, log):
                 if file is not None:
-                    _closed(file)
+                    with contextlib.suppress(RecordError):
+                        file.close()
 
     def state(self, now_s: float, ownship: Ownship, tracks: tuple[TrackState, ...], level: float) -> None:
         """Add a row of the flight as it is known on board."""
@@ -304,14 +306,6 @@ class Recorder:
             if file is not None:
                 self._write(file.close)
         self._tlog = self._log = None
-
-
-def _closed(file: TlogWriter | FlightLog) -> None:
-    """Close without a second complaint."""
-    try:
-        file.close()
-    except RecordError:
-        return
 
 
 def versions_now() -> dict[str, str]:

@@ -143,8 +143,8 @@ class _Drawing:
 
     def end(self) -> None:
         """Say how it is to be looked at: the flight as it is at its end, and what was plotted."""
-        blueprint = self._rr.blueprint
-        whole = blueprint.TimeAxis(view_range=self._whole())
+        blueprint, ends = self._rr.blueprint, self._rr.TimeRangeBoundary.infinite()
+        whole = blueprint.TimeAxis(view_range=self._rr.TimeRange(start=ends, end=ends))
         views = [
             blueprint.TimeSeriesView(
                 origin=origin, name=name, axis_x=whole, axis_y=limits and blueprint.ScalarAxis(range=limits),
@@ -172,11 +172,6 @@ class _Drawing:
                 blueprint.BlueprintPanel(state="collapsed"), blueprint.SelectionPanel(state="collapsed"),
             )
         )  # fmt: skip
-
-    def _whole(self) -> Any:  # noqa: ANN401
-        """The whole time of the flight, for plots."""
-        ends = self._rr.TimeRangeBoundary.infinite()
-        return self._rr.TimeRange(start=ends, end=ends)
 
     def _eye(self) -> Any:  # noqa: ANN401
         """An eye above the south of the mission's bounds; None where they are not known."""
