@@ -1,4 +1,4 @@
-"""``flight.mcap``: what was known, planned and decided, with schemas inside."""
+"""Writes ``flight.mcap``, which contains knowledge, plans and decisions of a flight with their schemas."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from companion.errors import RecordError
 from companion.recording.mcap_schema import CHANNELS, Schema
 from companion.safe_files import open_to_write
 
-CHUNK_S = 0.5  # of the clock: what a killed process loses at most, and half of what is promised
+CHUNK_S = 0.5  # A killed process loses at most this time. Half of what docs/promises.md allows.
 _DIGITS = 9
 
 
 class FlightLog:
     """Writes messages to an MCAP file.
 
-    A chunk is closed, and with the operating system, every half second; a file whose process was killed
-    lacks its end, and is read by :func:`companion.recording.reader.messages_of` all the same.
+    A chunk is closed and passed to the operating system every half second. The file of a killed process lacks
+    its end; :func:`companion.recording.mcap_reader.messages_of` can read it.
 
     Parameters
     ----------
     path : Path
-        The file, made anew.
+        The file; an existing one is replaced.
     epoch_s : float
-        UTC seconds at clock reading 0.
+        UTC at clock reading 0 [s].
 
     Raises
     ------
     RecordError
-        When the file cannot be written, at first or later; the log is closed by that.
+        If the file cannot be written, now or later. The log is then closed.
     """
 
     def __init__(self, path: Path, epoch_s: float) -> None:
@@ -55,7 +55,7 @@ class FlightLog:
             raise self._failure(error) from error
 
     def write(self, topic: str, now_s: float, data: bytes) -> None:
-        """Add a message, as :func:`encoded` makes it."""
+        """Add a message that :func:`encoded` made."""
         if self._writer is None:
             return
         stamp = max(0, round(1e9 * (self._epoch_s + now_s)))
@@ -69,7 +69,7 @@ class FlightLog:
             raise self._failure(error) from error
 
     def close(self) -> None:
-        """Write index and end."""
+        """Write index and end, and close the file."""
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -101,13 +101,13 @@ def registered(writer: Writer, schemas: Mapping[str, tuple[str, Schema]]) -> dic
 
 
 def encoded(now_s: float, message: Mapping[str, object]) -> bytes:
-    """A message as JSON on one line; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    """Encode a message as JSON on one line; adds ``stamp_s`` unless it has a ``timestamp``."""
     document = message if "timestamp" in message else {"stamp_s": now_s, **message}
     return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 def plain(value: object) -> object:
-    """A value in terms of JSON: arrays as lists, data classes as tables, what is not finite as null."""
+    """Convert a value to JSON types: arrays to lists, data classes to tables, infinite values to null."""
     if isinstance(value, float | np.floating):
         return round(float(value), _DIGITS) if math.isfinite(value) else None
     if isinstance(value, np.integer | np.bool_):
@@ -120,7 +120,7 @@ def plain(value: object) -> object:
 
 
 def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
-    """An array as lists, all at once where its numbers allow it; ``values`` (…,), search trees are large."""
+    """Convert an array to lists, at once if its numbers allow it; ``values`` (…,), search trees are large."""
     if values.dtype.kind in "iub":
         return values.tolist()
     if values.dtype.kind == "f" and np.isfinite(values).all():
@@ -129,7 +129,7 @@ def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
 
 
 def _plain_parts(value: object) -> object:
-    """What holds other values, in terms of JSON; anything else as it is."""
+    """Convert the elements of a container; return anything else unchanged."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
