@@ -30,15 +30,7 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             list(mission.bounds.north_m),
             list(mission.bounds.up_m),
         ],
-        "obstacles": [
-            {
-                "name": entry.name,
-                "polygon_enu_m": [list(corner) for corner in entry.polygon_enu_m],
-                "base_m": entry.base_m,
-                "top_m": entry.top_m,
-            }
-            for entry in mission.obstacles
-        ],
+        "obstacles": [entry.model_dump(mode="json") for entry in mission.obstacles],
         "radars": [
             {
                 "name": radar.name,
