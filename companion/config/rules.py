@@ -85,7 +85,9 @@ def rules_of(
     """
     vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
     if reported.bank_max_deg:
-        vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(reported.bank_max_deg)))
+        vehicle = replace(
+            vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(reported.bank_max_deg))
+        )
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
