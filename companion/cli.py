@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -36,18 +36,11 @@ from companion.cli_options import (
 from companion.errors import CompanionError, ConfigError
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
-if TYPE_CHECKING:
-    from companion.config import MissionConfig
-
 EXIT_FAILED = 1
 HEALTH_MAX = 10_000  # bytes of an answer
 EXTRA_COMMANDS = "companion.commands"
-EXTRAS = {
-    "matplotlib": "plot",
-    "jsbsim": "sim",
-    "distributed": "dask",
-    "rerun": "rerun",
-}  # that bring a package which some commands need
+# Packages that some commands need, and the extras that install them.
+EXTRAS = {"matplotlib": "plot", "jsbsim": "sim", "distributed": "dask", "rerun": "rerun"}
 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -92,20 +85,6 @@ def write_json(target: Path, document: object) -> None:
         safe_files.replace_file(target, text.encode("ascii"), safe_files.SHARED)
 
 
-def require_goals(config: MissionConfig, file: Path) -> None:
-    """See that a mission names its goals, where there is no autopilot to ask.
-
-    Raises
-    ------
-    ConfigError
-        If it leaves them to the autopilot.
-    """
-    if config.goals_from_autopilot:
-        raise ConfigError(
-            str(file), None, "goals", "from_autopilot", "a list of goals: no autopilot is asked"
-        )
-
-
 @app.command()
 def check(
     mission: MissionFile,
@@ -113,7 +92,7 @@ def check(
     plot: Annotated[Path | None, typer.Option(help="Write a picture here.")] = None,
 ) -> None:
     """Validate a mission file, and tell what was understood."""
-    from companion.config import load_mission
+    from companion.config import load_mission, require_goals
     from companion.config.mission_summary import mission_summary, summary_table
 
     if plot is not None:
@@ -129,7 +108,7 @@ def check(
         else:
             console.print(summary_table(config))
     if plot is not None:
-        require_goals(config, mission)
+        require_goals(config, str(mission))
         with _writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False))
 
@@ -147,14 +126,14 @@ def plan(
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run here.")] = None,
 ) -> None:
     """Make one offline plan, or several, from the mission file's start."""
-    from companion.config import load_mission
+    from companion.config import load_mission, require_goals
     from companion.research.campaign.runs import plan_runs, result_of, results_table
 
     if plot is not None:
         from companion.ui.reports.plots import plot_plan
 
     config = load_mission(mission)
-    require_goals(config, mission)
+    require_goals(config, str(mission))
     snapshot, plans = plan_runs(
         config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
         time_limit_s=time_limit, get_ready=lambda: make_ready_with_bar(Console(stderr=True)),
@@ -484,7 +463,3 @@ def main() -> None:
     except Exception:
         _log.exception("internal error")
         sys.exit(CompanionError.exit_code)
-
-
-if __name__ == "__main__":
-    main()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast
 
-from companion.config import MissionConfig, load_mission
+from companion.config import MissionConfig, load_mission, require_goals
 from companion.config.compose import world_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
@@ -152,7 +152,7 @@ def plan(
     ConfigError
         If there is no such method, or the mission leaves its goals to the autopilot.
     """
-    _require_goals(mission)
+    require_goals(mission, mission.name)
     first = mission.planning.seed if seed is None else seed
     world, (answer,) = plan_runs(mission, method=method, first_seed=first, runs=1, time_limit_s=time_limit_s)
     return Planned(mission, world, answer)
@@ -177,7 +177,7 @@ def fly(
     ConfigError
         If the simulator is not installed, or the mission leaves its goals to the autopilot.
     """
-    _require_goals(mission)
+    require_goals(mission, mission.name)
     flown = _simulator()
     with ThreadPoolExecutor(1) as beside:  # a notebook's own thread has a loop that runs
         return beside.submit(flown, mission, seed, autopilot).result()
@@ -187,12 +187,6 @@ def _bytes_of(picture: Callable[..., Path]) -> bytes:
     """A small picture for a notebook, which asks for no file."""
     with tempfile.TemporaryDirectory() as folder:
         return picture(Path(folder) / "picture.png", dpi=DPI_NOTEBOOK).read_bytes()
-
-
-def _require_goals(mission: MissionConfig) -> None:
-    if mission.goals_from_autopilot:
-        found, expected = "from_autopilot", "a list of goals: no autopilot is asked"
-        raise ConfigError(mission.name, None, "goals", found, expected)
 
 
 def _simulator() -> Callable[[MissionConfig, int, str], Flown]:

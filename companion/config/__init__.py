@@ -7,7 +7,7 @@ This package composes the settings of every layer; it uses no running part of th
 25.0
 """
 
-from companion.config.load import load_mission, mission_from_text, mission_text
+from companion.config.load import load_mission, mission_from_text, mission_text, require_goals
 from companion.config.models import (
     Authority,
     Bounds,
@@ -43,4 +43,5 @@ __all__ = [
     "load_mission",
     "mission_from_text",
     "mission_text",
+    "require_goals",
 ]

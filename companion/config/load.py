@@ -82,3 +82,15 @@ def mission_from_document(document: Document) -> MissionConfig:
 def text_of(config: MissionConfig) -> str:
     """Return the text of a mission file for a mission that was not read from one."""
     return yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)
+
+
+def require_goals(config: MissionConfig, file: str) -> None:
+    """Check that a mission lists its goals, since no autopilot can be asked.
+
+    Raises
+    ------
+    ConfigError
+        If it leaves them to the autopilot.
+    """
+    if config.goals_from_autopilot:
+        raise ConfigError(file, None, "goals", "from_autopilot", "a list of goals: no autopilot is asked")

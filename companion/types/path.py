@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -64,33 +64,13 @@ class Path:
         return float(np.linalg.norm(np.diff(self.positions_enu_m, axis=0), axis=1).sum())
 
     def until(self, row: int) -> Path:
-        """Rows up to one, that one included."""
-        end = row + 1
-        return Path(
-            self.times_s[:end],
-            self.positions_enu_m[:end],
-            self.courses_rad[:end],
-            self.climb_angles_rad[:end],
-            self.speeds_m_s[:end],
-            self.position_covariances_m2[:end],
-            self.collision_free[:end],
-            self.threat_levels[:end],
-            self.wind_enu_m_s,
-        )
+        """Return the path up to a row, including that row."""
+        return replace(self, **{name: getattr(self, name)[: row + 1] for name in _ROWS})
 
     def followed_by(self, path: Path) -> Path:
-        """The path with another behind it, which begins with the row that this one ends with."""
-        return Path(
-            _joined(self.times_s, path.times_s),
-            _joined(self.positions_enu_m, path.positions_enu_m),
-            _joined(self.courses_rad, path.courses_rad),
-            _joined(self.climb_angles_rad, path.climb_angles_rad),
-            _joined(self.speeds_m_s, path.speeds_m_s),
-            _joined(self.position_covariances_m2, path.position_covariances_m2),
-            _joined(self.collision_free, path.collision_free),
-            _joined(self.threat_levels, path.threat_levels),
-            path.wind_enu_m_s,
-        )
+        """Return this path and another, whose first row is the last row of this path."""
+        joined = {name: np.concatenate([getattr(self, name), getattr(path, name)[1:]]) for name in _ROWS}
+        return replace(path, **joined)
 
     def rows(self) -> list[list[float]]:
         """Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
@@ -98,6 +78,9 @@ class Path:
             [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
         )
         return [[round(float(value), 6) for value in row] for row in table]
+
+
+_ROWS = tuple(entry.name for entry in fields(Path) if entry.name != "wind_enu_m_s")
 
 
 def slowed_path(path: Path, airspeed_m_s: float) -> Path:
@@ -186,8 +169,3 @@ def run_on(path: Path, metres: float) -> Path:
         wind_enu_m_s=path.wind_enu_m_s,
     )  # fmt: skip
     return path.followed_by(ahead)
-
-
-def _joined(before: FloatArray, behind: FloatArray) -> FloatArray:
-    """(L, …) rows ``before`` (N, …), and all but the first of those ``behind`` (M, …)."""
-    return np.concatenate([before, behind[1:]])
