@@ -1,7 +1,7 @@
-"""MAVLink's numbers that the program sends or tells apart, each under its name in the dialect.
+"""Numbers of MAVLink that the program sends or distinguishes, with their names in the dialect.
 
-Where a number is met on the wire it may be one that no member has, of a younger dialect or of a sender
-gone wrong: fields that are received therefore stay whole numbers, which compare equal to the members.
+A received number may have no member here, if it comes from a newer dialect or a faulty sender. Fields of
+received messages therefore are integers, which compare equal to the members.
 
 References
 ----------
@@ -14,7 +14,7 @@ from enum import IntEnum, IntFlag
 
 
 def name_of(kind: type[IntEnum], number: int) -> str:
-    """Name of a number on the wire, in words that say so where it has none."""
+    """Return the name of a number; a number without a member gives ``result`` and the number."""
     try:
         return kind(number).name
     except ValueError:
