@@ -202,7 +202,7 @@ class Track:
         velocity_up = 0.0
         if self.is_parked:
             mean = self._filter.mean * np.array([1.0, 0.0, 1.0, 0.0])
-        elif self._is_airborne and self._latest.velocity_enu_m_s is not None:
+        elif self._latest.is_airborne and self._latest.velocity_enu_m_s is not None:
             velocity_up = self._latest.velocity_enu_m_s[2]
         speed = math.hypot(mean[1], mean[3])
         return TrackState(
@@ -214,7 +214,7 @@ class Track:
             speed_max_m_s=0.0 if self.is_parked else max(self.vehicle_class.speed_m_s, speed),
             max_threat_radius_m=self.vehicle_class.max_threat_radius_m,
             turn_radius_m=self.vehicle_class.turn_radius_m,
-            is_airborne=self._is_airborne,
+            is_airborne=self._latest.is_airborne,
             observed_s=self.observed_s,
             flies_on=self.vehicle_class.flies_on,
         )
@@ -228,10 +228,6 @@ class Track:
     def place_m(self) -> FloatArray:
         """East and north, shape (2,), at the newest accepted detection [m]."""
         return self._latest.horizontal_m
-
-    @property
-    def _is_airborne(self) -> bool:
-        return self._latest.is_airborne
 
     def _accept(self, detection: Detection) -> None:
         self._seen.append((detection.stamp_s, detection.position_enu_m[:2]))
