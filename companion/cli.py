@@ -264,7 +264,7 @@ def replay(
     if config is None:
         raise ConfigError("command line", None, "MISSION", "nothing", "a mission file, or --page")
     recording = replaying.replayable(log)
-    expected = None if expect is None else replaying.flown_in(expect)
+    expected = None if expect is None else replaying.replayable(expect)
     for remark in replaying.remarks(recording, config):
         screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
     result = replaying.replayed(recording, config, seed, screen)

@@ -98,8 +98,7 @@ class Service:
         return self._flight.app
 
     def _begun(self) -> RecordedFlight:
-        """What the next flight goes by."""
-        flight = RecordedFlight.begun(
+        return RecordedFlight.begun(
             self._mission,
             self._text,
             self._line,
@@ -110,7 +109,6 @@ class Service:
             begun_s=self._begun_s,
             is_warm=self._is_warm,
         )
-        return flight
 
     def report(self) -> Report:
         """What the service does now."""

@@ -30,7 +30,7 @@ from companion.ui.page.playback import Playback, mcap_of, recorded_playback
 from companion.ui.page.playback_page import show_playbacks
 
 __all__ = [
-    "beside", "document_of", "exported", "first_difference", "flown_in", "remarks", "replayable", "replayed",
+    "beside", "document_of", "exported", "first_difference", "remarks", "replayable", "replayed",
     "show", "show_page",
 ]  # fmt: skip
 
@@ -84,11 +84,6 @@ def replayable(log: Path) -> Recording:
     if not recording.frames:
         raise RecordError(f"{log}: no frame of MAVLink in it")
     return recording
-
-
-def flown_in(folder: Path) -> Recording:
-    """Read the recording in a flight's folder, to hold a replay against."""
-    return replayable(folder / TLOG)
 
 
 def remarks(recording: Recording, mission: MissionConfig) -> list[str]:

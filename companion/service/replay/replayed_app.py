@@ -14,7 +14,7 @@ from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.tasks.app import App
 from companion.flight.tasks.composition import composed
 from companion.link.wire.transport import Transport
-from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
+from companion.planning.plan_runner import InlineRunner, RecordedRunner
 from companion.recording.reader import Recording
 from companion.recording.recorder import Recorder
 from companion.safe_files import replace_file
@@ -62,15 +62,11 @@ def replayed_app(
         clock,
         recorder,
         seed=seed,
-        runner=_runner(recording),
+        runner=InlineRunner() if recording.is_simulated else RecordedRunner(recording.taken),
         checkpoint=checkpoint_of(about),
         parameters_file=parameters_file,
     )
     return App(parts)
-
-
-def _runner(recording: Recording) -> PlanRunner:
-    return InlineRunner() if recording.is_simulated else RecordedRunner(recording.taken)
 
 
 def _remembered(about: dict[str, object]) -> dict[str, object]:
