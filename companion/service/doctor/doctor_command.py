@@ -1,4 +1,4 @@
-"""The doctor's round: this computer, then the link; and how the findings are shown."""
+"""Runs all checks of ``companion doctor``, first of this computer and then of the link, and shows them."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "red"}
 async def examined(
     file: Path | None, url: str | None, seconds: float, flights: Path
 ) -> tuple[list[Finding], int]:
-    """Look at everything.
+    """Run all checks.
 
     Returns
     -------
     list of Finding
-        All findings, in the order in which they were made.
+        All findings, in the order of the checks.
     int
-        Exit code: 0, 1 for a failure, 3 where no autopilot was heard.
+        Exit code: 0, 1 for a failure, 3 without an autopilot.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def _has_failed(findings: Iterable[Finding]) -> bool:
 
 
 def findings_table(findings: Sequence[Finding]) -> Table:
-    """For people: the findings with what to do."""
+    """Return a table of the findings with advice."""
     table = Table(title="doctor")
     for name in ("", "check", "found", "what to do"):
         table.add_column(name, overflow="fold")

@@ -1,4 +1,4 @@
-"""``companion doctor --link``: what the link to the autopilot carries, and how well."""
+"""Checks of the autopilot's link for ``companion doctor --link``."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from companion.service.doctor.parameter_checks import parameter_findings, parame
 from companion.types.events import Dialect, Heartbeat
 from companion.types.mavlink_enums import MessageId
 
-HEARD_S = 10.0  # for the first heartbeat
-ASK_S = 0.5  # between repetitions of what was not answered
+HEARD_S = 10.0  # Time to wait for the first heartbeat.
+ASK_S = 0.5  # Interval of repeated requests.
 ASKING_S = 6.0
-SETTLE_S = 1.0  # for rates to take effect
-PX4_CURRENT_HZ = 1.0  # whatever it is asked for
+SETTLE_S = 1.0  # Time until requested rates take effect.
+PX4_CURRENT_HZ = 1.0  # PX4 sends MISSION_CURRENT at this rate, whatever rate is requested.
 RATE_SHARE = 0.8
 LOSS_WARN, LOSS_FAIL = 0.01, 0.1
 RATE_HZ = 10.0
 
 
 class LinkDoctor:
-    """Listens, asks, and judges.
+    """Receives, requests and checks.
 
     Parameters
     ----------
     transport : Transport
-        Opened and closed by :meth:`examine`.
+        Transport that :meth:`examine` opens and closes.
     clock : Clock
-        Clock by which the doctor waits.
+        Clock of the doctor.
     url : str
-        URL that the transport was made from, for the advice.
+        URL of the transport, for the advice.
     mission : MissionConfig, optional
-        Mission whose speeds and timing the autopilot should fit.
+        Mission file, whose speeds and rates the autopilot should match.
     signer : Signer, optional
-        Signs what is sent and verifies what comes, as in the service.
+        Signs sent frames and verifies received ones, as in the service.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class LinkDoctor:
         self._of_mission = None if mission is None else MissionDoctor(mission, self._codec, clock, self._send)
 
     async def examine(self, seconds: float) -> list[Finding]:
-        """Look at the link for about so many seconds once the autopilot is heard.
+        """Check the link, for about the given time after the first heartbeat.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class LinkDoctor:
                 self._values[frame.reply.name] = frame.reply
 
     async def _until(self, is_done: Callable[[], bool], seconds: float, names: tuple[str, ...] = ()) -> None:
-        """Wait, asking again for what is missing."""
+        """Wait, and repeat requests for what is missing."""
         until = self._clock.now_s() + seconds
         while not is_done() and (now := self._clock.now_s()) < until:
             if self._heartbeat is not None and self._transport.is_open:
@@ -150,7 +150,7 @@ class LinkDoctor:
             await self._clock.sleep_until(min(now + ASK_S, until))
 
     def _silence(self) -> Finding:
-        """Why no autopilot is heard."""
+        """Return why no autopilot is received."""
         check, counters = "link", self._codec.counters
         if self._transport.trouble:
             return fail(
@@ -199,6 +199,6 @@ class LinkDoctor:
 
 
 def _number(told: ParameterValue, dialect: Dialect) -> float:
-    """The value, as the autopilot's dialect packs it."""
+    """Return the value, as the autopilot's dialect encodes it."""
     value = told.number(is_bytewise=dialect.packs_parameters_bytewise)
     return value if math.isfinite(value) else math.nan

@@ -1,4 +1,4 @@
-"""What the list in the autopilot comes to with a mission file, as the service would say it on the ground."""
+"""Checks of the autopilot's mission list with a mission file, as the service does them on the ground."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ CHECK = "mission"
 
 
 class MissionDoctor:
-    """Reads the autopilot's list, and judges it.
+    """Reads and checks the autopilot's list.
 
     Parameters
     ----------
     mission : MissionConfig
         The mission file.
     codec : Codec
-        Frames of the link that is listened to, to events.
+        Codec of the link.
     clock : Clock
-        The doctor's.
+        Clock of the doctor.
     send : callable
-        Takes bytes for the transport.
+        Passes bytes to the transport.
     """
 
     def __init__(
@@ -51,13 +51,13 @@ class MissionDoctor:
         self._link = AutopilotLink(codec, clock, send)
 
     def receive(self, frame: DecodedFrame) -> None:
-        """Take a frame of the autopilot's."""
+        """Take a frame of the autopilot."""
         self._link.receive(frame)
         for event in frame.events:
             self._ownship.observe(event)
 
     async def findings(self, settings: AutopilotSettings) -> list[Finding]:
-        """What the list comes to, with what the autopilot's parameters say."""
+        """Read the list and return the findings, given the autopilot's parameters."""
         try:
             read = await self._link.download()
         except CompanionError as error:

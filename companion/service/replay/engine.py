@@ -1,11 +1,11 @@
-"""A recorded flight through the same code: what the service says now, beside what it said then.
+"""Replays a recorded flight with the present code, and compares what the service sends with the recording.
 
 Theory of operation. The recorded frames arrive at their instants, in the steps of
-:mod:`companion.service.replay.lockstep`, and MAVSDK takes part as in flight. What the service sends of
-mission transfers and commands is held against what it sent. While the two are the same, the recorded
-autopilot's answers fit. From the first difference on they do not: its answers are then kept from the
-service, and :class:`ReplayLink` answers from a model of its store. The aircraft goes on as recorded;
-what is shown from there on is what would have been decided had it been where it was.
+:mod:`companion.service.replay.lockstep`, and MAVSDK takes part as in flight. The mission transfers and
+commands that the service sends are compared with the recorded ones. While both are equal, the recorded
+autopilot's answers are valid. From the first difference on they are not: they are then withheld from the
+service, and :class:`ReplayLink` answers from a model of the autopilot's store. The aircraft flies on as
+recorded. From there on the replay shows what the service would have decided at the recorded positions.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from companion.service.replay.replayed_app import replayed_app
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
-_LATE_S = 3.0  # by a wall clock, MAVSDK's threads take their time
-_TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
+_LATE_S = 3.0  # On a wall clock, MAVSDK's threads may take this long.
+_TURN_S = 0.5  # Time limit for MAVSDK, since a recording may lack what it waits for.
 _TOLD_STEPS = 50
 
 
 def _unheard(_done_s: float) -> None:
-    """Nobody wants to know how far a replay is."""
+    """Ignore the progress of a replay."""
 
 
 @dataclass(slots=True)
 class Replayed:
-    """What came of a replay.
+    """The result of a replay.
 
     Parameters
     ----------
     decisions : list of Decision
-        As decided now.
+        Decisions of the replay.
     uploads : list of Upload
-        Missions that were sent whole now.
+        Complete uploads of the replay.
     flown_decisions, flown_uploads
-        The same as recorded.
+        Decisions and complete uploads of the recording.
     apart_s : float or None
-        When the service first said something else to the autopilot than in flight, None if it never did.
+        Time at which the service first sent something else than in flight; None if it never did.
     apart : str
-        What that was.
+        Description of that difference.
     held : tuple of MissionItem or None
-        What the recorded autopilot held at the end.
+        Mission list of the recorded autopilot at the end.
     wall_s : float
-        By the computer's clock.
+        Duration of the replay on the computer's clock [s].
     """
 
     decisions: list[Decision] = field(default_factory=list)
@@ -84,11 +84,11 @@ class Replay:
     Parameters
     ----------
     recording : Recording
-        What was heard and said.
+        The recorded flight.
     mission : MissionConfig
-        The mission file; it need not be the flown one.
+        Mission file, which may differ from the recorded one.
     seed : int, optional
-        Seed of plans and filters; left out, the recorded one, else the mission file's.
+        Seed of plans and filters; by default the recorded one, else that of the mission file.
     """
 
     def __init__(self, recording: Recording, mission: MissionConfig, seed: int | None = None) -> None:
@@ -117,7 +117,7 @@ class Replay:
         )
 
     def listen(self, listener: Callable[[str, float, Mapping[str, object], bytes], None]) -> None:
-        """Tell somebody what is written down now, as :meth:`Recorder.listen` does."""
+        """Set the function that gets each message recorded in the replay, as :meth:`Recorder.listen` does."""
         self._app.recorder.listen(listener)
 
     def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
@@ -130,7 +130,7 @@ class Replay:
         Parameters
         ----------
         on_progress : callable
-            Told the recording's time now and then [s].
+            Called at intervals with the time in the recording [s].
         """
         began = time.perf_counter()
         turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _TURN_S
@@ -138,7 +138,7 @@ class Replay:
         await self._theirs.open()
         running = asyncio.create_task(self._app.run(), name="service")
         if not self._recording.is_simulated:
-            await asyncio.sleep(0)  # a simulated service begins with its first step, a real one before
+            await asyncio.sleep(0)  # A simulated service starts with its first step, a real one before it.
         try:
             for number, (data, until_us) in enumerate(self._steps()):
                 until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
@@ -156,7 +156,7 @@ class Replay:
         return self._summed_up(time.perf_counter() - began)
 
     def _steps(self) -> Iterator[tuple[bytes, int]]:
-        """What arrives at each instant, and the next instant [µs]."""
+        """Yield the bytes that arrive at each instant, and the next instant [µs]."""
         arrivals, num_expected = self._arrivals, len(self._expected)
         while not arrivals.is_over:
             num_said = num_expected - len(self._expected)
@@ -170,7 +170,7 @@ class Replay:
             yield b"".join(frame.raw for frame in arrived), until
 
     def _reload(self, now_us: int) -> None:
-        """Go by the mission file that was read again by now; one that is none any more is passed over."""
+        """Reload the mission file as recorded; a file that is no longer valid is counted and skipped."""
         while self._reloads and round(1e6 * self._reloads[0][0]) <= now_us:
             _, text = self._reloads.popleft()
             try:
@@ -182,13 +182,13 @@ class Replay:
                 self._app.reload(mission, text)
 
     def _follow(self, heard: RecordedFrame) -> None:
-        """Keep up what the recorded autopilot holds."""
+        """Track the list of the recorded autopilot."""
         if self._link is not None:
             self._flown.set_dialect(self._link.dialect)
         self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
 
     def _is_kept_back(self, frame: RawFrame) -> bool:
-        """Whether a recorded answer fits no more."""
+        """Return whether a recorded answer is no longer valid."""
         if self._link is None or not self._link.has_diverged:
             return False
         is_news = self._link.has_stored and self._arrivals.is_news(frame)
@@ -199,7 +199,7 @@ class Replay:
         return self._link is not None and self._link.has_diverged
 
     def _heard(self, data: bytes) -> None:
-        """Hold what the service sends against what it sent."""
+        """Compare what the service sends with what it sent in flight."""
         now_us = round(1e6 * self._clock.now_s())
         for raw in frames_in(data):
             frame = raw_frame(raw)
@@ -210,10 +210,10 @@ class Replay:
             self._compare(frame, now_us)
 
     def _compare(self, frame: RawFrame, now_us: int) -> None:
-        """Hold what is sent now against what was to be sent next."""
+        """Compare a sent frame with the next one that is expected."""
         said = frame.message_id, frame.payload
         if said == self._last and not self._recording.is_simulated:
-            return  # a repetition, for which a wall clock gave occasion
+            return  # It is a repetition, which depends on the wall clock.
         while self._expected and self._late_us and _said(self._expected[0]) == self._last:
             self._expected.popleft()
         wanted = self._expected[0] if self._expected else None
@@ -224,7 +224,7 @@ class Replay:
         self._expected.popleft()
 
     def _note_missing(self, now_us: int) -> None:
-        """Notice what was sent by now, and is not."""
+        """Detect frames that were sent by this time in flight, but not in the replay."""
         if self._link is None or self._link.has_diverged:
             return
         while self._expected and self._late_us and _said(self._expected[0]) == self._last:
@@ -254,7 +254,7 @@ class Replay:
 
 
 def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
-    """Missions that the service sent in a recorded flight."""
+    """Return the missions that the service uploaded in a recorded flight."""
     sniffer = MissionSniffer()
     for heard in recording.frames:
         sniffer.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
