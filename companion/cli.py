@@ -293,9 +293,9 @@ def doctor(
     """Check everything that the service needs; exit 1 for a failure, 3 without an autopilot."""
     import asyncio
 
-    from companion.service.doctor.doctor_command import examined, findings_table
+    from companion.service.doctor.doctor_command import findings_table, run_checks
 
-    findings, code = asyncio.run(examined(mission, link, seconds, record))
+    findings, code = asyncio.run(run_checks(mission, link, seconds, record))
     if json_file is not None:
         write_json(json_file, [asdict(entry) | {"verdict": entry.verdict.value} for entry in findings])
     if json_file is None or str(json_file) != "-":

@@ -23,7 +23,9 @@ WORLD, FIELD, FENCES, THREATS = "/scene/world", "/scene/field", "/scene/fences",
 FLOWN, MISSION, CANDIDATE, SEARCH = "/scene/flown", "/scene/mission", "/scene/candidate", "/scene/search"
 SCENES = (WORLD, FIELD, FENCES, THREATS, FLOWN, MISSION, CANDIDATE, SEARCH)
 MISSION_MAX = 2_000_000  # Characters of a mission file.
-LOUD = frozenset({"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"})
+WARNING_KINDS = frozenset(
+    {"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"}
+)
 INFO, WARNING = 2, 3  # Levels of foxglove.Log.
 _FLOWN_S, _THREATS_S = 1.0, 0.5  # Intervals between pictures.
 _FLOWN_MAX = 1_000  # Points of the flown path in one picture.
@@ -202,6 +204,6 @@ def _places_of(told: Document) -> list[object]:
 def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:
     kind = text(told.get("kind"), 100)
     return {
-        "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in LOUD else INFO,
+        "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in WARNING_KINDS else INFO,
         "message": f"{kind}: {text(told.get('text'))}", "name": "companion", "file": "", "line": 0,
     }  # fmt: skip

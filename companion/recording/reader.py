@@ -128,7 +128,7 @@ def load_recording(log: Path) -> Recording:
     if len(entries) == FRAMES_MAX:
         counters["tlog_too_large"] += 1
     beside = log.with_suffix(".mcap")
-    told = _Told()
+    told = _ServiceRecord()
     if beside != log and beside.exists():
         told.read(beside, counters)
     about = told.about
@@ -137,7 +137,7 @@ def load_recording(log: Path) -> Recording:
     epoch_s = _epoch_s(about, entries)
     start_us = _start_us(about)
     gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
-    times = _straightened(entries, epoch_s, start_us, gap_s, counters)
+    times = _corrected_times(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)
     heard = [
         RecordedFrame(at, frame, (frame.system_id, frame.component_id) == ours)
@@ -160,7 +160,7 @@ def load_recording(log: Path) -> Recording:
     )
 
 
-class _Told:
+class _ServiceRecord:
     """The part of an MCAP file that a replay needs; the file itself may be too large to keep."""
 
     def __init__(self) -> None:
@@ -318,7 +318,7 @@ def _vehicle_of(frames: Sequence[RawFrame]) -> int:
     return 1
 
 
-def _straightened(
+def _corrected_times(
     entries: Sequence[Entry], epoch_s: float, start_us: int, gap_s: float, counters: Counter[str]
 ) -> Iterator[int]:
     """Yield clock readings of entries [µs] that hardly decrease and contain no long pauses.

@@ -34,9 +34,9 @@ UNKNOWN_WIND_STD_M_S = 3.0  # Used while nothing is known of the wind.
 WIND_TIME_S = 20.0  # Time constant of the filter of the wind that is estimated here.
 TURN_COMPARED_S = 1.0  # A rate of turn is computed from two positions at most this far apart.
 
-Heard = TypeVar("Heard", GlobalPosition, AirData, Attitude, WindEstimate)
+Observed = TypeVar("Observed", GlobalPosition, AirData, Attitude, WindEstimate)
 
-_HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
+_OBSERVED = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class OwnshipEstimator:
         """Take an event; events that do not concern the own state are ignored."""
         if isinstance(event, EstimatorHealth):
             self._integrity.note_health(event)
-        if not isinstance(event, _HEARD):
+        if not isinstance(event, _OBSERVED):
             return
         if not _is_finite(event):
             self.counters["not_finite"] += 1
@@ -168,7 +168,7 @@ class OwnshipEstimator:
             OWN_WIND_STD_M_S,
         )
 
-    def go_by(self, settings: OwnshipSettings) -> None:
+    def set_settings(self, settings: OwnshipSettings) -> None:
         """Use other settings from now on."""
         self._settings = settings
 
@@ -305,7 +305,7 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     )
 
 
-def _fresh(heard: Heard | None, now_s: float, max_age_s: float) -> Heard | None:
+def _fresh(heard: Observed | None, now_s: float, max_age_s: float) -> Observed | None:
     """Return the message if it is not too old [s], else None."""
     return heard if heard is not None and now_s - heard.stamp_s <= max_age_s else None
 

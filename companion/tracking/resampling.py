@@ -20,7 +20,7 @@ from companion.frames import FloatArray
 _FILE = "monte_carlo/resampling.py"
 
 
-def _loaded() -> Callable[[FloatArray], NDArray[np.intp]]:
+def _load_function() -> Callable[[FloatArray], NDArray[np.intp]]:
     """Return the function that draws N indices, shape (N,), by normalised weights, shape (N,)."""
     package = importlib.util.find_spec("filterpy")
     folders = [] if package is None else package.submodule_search_locations or []
@@ -33,4 +33,4 @@ def _loaded() -> Callable[[FloatArray], NDArray[np.intp]]:
     raise ModuleNotFoundError(f"filterpy, or its {_FILE}, is not installed", name="filterpy")
 
 
-systematic_resample = _loaded()
+systematic_resample = _load_function()

@@ -124,7 +124,7 @@ class ThreatAssigner:
         if is_airborne:
             is_reported = identity.partition(":")[0] in COOPERATIVE
             unknown = self._settings.cooperative if is_reported else self._settings.air
-        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        number, is_meant = self._matched(identity, east_m, north_m, system_id)
         if number < 0:
             return unknown
         kind = self._class_of(number)
@@ -138,7 +138,7 @@ class ThreatAssigner:
     ) -> VehicleClass:
         """Return the class of a vehicle that is tracked from now on, and remember its assignment."""
         kind = self.kind_of(identity, east_m, north_m, is_airborne=is_airborne, system_id=system_id)
-        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        number, is_meant = self._matched(identity, east_m, north_m, system_id)
         if is_meant:
             self._remembered.pop(identity, None)
             self._remembered[identity] = number
@@ -148,7 +148,9 @@ class ThreatAssigner:
             self._standing.setdefault(number, identity)
         return kind
 
-    def _meant(self, identity: str, east_m: float, north_m: float, system_id: int | None) -> tuple[int, bool]:
+    def _matched(
+        self, identity: str, east_m: float, north_m: float, system_id: int | None
+    ) -> tuple[int, bool]:
         """Return the number of the threat that a vehicle may be, -1 for none, and whether it is assigned."""
         by_name = next((n for n, threat in enumerate(self._threats) if threat.identity == identity), None)
         number = self._remembered.get(identity, by_name)

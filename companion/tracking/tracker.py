@@ -116,7 +116,7 @@ class Tracker:
         self._assigner = ThreatAssigner(dynamic_threats, self._settings.classes)
         self._tracks: dict[str, Track] = {}
         self._senders: dict[str, str] = {}
-        self._also: dict[str, str] = {}  # Identity of the track of each merged identity.
+        self._merged: dict[str, str] = {}  # Identity of the track of each merged identity.
         self._seen_as_one: Counter[tuple[str, str]] = Counter()
         self._centre_m = self._velocity_m_s = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
@@ -134,17 +134,17 @@ class Tracker:
     def observe(self, report: TrackReport, now_s: float) -> None:
         """Take a report; impossible reports are dropped and counted, and never raise."""
         self._end_old(now_s)
-        detection = self._believed(report, now_s)
+        detection = self._detection(report, now_s)
         if isinstance(detection, str):
             self.counters[detection] += 1
             return
-        identity = self._also.get(report.identity, report.identity)
+        identity = self._merged.get(report.identity, report.identity)
         track = self._tracks.get(identity)
         if track is not None:
             outcome = track.observe(detection)
             self.counters[outcome] += 1
             if identity != report.identity and outcome == "teleporting":
-                del self._also[report.identity]  # The two vehicles have separated.
+                del self._merged[report.identity]  # The two vehicles have separated.
             elif track.vehicle_class.flies_on:
                 self._note_twin(identity, detection.stamp_s)
         elif self._has_room(report, detection, now_s):
@@ -165,7 +165,7 @@ class Tracker:
         self._end_old(now_s)
         return {identity: self._tracks[identity].observed_s for identity in sorted(self._tracks)}
 
-    def _believed(self, report: TrackReport, now_s: float) -> Detection | str:
+    def _detection(self, report: TrackReport, now_s: float) -> Detection | str:
         """Convert a report to the local frame, or return why it is refused."""
         settings = self._settings
         velocity, std = report.velocity_enu_m_s, report.position_std_m
@@ -227,7 +227,7 @@ class Tracker:
         sender = report.sender
         share = max(1, int(self._settings.sender_share * self._settings.num_tracks_max))
         held = Counter(self._senders.values())
-        kept = self._claimants()
+        kept = self._kept_identities()
         danger = {name: self._danger(name, now_s) for name in self._tracks if name not in kept}
         crowding = {name: key for name, key in danger.items() if held[self._senders[name]] > share}
         if held[sender] >= share:
@@ -249,7 +249,7 @@ class Tracker:
         self._end(least, "evicted")
         return True
 
-    def _claimants(self) -> set[str]:
+    def _kept_identities(self) -> set[str]:
         """Return the identities that are kept: for each threat of the mission file the oldest track."""
         longest: dict[int, str] = {}
         for identity, track in self._tracks.items():
@@ -291,7 +291,7 @@ class Tracker:
                 del self._seen_as_one[pair]
                 kept, ended = sorted((identity, other), key=lambda name: list(self._tracks).index(name))
                 self._end(ended, "same_as_another")
-                self._also[ended] = kept
+                self._merged[ended] = kept
                 return
 
     def _end_old(self, now_s: float) -> None:
@@ -301,7 +301,7 @@ class Tracker:
 
     def _end(self, identity: str, reason: str) -> None:
         self._assigner.release(identity)
-        self._also = {name: kept for name, kept in self._also.items() if kept != identity}
+        self._merged = {name: kept for name, kept in self._merged.items() if kept != identity}
         for pair in [pair for pair in self._seen_as_one if identity in pair]:
             del self._seen_as_one[pair]
         del self._tracks[identity], self._senders[identity]

@@ -8,8 +8,8 @@ from tests.service.client import Client
 from tests.service.processes import FIRST_FLIGHT, free_port, process, simulator
 
 
-def examined(port, *more):
-    with process("-m", "companion.cli", "doctor", FIRST_FLIGHT, "--link", f"tcp://127.0.0.1:{port}",
+def run_checks(port, *more):
+    with process("-m", "companion", "doctor", FIRST_FLIGHT, "--link", f"tcp://127.0.0.1:{port}",
                  "--seconds", 1, "--json", "-", *more) as running:  # fmt: skip
         said, _ = running.communicate(timeout=120.0)
     return running.returncode, {entry["check"]: entry for entry in json.loads(said)}
@@ -24,7 +24,7 @@ def failures(found):
 def test_a_simulated_px4_passes_and_gets_advice():
     port = free_port()
     with simulator(port, FIRST_FLIGHT, 1.0, "--autopilot", "px4"):
-        code, found = examined(port)
+        code, found = run_checks(port)
     assert failures(found) == []
     assert code == ("disk" in found and found["disk"]["verdict"] == "FAIL")
     assert found["MIS_TKO_LAND_REQ"]["verdict"] == "WARN"
@@ -37,7 +37,7 @@ def test_an_arduplane_fails_by_the_one_parameter_that_would_harm():
         client.hear("HEARTBEAT")
         client.send(mavlink.MAVLink_param_set_message(1, 1, b"MIS_RESTART", 1.0, 9))
         client.hear("PARAM_VALUE", lambda message: message.param_id == "MIS_RESTART")
-        code, found = examined(port)
+        code, found = run_checks(port)
     assert code == 1
     assert failures(found) == ["MIS_RESTART"]
     assert "set 0" in found["MIS_RESTART"]["advice"]
@@ -47,7 +47,7 @@ def test_an_arduplane_fails_by_the_one_parameter_that_would_harm():
 
 
 def test_a_missing_serial_port_is_named_and_exits_with_three(tmp_path):
-    with process("-m", "companion.cli", "doctor", "--link", f"serial://{tmp_path}/ttyNone:57600",
+    with process("-m", "companion", "doctor", "--link", f"serial://{tmp_path}/ttyNone:57600",
                  "--json", "-") as running:  # fmt: skip
         said, _ = running.communicate(timeout=120.0)
     assert running.returncode == 3

@@ -20,9 +20,9 @@ from companion.service.doctor.parameter_checks import parameter_findings, parame
 from companion.types.events import Dialect, Heartbeat
 from companion.types.mavlink_enums import MessageId
 
-HEARD_S = 10.0  # Time to wait for the first heartbeat.
-ASK_S = 0.5  # Interval of repeated requests.
-ASKING_S = 6.0
+FIRST_HEARTBEAT_S = 10.0  # Time to wait for the first heartbeat.
+REQUEST_INTERVAL_S = 0.5  # Interval of repeated requests.
+REQUESTS_MAX_S = 6.0
 SETTLE_S = 1.0  # Time until requested rates take effect.
 PX4_CURRENT_HZ = 1.0  # PX4 sends MISSION_CURRENT at this rate, whatever rate is requested.
 RATE_SHARE = 0.8
@@ -82,14 +82,14 @@ class LinkDoctor:
         self._transport.set_receiver(self._receive)
         await self._transport.open()
         try:
-            await self._until(lambda: self._heartbeat is not None, HEARD_S)
+            await self._until(lambda: self._heartbeat is not None, FIRST_HEARTBEAT_S)
             if self._heartbeat is None:
                 return [self._silence()]
             self.is_heard = True
             dialect = self._heartbeat.dialect
             names = parameter_names(dialect)
             await self._until(
-                lambda: self._version is not None and self._values.keys() >= set(names), ASKING_S, names
+                lambda: self._version is not None and self._values.keys() >= set(names), REQUESTS_MAX_S, names
             )
             await self._until(lambda: False, SETTLE_S)
             self._counts.clear()
@@ -147,7 +147,7 @@ class LinkDoctor:
                     if name not in self._values:
                         questions += self._codec.parameter_request(name)
                 self._transport.send(self._codec.signed(questions))
-            await self._clock.sleep_until(min(now + ASK_S, until))
+            await self._clock.sleep_until(min(now + REQUEST_INTERVAL_S, until))
 
     def _silence(self) -> Finding:
         """Return why no autopilot is received."""

@@ -43,7 +43,7 @@ class ParameterCheck:
         Name of the parameter in the autopilot.
     is_good : callable
         Takes the value and returns whether it is as required.
-    otherwise : str
+    advice : str
         What to do if it is not, and what would happen.
     is_grave : bool
         True if another value is dangerous, not only inconvenient.
@@ -51,14 +51,14 @@ class ParameterCheck:
 
     name: str
     is_good: Callable[[float], bool]
-    otherwise: str
+    advice: str
     is_grave: bool = False
 
-    def judged(self, value: float) -> Finding:
+    def finding(self, value: float) -> Finding:
         """Return the finding for a value."""
         if self.is_good(value):
             return ok(self.name, f"{value:g}")
-        return (fail if self.is_grave else warn)(self.name, f"{value:g}", self.otherwise)
+        return (fail if self.is_grave else warn)(self.name, f"{value:g}", self.advice)
 
 
 ARDUPLANE = (
@@ -152,13 +152,13 @@ def parameter_findings(
         if switch is not None and values.get(switch) == 0.0:
             continue
         value = values.get(check.name)
-        findings.append(_untold(check.name) if value is None else check.judged(value))
+        findings.append(_not_reported(check.name) if value is None else check.finding(value))
     findings += _speeds(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings
 
 
-def _untold(name: str) -> Finding:
+def _not_reported(name: str) -> Finding:
     return warn(name, "not told", "the link loses too much, or this version calls it something else")
 
 
@@ -167,7 +167,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
     if mission is None:
         return []
     if not all(map(math.isfinite, (slow, fast, cruise))):
-        return [_untold(name) for name in SPEEDS[dialect] if name not in values]
+        return [_not_reported(name) for name in SPEEDS[dialect] if name not in values]
     found, vehicle = f"{slow:g} to {fast:g} m/s, cruise {cruise:g}", mission.vehicle
     wanted = f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g}, {vehicle.airspeed_cruise_m_s:g}"
     advice = f"let vehicle.airspeed_* of the mission file ({wanted}) and the autopilot agree"
@@ -179,7 +179,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
 def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:
     check = "serial ports"
     if not values.keys() & set(_serial_names(dialect)):
-        return ok(check, "not told") if baud_rate is None else _untold(check)
+        return ok(check, "not told") if baud_rate is None else _not_reported(check)
     is_px4 = dialect is Dialect.PX4
     rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
     found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"

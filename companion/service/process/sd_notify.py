@@ -44,11 +44,6 @@ class Notifier:
         else:
             self._socket = opened
 
-    @property
-    def is_heard(self) -> bool:
-        """Whether there is a service manager."""
-        return self._socket is not None
-
     def tell(self, **words: str | int) -> None:
         """Send one notification, for instance ``READY=1``; line breaks in values become spaces."""
         if self._socket is None:

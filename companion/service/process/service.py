@@ -22,7 +22,7 @@ from companion.service.process.observers import LivePage, Observers, page_of
 from companion.service.process.recorded_flight import RecordedFlight
 from companion.service.process.sd_notify import Notifier, watchdog_of
 from companion.service.process.signing_setup import signing_of
-from companion.service.process.watchdog import Report, Supervision, stacks_told
+from companion.service.process.watchdog import Report, Supervision, stacks_logged
 from companion.threads import in_thread
 
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
@@ -181,9 +181,9 @@ class Service:
             for task in running + ends:
                 task.cancel()
         flight.close()
-        self._tidy(flight)
+        self._discard_idle(flight)
 
-    def _tidy(self, ended: RecordedFlight) -> None:
+    def _discard_idle(self, ended: RecordedFlight) -> None:
         """Of recordings without a flight, keep only the last one before a flight."""
         if ended.app.state.phase.has_flown or not ended.folder.exists():
             self._on_ground = None
@@ -243,7 +243,7 @@ async def serve(
     CompanionError
         If it cannot start.
     """
-    with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+    with stacks_logged(_folder_of("LOGS_DIRECTORY", os.environ)):
         page = page_of(page_port, page_host, page_token, page_ground)
         if page is not None:
             _log.info("page: %s", page.address)

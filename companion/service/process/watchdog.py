@@ -25,7 +25,7 @@ from companion.safe_files import open_to_write
 from companion.service.process.sd_notify import Notifier
 
 CRASH_LOG = "crash.log"
-TELL_S = 1.0  # Interval of messages to the manager; shorter if its watchdog requires it.
+NOTIFY_INTERVAL_S = 1.0  # Interval of messages to the manager; shorter if its watchdog requires it.
 EXTENSION_S = 30.0  # Each extension of the start's time limit.
 WARM_UP_MAX_S = 1_800.0  # Compiling takes a minute or two on a fast computer, about ten on a small one.
 STALL_S = 60.0  # Without a watchdog, the loop counts as stalled after this time without progress.
@@ -93,8 +93,8 @@ class Supervision:
         self._clock = clock
         self._report = report
         self._stall_s = watchdog_s or STALL_S
-        self._tell_s = min(TELL_S, self._stall_s / 4.0)
-        self._told_s = -math.inf
+        self._notify_interval_s = min(NOTIFY_INTERVAL_S, self._stall_s / 4.0)
+        self._notified_s = -math.inf
         self._status = ""
         self._is_leaving = False
 
@@ -111,9 +111,9 @@ class Supervision:
             return
         report = self._report()
         has_become_ready = not self.is_ready and report.is_ready  # It is reported before the next plan.
-        if now - self._told_s < self._tell_s and not has_become_ready:
+        if now - self._notified_s < self._notify_interval_s and not has_become_ready:
             return
-        self._told_s = now
+        self._notified_s = now
         words: dict[str, str | int] = {}
         if has_become_ready:
             self.is_ready = True
@@ -139,7 +139,7 @@ class Supervision:
 
 
 @contextlib.contextmanager
-def stacks_told(folder: Path | None) -> Iterator[None]:
+def stacks_logged(folder: Path | None) -> Iterator[None]:
     """Write the stacks of all threads when the watchdog ends the process, or it crashes."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # The disk is full, or the folder is not writable.

@@ -39,8 +39,8 @@ def first_difference(recording: Recording, result: Replayed) -> Difference | Non
     On simulated time the instants must be equal, too.
     """
     found = [_of_decisions(recording, result), _of_missions(recording, result)]
-    if recording.is_simulated and result.apart_s is not None:
-        found.append((result.apart_s, "as recorded", result.apart))
+    if recording.is_simulated and result.diverged_s is not None:
+        found.append((result.diverged_s, "as recorded", result.apart))
     differing = sorted((entry for entry in found if entry is not None), key=lambda entry: entry[0])
     if not differing:
         return None
@@ -146,7 +146,7 @@ def document_of(recording: Recording, result: Replayed) -> dict[str, object]:
         "first_difference": None
         if differs is None
         else {"t_s": differs.stamp_s, "utc": differs.utc, "flown": differs.flown, "now": differs.now},
-        "apart_s": result.apart_s,
+        "apart_s": result.diverged_s,
         "apart": result.apart,
         "decisions": [_decision_row(entry) for entry in result.decisions],
         "flown_decisions": [_decision_row(entry) for entry in result.flown_decisions],

@@ -35,12 +35,12 @@ from companion.service.replay.replayed_app import replayed_app
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
-_LATE_S = 3.0  # On a wall clock, MAVSDK's threads may take this long.
-_TURN_S = 0.5  # Time limit for MAVSDK, since a recording may lack what it waits for.
-_TOLD_STEPS = 50
+_LATE_MAX_S = 3.0  # On a wall clock, MAVSDK's threads may take this long.
+_MAVSDK_TIMEOUT_S = 0.5  # Time limit for MAVSDK, since a recording may lack what it waits for.
+_PROGRESS_STEPS = 50
 
 
-def _unheard(_done_s: float) -> None:
+def _ignore_progress(_done_s: float) -> None:
     """Ignore the progress of a replay."""
 
 
@@ -56,7 +56,7 @@ class Replayed:
         Complete uploads of the replay.
     flown_decisions, flown_uploads
         Decisions and complete uploads of the recording.
-    apart_s : float or None
+    diverged_s : float or None
         Time at which the service first sent something else than in flight; None if it never did.
     apart : str
         Description of that difference.
@@ -70,7 +70,7 @@ class Replayed:
     uploads: list[Upload] = field(default_factory=list)
     flown_decisions: tuple[Decision, ...] = ()
     flown_uploads: tuple[Upload, ...] = ()
-    apart_s: float | None = None
+    diverged_s: float | None = None
     apart: str = ""
     held: tuple[MissionItem | None, ...] | None = None
     duration_s: float = 0.0
@@ -100,7 +100,7 @@ class Replay:
         self._expected = deque(
             heard for heard in recording.frames if heard.is_ours and is_reported(heard.frame)
         )
-        self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
+        self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_MAX_S)
         self._arrivals = Arrivals(recording, self._late_us)
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
@@ -111,7 +111,7 @@ class Replay:
             mission,
             self._ours,
             self._clock,
-            self._linked,
+            self._make_link,
             seed=seed,
             folder=Path(self._folder),
         )
@@ -120,11 +120,11 @@ class Replay:
         """Set the function that gets each message recorded in the replay, as :meth:`Recorder.listen` does."""
         self._app.recorder.listen(listener)
 
-    def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
+    def _make_link(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
         self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)
         return self._link
 
-    async def run(self, on_progress: Callable[[float], None] = _unheard) -> Replayed:
+    async def run(self, on_progress: Callable[[float], None] = _ignore_progress) -> Replayed:
         """Replay to the end of the recording.
 
         Parameters
@@ -133,8 +133,8 @@ class Replay:
             Called at intervals with the time in the recording [s].
         """
         began = time.perf_counter()
-        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _TURN_S
-        self._theirs.set_receiver(self._heard)
+        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _MAVSDK_TIMEOUT_S
+        self._theirs.set_receiver(self._compare_sent)
         await self._theirs.open()
         running = asyncio.create_task(self._app.run(), name="service")
         if not self._recording.is_simulated:
@@ -147,24 +147,24 @@ class Replay:
                 self._reload(until_us)
                 if running.done():
                     await running
-                if number % _TOLD_STEPS == 0:
+                if number % _PROGRESS_STEPS == 0:
                     on_progress((until_us - self._recording.start_us) * 1e-6)
         finally:
             await stop(running)
             shutil.rmtree(self._folder, ignore_errors=True)
         on_progress(self._recording.duration_s)
-        return self._summed_up(time.perf_counter() - began)
+        return self._final_result(time.perf_counter() - began)
 
     def _steps(self) -> Iterator[tuple[bytes, int]]:
         """Yield the bytes that arrive at each instant, and the next instant [µs]."""
         arrivals, num_expected = self._arrivals, len(self._expected)
         while not arrivals.is_over:
             num_said = num_expected - len(self._expected)
-            arrived = arrivals.waited_for(num_said, has_diverged=self._is_apart)
-            arrived = [raw for raw in arrived if not self._is_kept_back(raw)]
+            arrived = arrivals.waited_for(num_said, has_diverged=self._has_diverged)
+            arrived = [raw for raw in arrived if not self._is_withheld(raw)]
             for heard in arrivals.due():
-                self._follow(heard)
-                if not arrivals.keeps(heard, num_said) and not self._is_kept_back(heard.frame):
+                self._track_autopilot(heard)
+                if not arrivals.keeps(heard, num_said) and not self._is_withheld(heard.frame):
                     arrived.append(heard.frame)
             until = arrivals.move_on()
             yield b"".join(frame.raw for frame in arrived), until
@@ -181,13 +181,13 @@ class Replay:
             else:
                 self._app.reload(mission, text)
 
-    def _follow(self, heard: RecordedFrame) -> None:
+    def _track_autopilot(self, heard: RecordedFrame) -> None:
         """Track the list of the recorded autopilot."""
         if self._link is not None:
             self._flown.set_dialect(self._link.dialect)
         self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
 
-    def _is_kept_back(self, frame: RawFrame) -> bool:
+    def _is_withheld(self, frame: RawFrame) -> bool:
         """Return whether a recorded answer is no longer valid."""
         if self._link is None or not self._link.has_diverged:
             return False
@@ -195,10 +195,10 @@ class Replay:
         return self._arrivals.is_answer(frame) or is_news
 
     @property
-    def _is_apart(self) -> bool:
+    def _has_diverged(self) -> bool:
         return self._link is not None and self._link.has_diverged
 
-    def _heard(self, data: bytes) -> None:
+    def _compare_sent(self, data: bytes) -> None:
         """Compare what the service sends with what it sent in flight."""
         now_us = round(1e6 * self._clock.now_s())
         for raw in frames_in(data):
@@ -214,11 +214,13 @@ class Replay:
         said = frame.message_id, frame.payload
         if said == self._last and not self._recording.is_simulated:
             return  # It is a repetition, which depends on the wall clock.
-        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+        while self._expected and self._late_us and _content(self._expected[0]) == self._last:
             self._expected.popleft()
         wanted = self._expected[0] if self._expected else None
-        if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _said(wanted) != said:
-            self._part(now_us, f"{message_name(frame)} is sent, {_instead(wanted, now_us, self._late_us)}")
+        if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _content(wanted) != said:
+            self._diverge(
+                now_us, f"{message_name(frame)} is sent, {_expectation(wanted, now_us, self._late_us)}"
+            )
             return
         self._last = said
         self._expected.popleft()
@@ -227,19 +229,19 @@ class Replay:
         """Detect frames that were sent by this time in flight, but not in the replay."""
         if self._link is None or self._link.has_diverged:
             return
-        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+        while self._expected and self._late_us and _content(self._expected[0]) == self._last:
             self._expected.popleft()
         if self._expected and self._expected[0].at_us < now_us - self._late_us:
-            self._part(
+            self._diverge(
                 self._expected[0].at_us, f"{message_name(self._expected[0].frame)} was sent, and is not now"
             )
 
-    def _part(self, at_us: int, why: str) -> None:
+    def _diverge(self, at_us: int, why: str) -> None:
         assert self._link is not None
-        self.result.apart_s, self.result.apart = at_us * 1e-6, why
+        self.result.diverged_s, self.result.apart = at_us * 1e-6, why
         self._link.part()
 
-    def _summed_up(self, wall_s: float) -> Replayed:
+    def _final_result(self, wall_s: float) -> Replayed:
         result = self.result
         result.decisions = list(self._app.recorder.decisions)
         ours = (self._recording.vehicle, COMPONENT_ID)
@@ -261,11 +263,11 @@ def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
     return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
 
 
-def _said(heard: RecordedFrame) -> tuple[int, bytes]:
+def _content(heard: RecordedFrame) -> tuple[int, bytes]:
     return heard.frame.message_id, heard.frame.payload
 
 
-def _instead(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
+def _expectation(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
     if wanted is None or wanted.at_us > now_us + late_us:
         return "where nothing was"
     if wanted.at_us < now_us - late_us:

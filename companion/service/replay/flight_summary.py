@@ -59,7 +59,7 @@ def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
 def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
-        told = _Told(counters)
+        told = _ReportData(counters)
         for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
             told.take(topic, row)
         if told.about:
@@ -74,7 +74,7 @@ def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     )
 
 
-class _Told:
+class _ReportData:
     """The part of an MCAP file's messages that a report shows; the file may be large and of any origin.
 
     Parameters
@@ -162,7 +162,7 @@ class _Told:
         self.fences = row.get("obstacles", self.fences)
 
 
-def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     about = told.about
     mission = mission_from_text(str(about["mission_file"]), str(folder / MCAP))
     flown = _table(told.flown, 7, ROWS_MAX)
@@ -213,7 +213,7 @@ def _is_whole(obstacle: Obstacle) -> bool:
     return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
 
 
-def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | str]:
+def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bool | str]:
     """Return the values of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
     about = told.about
     times = np.array(told.plan_ms or [np.nan])

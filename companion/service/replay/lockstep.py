@@ -48,11 +48,11 @@ async def step(
     if data:
         theirs.send(data)
     clock.advance_to(until_s)
-    while await _is_waited_for(app, turn_timeout_s):
+    while await _wait_for_mavsdk(app, turn_timeout_s):
         pass
 
 
-async def _is_waited_for(app: App, turn_timeout_s: float) -> bool:
+async def _wait_for_mavsdk(app: App, turn_timeout_s: float) -> bool:
     """Let the service handle what it has; then wait for MAVSDK if it is about to send.
 
     Returns whether it waited: MAVSDK's message may start its next call, which must not start one step later

@@ -101,25 +101,25 @@ class ReplayLink(AutopilotLink):
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
         """Replace the mission; after the divergence in the model."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().upload(items, may_finish)
-        await self._lasts(len(items))
+        await self._wait_for_transfer(len(items))
         if may_finish is not None and not may_finish():
             raise TransferError("upload", "TRANSFER_CANCELLED")
         self._items = tuple(items)
         self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
         if not self._swaps_whole_lists:
-            self._tell_current(0 if self.current is None else self.current.sequence)
+            self._report_current(0 if self.current is None else self.current.sequence)
             return 0
-        self._tell_current(next(item.sequence for item in items if item.is_current))
+        self._report_current(next(item.sequence for item in items if item.is_current))
         return mission_id(items)
 
     async def write(self, items: Sequence[MissionItem]) -> None:
         """Overwrite a part of the list; after the divergence in the model."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().write(items)
-        await self._lasts(len(items))
+        await self._wait_for_transfer(len(items))
         first = items[0].sequence
         stored = self._stored()
         self._items = (*stored[:first], *items, *stored[first + len(items) :])
@@ -128,23 +128,23 @@ class ReplayLink(AutopilotLink):
     async def read_back(self) -> Items:
         """Read the list that was written; after the divergence from the model."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().read_back()
-        await self._lasts(len(self._stored()))
+        await self._wait_for_transfer(len(self._stored()))
         return self._stored()
 
     async def download(self) -> Items:
         """Read the mission; after the divergence from the model."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().download()
-        await self._lasts(len(self._stored()))
+        await self._wait_for_transfer(len(self._stored()))
         return self._stored()
 
     async def download_fence(self) -> Items:
         """Read the fence; after the divergence return the last one read."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 self._fence = await super().download_fence()
                 return self._fence
         return self._fence
@@ -152,7 +152,7 @@ class ReplayLink(AutopilotLink):
     async def download_rally_points(self) -> Items:
         """Read the rally points; after the divergence return the last ones read."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 self._rally_points = await super().download_rally_points()
                 return self._rally_points
         return self._rally_points
@@ -160,15 +160,15 @@ class ReplayLink(AutopilotLink):
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
         """Fly to an item; after the divergence in the model."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().set_current(sequence, is_ahead)
-        await self._lasts(1)
-        self._tell_current(sequence)
+        await self._wait_for_transfer(1)
+        self._report_current(sequence)
 
     async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Return whether the autopilot reports an item in time; the model reports at once."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 is_reported = await super().wait_for_mission_current(is_it, wait_s)
                 if not self.has_diverged:
                     return is_reported
@@ -177,11 +177,11 @@ class ReplayLink(AutopilotLink):
     async def set_mode(self, mode: str) -> None:
         """Select a mode; after the divergence the recorded modes stay."""
         if not self.has_diverged:
-            with self._unless_apart():
+            with self._unless_diverged():
                 return await super().set_mode(mode)
 
     @contextlib.contextmanager
-    def _unless_apart(self) -> Iterator[None]:
+    def _unless_diverged(self) -> Iterator[None]:
         """Suppress errors that the divergence causes, so that the model takes over."""
         try:
             yield
@@ -196,13 +196,13 @@ class ReplayLink(AutopilotLink):
             raise TransferError("question", "the recorded autopilot answers no more")
         return await super()._send_and_wait(data, is_answer, wait_s=wait_s)
 
-    async def _lasts(self, num_items: int) -> None:
+    async def _wait_for_transfer(self, num_items: int) -> None:
         self._is_closing = True
         await self.close()
         self._is_closing = False
         await self._clock.sleep_until(self._clock.now_s() + ITEM_S * num_items)
 
-    def _tell_current(self, sequence: int) -> None:
+    def _report_current(self, sequence: int) -> None:
         items = self._stored()
         total = len(items) - (0 if self._swaps_whole_lists else 1)
         name = mission_id(items) if self._swaps_whole_lists else 0

@@ -80,9 +80,10 @@ def replayable(log: Path) -> Recording:
     RecordError
         If it cannot be read, or contains no MAVLink frame.
     """
-    recording = load_recording(log / TLOG if log.is_dir() else log)
+    file = log / TLOG if log.is_dir() else log
+    recording = load_recording(file)
     if not recording.frames:
-        raise RecordError(f"{log}: no frame of MAVLink in it")
+        raise RecordError(f"{file}: no frame of MAVLink in it")
     return recording
 
 
@@ -185,7 +186,7 @@ def show_page(
     shown = [
         recorded_playback(path)
         for path in ([log] if other is None else [log, other])
-        if _is_told(path, mission)
+        if _shows_as_flown(path, mission)
     ]
     if mission is not None:
         recording = replayable(log)
@@ -198,7 +199,7 @@ def show_page(
     )
 
 
-def _is_told(path: Path, mission: MissionConfig | None) -> bool:
+def _shows_as_flown(path: Path, mission: MissionConfig | None) -> bool:
     """Return whether to show a recording as flown; a tlog alone is only replayed if possible."""
     return mission is None or path.is_dir() or path.with_suffix(".mcap").exists()
 
