@@ -24,7 +24,7 @@ from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
 from companion.types.pilot_texts import kind_of
 from companion.types.record import Decision
 
-GAP_MAX_S = 120.0  # A longer gap between two frames is a clock that jumped, or not worth replaying.
+GAP_MAX_S = 120.0  # A longer gap between two frames is a clock that jumped, or a pause without events.
 # The clock of our own recordings never jumps: a gap may be as long as the service waited for an autopilot.
 OWN_GAP_MAX_S = 86_400.0
 ORDER_S = (

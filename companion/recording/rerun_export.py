@@ -360,7 +360,7 @@ def export_rerun(flight: Path, target: Path) -> int:
     RecordError
         If the recording contains no message, or the target cannot be written.
     """
-    import rerun  # an extra  # noqa: PLC0415
+    import rerun  # The package is an extra.  # noqa: PLC0415
 
     known = {channel.topic for channel in channels.CHANNELS}
     stream = rerun.RecordingStream("companion", send_properties=False)

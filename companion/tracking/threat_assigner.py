@@ -169,7 +169,7 @@ class ThreatAssigner:
         return min(distances, default=(math.inf, -1))
 
     def release(self, identity: str) -> None:
-        """End the tracking of a vehicle; the next one at its position may be the threat that stands there."""
+        """End the tracking of a vehicle; the next one at its position may be that threat."""
         self._standing = {number: holder for number, holder in self._standing.items() if holder != identity}
 
     def _class_of(self, number: int) -> VehicleClass:

@@ -1,6 +1,6 @@
 """Every text that the pilot reads, with its cause and what the pilot can do.
 
-A text tells only what changes what the pilot would do: whether the flight is safe, what changes, where the
+A text reports only what matters for the pilot's decisions: whether the flight is safe, what changes, where the
 next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
 characters. A longer text is sent in chunks (MAVLink ``common.xml``, STATUSTEXT).
 """
@@ -20,7 +20,7 @@ class PilotText:
     Parameters
     ----------
     kind : str
-        The kind of decision that it tells of.
+        Kind of decision that it reports.
     severity : Severity
         MAV_SEVERITY.
     template : str

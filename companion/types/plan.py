@@ -13,7 +13,7 @@ from companion.types.threat import ThreatTree
 
 
 class PlanStatus(Enum):
-    """How a solve ended."""
+    """Result of a search."""
 
     EXACT = "exact"  # The path reaches the goal.
     APPROXIMATE = "approximate"  # The path leads towards the goal and does not reach it.
@@ -76,7 +76,7 @@ class SearchTrace:
 
 @dataclass(frozen=True, slots=True)
 class PursuitRisk:
-    """What moving threats that know the whole path could do (paper 2.3).
+    """The risk from moving threats that know the whole path (paper 2.3).
 
     Parameters
     ----------

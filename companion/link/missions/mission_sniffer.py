@@ -25,7 +25,7 @@ CLIENTS_MAX = 64  # Transfers are followed for the clients that began last.
 
 @dataclass(slots=True)
 class _Transfer:
-    """A transfer that is under way: the number of items, and those seen."""
+    """A transfer under way: its number of items, and the items seen."""
 
     count: int
     first: int = 0

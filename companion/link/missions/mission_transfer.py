@@ -34,7 +34,7 @@ from companion.link.wire.decoded_frame import (
 from companion.types.mavlink_enums import MissionResult, MissionType, name_of
 from companion.types.mission import MissionItem
 
-OPENING = -1  # Stands for the message that begins a transfer, in place of an item number.
+OPENING = -1  # In place of an item number: the message that begins a transfer.
 # Silence of the autopilot that ends a transfer. An ArduPlane gives up after 8 s, a PX4 after 5 s.
 TRANSFER_TIMEOUT_S = 7.0
 REPEAT_MIN_S, REPEAT_MAX_S = 0.12, 1.5

@@ -240,8 +240,7 @@ class Timestamps:
         streams = {"/".join(map(str, stream)): time for stream, time in self.streams.items()}
         kept = json.dumps({"own": self._reserved, "streams": streams}).encode("ascii")
         try:
-            # Not synced: this happens every second in the event loop, and heartbeats must not wait for a
-            # disk.
+            # Not synced: it happens every second in the event loop, and heartbeats must not wait for it.
             replace_file(self._path, kept, is_synced=False)
         except OSError as error:  # A full disk must not stop the link.
             _log.error("timestamps of signatures cannot be written: %s", error)

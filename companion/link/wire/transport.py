@@ -93,7 +93,7 @@ class _DatagramProtocol(asyncio.DatagramProtocol):
         self._on_data(data, (addr[0], addr[1]))
 
     def error_received(self, exc: Exception) -> None:
-        _log.debug("datagram refused: %s", exc)  # nobody listens there yet
+        _log.debug("datagram refused: %s", exc)  # No program listens at that address yet.
 
 
 class _UdpTransport(Transport):

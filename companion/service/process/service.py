@@ -184,7 +184,7 @@ class Service:
         self._discard_idle(flight)
 
     def _discard_idle(self, ended: RecordedFlight) -> None:
-        """Of recordings without a flight, keep only the last one before a flight."""
+        """Delete recordings without a flight, except the last one before a flight."""
         if ended.app.state.phase.has_flown or not ended.folder.exists():
             self._on_ground = None
             return

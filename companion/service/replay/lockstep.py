@@ -1,6 +1,6 @@
 """Runs the service on a clock that others move, for simulated flights and replays.
 
-Time moves in steps and stands still while the service works: while it plans, and while MAVSDK's threads
+Time moves in steps and does not move while the service works: while it plans, and while MAVSDK's threads
 prepare a message. A flight therefore runs as fast as the computer can, and the same bytes at the same
 instants make the service send the same messages, however slow the computer is.
 """
