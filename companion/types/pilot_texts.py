@@ -1,7 +1,7 @@
 """Every text that the pilot reads, with its cause and what the pilot can do.
 
-A text reports only what matters for the pilot's decisions: whether the flight is safe, what changes, where the
-next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
+A text reports only what matters for the pilot's decisions: whether the flight is safe, what changes, where
+the next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
 characters. A longer text is sent in chunks (MAVLink ``common.xml``, STATUSTEXT).
 """
 

@@ -160,7 +160,7 @@ def test_px4s_serial_ports_are_judged_by_the_line_that_is_used(changes, advice):
 @pytest.mark.parametrize(("baud_rate", "verdict"), [(None, OK), (921_600, WARN)])
 def test_serial_ports_that_are_not_told_are_not_judged(dialect, baud_rate, verdict):
     found = parameter_findings(dialect, {}, MISSION, baud_rate)[-1]
-    assert (found.check, found.found, found.verdict) == ("serial ports", "not told", verdict)
+    assert (found.check, found.found, found.verdict) == ("serial ports", "not reported", verdict)
     assert "set" not in found.advice
 
 

@@ -52,7 +52,7 @@ def clock_synchronised(state: int) -> Finding:
     """Check that the clock is synchronised."""
     check, advice = "clock synchronised", "run chrony or systemd-timesyncd; GPS through gpsd in the field"
     if state < 0:
-        return warn(check, "cannot be told here", advice)
+        return warn(check, "unknown on this computer", advice)
     if state == UNSYNCHRONISED:
         return warn(check, "no", advice)
     return ok(check, "yes")

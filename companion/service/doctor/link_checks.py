@@ -154,19 +154,21 @@ class LinkDoctor:
         check, counters = "link", self._codec.counters
         if self._transport.trouble:
             return fail(
-                check, f"{self._url}: {self._transport.trouble}", "see to the device, cable or address"
+                check, f"{self._url}: {self._transport.trouble}", "check the device, cable or address"
             )
         if self._num_bytes == 0:
             advice = {
                 "serial": "is it powered, are RX and TX crossed, does SERIALn_PROTOCOL of that port say 2?",
                 "udpin": "does the autopilot or its router send to this address and port?",
-            }.get(self._url.partition("://")[0], "is somebody there, and listening?")
+            }.get(self._url.partition("://")[0], "does a program listen at this address?")
             return fail(check, f"nothing comes from {self._url}", advice)
         if counters["accepted"] == 0 and counters["unsigned"] + counters["bad_signature"] == 0:
             found = f"{self._num_bytes} bytes came, and no message of MAVLink"
             is_serial = self._url.startswith("serial")
             advice = "the speed differs from the autopilot's: see SERIALn_BAUD"
-            return fail(check, found, advice if is_serial else "something else speaks there: see the address")
+            return fail(
+                check, found, advice if is_serial else "another protocol is used there: check the address"
+            )
         refused = ", ".join(f"{name} {number}" for name, number in sorted(counters.items()))
         return fail(check, f"messages came, and no autopilot's heartbeat ({refused})",
                     "is the autopilot behind a router that filters, or signed with another key?")  # fmt: skip

@@ -61,7 +61,7 @@ class MissionDoctor:
         try:
             read = await self._link.download()
         except CompanionError as error:
-            return [warn(CHECK, f"not read: {error}", "try again; does the ground station upload just now?")]
+            return [warn(CHECK, f"not read: {error}", "try again; perhaps the ground station is uploading")]
         finally:
             await self._link.close()
         return self._judged(read, settings)
@@ -79,7 +79,7 @@ class MissionDoctor:
         refused = shortfalls(mission, settings)
         for fault in told.faults:
             if fault in refused:
-                advice = "change the mission file or the parameter: it is not taken over so"
+                advice = "change the mission file or the parameter: the service does not take over with it"
                 findings.append(fail(CHECK, fault, advice))
             else:
                 findings.append(warn(CHECK, fault, "change the list in the autopilot, or the mission file"))

@@ -81,7 +81,7 @@ ARDUPLANE = (
         "ADSB_TYPE",
         lambda v: v == 0.0,
         "set 0 unless an ADS-B receiver is wired to the autopilot: "
-        "it swallows others' reports and sends them on at its own rate",
+        "it consumes the reports of other sources and sends its own list at its own rate",
     ),
     ParameterCheck(
         "WP_RADIUS",
@@ -136,7 +136,7 @@ def version(dialect: Dialect, told: AutopilotVersion | None) -> Finding:
     major, minor = MEASURED[dialect]
     advice = f"its missions were measured with {major}.{minor}: try this one in its own simulation first"
     if told is None:
-        return warn(check, f"{name}; it does not tell its version", advice)
+        return warn(check, f"{name}; it does not report its version", advice)
     numbers = ".".join(map(str, told.numbers))
     found = f"{name} {numbers}{RELEASES.get(told.release, '?')}"
     return ok(check, found) if told.numbers[:2] == (major, minor) else warn(check, found, advice)
@@ -159,7 +159,7 @@ def parameter_findings(
 
 
 def _not_reported(name: str) -> Finding:
-    return warn(name, "not told", "the link loses too much, or this version calls it something else")
+    return warn(name, "not reported", "the link loses too much, or this version has another name for it")
 
 
 def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None) -> list[Finding]:
@@ -179,7 +179,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
 def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:
     check = "serial ports"
     if not values.keys() & set(_serial_names(dialect)):
-        return ok(check, "not told") if baud_rate is None else _not_reported(check)
+        return ok(check, "not reported") if baud_rate is None else _not_reported(check)
     is_px4 = dialect is Dialect.PX4
     rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
     found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
