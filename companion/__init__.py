@@ -1,7 +1,7 @@
 """Online safe path planning for fixed-wing aircraft, on a companion computer.
 
-Here are the command line, and what every room stands on: time, frames, errors. Imports nothing of the
-simulator.
+This package holds the command line and the basis of all other packages: time, frames and errors. It imports
+nothing from the simulator.
 
 >>> from companion import fly, load_mission, plan
 >>> plan(load_mission("mission_configs/first-flight.yaml"), seed=1).reaches_goal
@@ -21,7 +21,7 @@ __version__ = "0.2.0"
 
 
 def __getattr__(name: str) -> object:
-    """Load what plans and flies when it is first asked for: most programs that import this do neither."""
+    """Import planning and flying on first access: most programs that import this package need neither."""
     if name in __all__:
         return getattr(importlib.import_module("companion.offline"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,6 +1,6 @@
-"""``companion``: the commands, and what they exit with.
+"""The command line ``companion`` and its exit codes.
 
-Exit codes: 0 done, 1 no safe plan or failed flight, 2 bad usage or configuration, 3 link failure,
+Exit codes: 0 success, 1 no safe plan or failed flight, 2 bad usage or configuration, 3 link failure,
 4 internal error.
 """
 
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -36,18 +36,11 @@ from companion.cli_options import (
 from companion.errors import CompanionError, ConfigError
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
-if TYPE_CHECKING:
-    from companion.config import MissionConfig
-
 EXIT_FAILED = 1
-HEALTH_MAX = 10_000  # bytes of an answer
+HEALTH_MAX = 10_000  # Bytes of an answer.
 EXTRA_COMMANDS = "companion.commands"
-EXTRAS = {
-    "matplotlib": "plot",
-    "jsbsim": "sim",
-    "distributed": "dask",
-    "rerun": "rerun",
-}  # that bring a package which some commands need
+# Packages that some commands need, and the extras that install them.
+EXTRAS = {"matplotlib": "plot", "jsbsim": "sim", "distributed": "dask", "rerun": "rerun"}
 
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
@@ -57,9 +50,9 @@ _log = logging.getLogger("companion")
 
 @app.callback(invoke_without_command=True)
 def _version(
-    version: Annotated[bool, typer.Option("--version", help="Show the version and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
-    """Plan safe paths online for a fixed-wing aircraft, beside its autopilot."""
+    """Plan safe paths online for a fixed-wing aircraft, on a companion computer of its autopilot."""
     if version:
         console.print(__version__)
         raise typer.Exit
@@ -67,7 +60,7 @@ def _version(
 
 @contextlib.contextmanager
 def _writing(target: Path, option: str) -> Iterator[None]:
-    """Tell a file that cannot be written as a wrong option."""
+    """Report a file that cannot be written as a wrong option."""
     try:
         yield
     except OSError as error:
@@ -92,28 +85,14 @@ def write_json(target: Path, document: object) -> None:
         safe_files.replace_file(target, text.encode("ascii"), safe_files.SHARED)
 
 
-def require_goals(config: MissionConfig, file: Path) -> None:
-    """See that a mission names its goals, where there is no autopilot to ask.
-
-    Raises
-    ------
-    ConfigError
-        If it leaves them to the autopilot.
-    """
-    if config.goals_from_autopilot:
-        raise ConfigError(
-            str(file), None, "goals", "from_autopilot", "a list of goals: no autopilot is asked"
-        )
-
-
 @app.command()
 def check(
     mission: MissionFile,
     json_file: JsonFile = None,
-    plot: Annotated[Path | None, typer.Option(help="Write a picture here.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture to this file.")] = None,
 ) -> None:
-    """Validate a mission file, and tell what was understood."""
-    from companion.config import load_mission
+    """Validate a mission file, and print a summary of it."""
+    from companion.config import load_mission, require_goals
     from companion.config.mission_summary import mission_summary, summary_table
 
     if plot is not None:
@@ -129,7 +108,7 @@ def check(
         else:
             console.print(summary_table(config))
     if plot is not None:
-        require_goals(config, mission)
+        require_goals(config, str(mission))
         with _writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False))
 
@@ -138,23 +117,25 @@ def check(
 def plan(
     mission: MissionFile,
     method: Annotated[str | None, typer.Option(help="safe-rrt or a comparator.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the first run; the next count up.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the first run; later runs count up.")
+    ] = None,
     runs: Annotated[int, typer.Option(min=1)] = 1,
     time_limit: Annotated[
-        float | None, typer.Option(min=0.01, help="Seconds a plan; else an iteration budget.")
+        float | None, typer.Option(min=0.01, help="Time limit of a plan [s]; by default an iteration limit.")
     ] = None,
     json_file: JsonFile = None,
-    plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run here.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run to this file.")] = None,
 ) -> None:
     """Make one offline plan, or several, from the mission file's start."""
-    from companion.config import load_mission
+    from companion.config import load_mission, require_goals
     from companion.research.campaign.runs import plan_runs, result_of, results_table
 
     if plot is not None:
         from companion.ui.reports.plots import plot_plan
 
     config = load_mission(mission)
-    require_goals(config, mission)
+    require_goals(config, str(mission))
     snapshot, plans = plan_runs(
         config, method=method, first_seed=config.planning.seed if seed is None else seed, runs=runs,
         time_limit_s=time_limit, get_ready=lambda: make_ready_with_bar(Console(stderr=True)),
@@ -172,7 +153,7 @@ def plan(
 
 @app.command("warm-up")
 def warm_up() -> None:
-    """Compile the planner's kernels now, so that the service need not at its first start."""
+    """Compile the planner's kernels now, so that the first start of the service need not wait for it."""
     began = time.perf_counter()
     make_ready_with_bar(console)
     console.print(f"the planner's kernels are ready ({time.perf_counter() - began:.1f} s)")
@@ -187,11 +168,9 @@ def run(
     ],
     record: Annotated[Path, typer.Option(help="Folder of the flights' recordings.")] = Path("flights"),
     metrics: MetricsPort = None,
-    log: Annotated[
-        LogKind, typer.Option(envvar="COMPANION_LOG", help="How lines of the log look.")
-    ] = LogKind.TEXT,
+    log: Annotated[LogKind, typer.Option(envvar="COMPANION_LOG", help="Format of the log.")] = LogKind.TEXT,
     record_max_mb: Annotated[
-        int, typer.Option(min=1, help="What the recordings may take; the oldest flights go first.")
+        int, typer.Option(min=1, help="Limit of all recordings; the oldest flights are deleted first.")
     ] = 2_000,
     page: Annotated[
         int | None,
@@ -201,7 +180,7 @@ def run(
     page_token: PageToken = "",
     page_ground: PageGround = None,
 ) -> None:
-    """Run the service beside an autopilot until it is stopped."""
+    """Run the service until it is stopped."""
     import asyncio
 
     from companion.service.process.service import serve
@@ -217,7 +196,7 @@ def run(
 
 @app.command()
 def health(metrics: MetricsPort = None) -> None:
-    """Ask a running service on this computer how it is; exit 0 only if its planning loop comes round."""
+    """Ask the service on this computer for its health; exit 0 only if its planning loop runs."""
     if metrics is None:
         raise ConfigError("command line", None, "--metrics", "nothing", "the port that the service tells on")
 
@@ -247,10 +226,10 @@ def health(metrics: MetricsPort = None) -> None:
 def replay(
     log: Annotated[
         Path,
-        typer.Argument(exists=True, help="A tlog or a flight's folder; the mcap beside it is read, too."),
+        typer.Argument(exists=True, help="A tlog or a flight's folder; its mcap is read, too."),
     ],
     mission: Annotated[
-        Path | None, typer.Argument(help="A mission file, as in mission_configs; only a page needs none.")
+        Path | None, typer.Argument(help="A mission file, as in mission_configs; required without --page.")
     ] = None,
     expect: Annotated[
         Path | None,
@@ -258,17 +237,20 @@ def replay(
             exists=True, file_okay=False, help="A flight's folder; exit 1 if decisions or missions differ."
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of plans; else the recorded one.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of plans; by default the recorded one.")
+    ] = None,
     json_file: JsonFile = None,
     page: PagePort = None,
     beside: Annotated[
-        Path | None, typer.Option(exists=True, help="On the page, a second recording beside the first.")
+        Path | None,
+        typer.Option(exists=True, help="A second recording for the page, shown next to the first."),
     ] = None,
     page_ground: PageGround = None,
 ) -> None:
-    """Feed a recorded flight through the same code: the same missions, or what would be decided instead.
+    """Replay a recorded flight with the present code, and compare missions and decisions.
 
-    With --page it is looked at in a browser, and with a mission file what would be decided now beside it.
+    With --page, show the flight in a browser, and with a mission file the replayed decisions next to it.
     """
     from companion.config import load_mission
     from companion.service.replay import replay_command as replaying
@@ -282,7 +264,7 @@ def replay(
     if config is None:
         raise ConfigError("command line", None, "MISSION", "nothing", "a mission file, or --page")
     recording = replaying.replayable(log)
-    expected = None if expect is None else replaying.flown_in(expect)
+    expected = None if expect is None else replaying.replayable(expect)
     for remark in replaying.remarks(recording, config):
         screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
     result = replaying.replayed(recording, config, seed, screen)
@@ -298,20 +280,22 @@ def replay(
 
 @app.command()
 def doctor(
-    mission: Annotated[Path | None, typer.Argument(help="A mission file; its needs are looked at.")] = None,
-    link: Annotated[
-        str | None, typer.Option(help="Where the autopilot is; the service must not run meanwhile.")
+    mission: Annotated[
+        Path | None, typer.Argument(help="A mission file, whose requirements are checked.")
     ] = None,
-    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="How long rates are measured.")] = 10.0,
-    record: Annotated[Path, typer.Option(help="Folder that recordings would go to.")] = Path("flights"),
+    link: Annotated[
+        str | None, typer.Option(help="URL of the autopilot's link; the service must not run meanwhile.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="Time for measuring rates.")] = 10.0,
+    record: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("flights"),
     json_file: JsonFile = None,
 ) -> None:
-    """Look for what would keep the service from working; exit 1 for a failure, 3 without an autopilot."""
+    """Check everything that the service needs; exit 1 for a failure, 3 without an autopilot."""
     import asyncio
 
-    from companion.service.doctor.doctor_command import examined, findings_table
+    from companion.service.doctor.doctor_command import findings_table, run_checks
 
-    findings, code = asyncio.run(examined(mission, link, seconds, record))
+    findings, code = asyncio.run(run_checks(mission, link, seconds, record))
     if json_file is not None:
         write_json(json_file, [asdict(entry) | {"verdict": entry.verdict.value} for entry in findings])
     if json_file is None or str(json_file) != "-":
@@ -324,7 +308,7 @@ def doctor(
 def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
-    """Make the report of a flight from its recording alone."""
+    """Write the report of a flight from its recording."""
     from companion.service.replay import flight_summary as told
     from companion.ui.reports.report import write_report
 
@@ -342,13 +326,14 @@ def report(
 def export(
     flight: Annotated[Path, typer.Argument(exists=True, help="A flight's folder, its tlog or mcap.")],
     target: Annotated[
-        Path | None, typer.Argument(help="The file to write; with --rerun, else flight.rrd beside the tlog.")
+        Path | None,
+        typer.Argument(help="The file to write; with --rerun by default flight.rrd at the tlog."),
     ] = None,
     rerun: Annotated[
-        bool, typer.Option("--rerun", help="For rerun's viewer; the file ends in .rrd.")
+        bool, typer.Option("--rerun", help="Write a picture for rerun; the file ends in .rrd.")
     ] = False,
 ) -> None:
-    """Write a recording as a picture for Foxglove, and beside it a layout that opens it; or for rerun."""
+    """Export a recording for Foxglove, with a layout, or for rerun."""
     from companion.service.replay import replay_command as replaying
 
     console.print(replaying.exported(flight, target, is_for_rerun=rerun), markup=False, soft_wrap=True)
@@ -357,19 +342,19 @@ def export(
 @app.command()
 def campaign(
     spec: Annotated[Path, typer.Argument(help="A campaign's file, as in campaigns.")],
-    jobs: Annotated[int, typer.Option(min=1, help="Processes that make runs at once.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of parallel processes.")] = 1,
     engine: Annotated[
-        Literal["processes", "dask"], typer.Option(help="Processes here, or workers of a scheduler.")
+        Literal["processes", "dask"], typer.Option(help="Local processes, or workers of a Dask scheduler.")
     ] = "processes",
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where it was stopped.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a campaign that was stopped.")] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the rows; else results, and the campaign's name.")
+        Path | None, typer.Option(help="Folder of the rows; by default results/ and the campaign's name.")
     ] = None,
 ) -> None:
-    """Plan or fly by the thousand: methods by missions, settings and seeds, each run a row."""
+    """Plan or fly for all combinations of methods, missions, settings and seeds; each run gives a row."""
     from companion.research.evidence.evidence_commands import campaign_from_file
 
     if (engine == "dask") != (scheduler is not None):
@@ -384,12 +369,12 @@ def results(
         Path,
         typer.Argument(exists=True, file_okay=False, help="A campaign's folder; it may still be running."),
     ],
-    keep: Annotated[Path | None, typer.Option(help="Write the rows here, too, as one small file.")] = None,
+    keep: Annotated[Path | None, typer.Option(help="Also write the rows to this file, compressed.")] = None,
     page: Annotated[
-        Path | None, typer.Option(help="Write one page of a folder of kept rows here, and nothing else.")
+        Path | None, typer.Option(help="Write only a page, to this file, from a folder of kept rows.")
     ] = None,
 ) -> None:
-    """Write what a campaign's rows say: tables with intervals, as Markdown, CSV and a page."""
+    """Evaluate a campaign's rows: tables with confidence intervals, as Markdown, CSV and HTML."""
     from companion.research.evidence.evidence_commands import results_in
 
     results_in(folder, console, keep=keep, page=page)
@@ -398,14 +383,14 @@ def results(
 @app.command()
 def identify(
     recordings: Annotated[
-        list[Path], typer.Argument(exists=True, help="Flights' folders, or tlogs: of one aircraft.")
+        list[Path], typer.Argument(exists=True, help="Folders of flights, or tlogs, all of one aircraft.")
     ],
     mission: Annotated[
-        Path | None, typer.Option(help="The mission file flown, where a tlog does not say.")
+        Path | None, typer.Option(help="Mission file of the flights, for a tlog without one.")
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Tell an aircraft's noise from its flights, as keys of a mission file; exit 1 if there is too little."""
+    """Estimate an aircraft's noise from its flights, as keys of a mission file; exit 1 if data is short."""
     from companion.research.identification import identify_command as identifying
 
     flights, found = identifying.identify(recordings, mission)
@@ -418,14 +403,14 @@ def identify(
 
 
 def _not_installed(what: str, command: str, extra: str) -> ConfigError:
-    """The error of a command that needs what is not installed."""
+    """Return the error of a command that needs a package that is not installed."""
     return ConfigError(
         "companion", None, command, f"no {what} installed", f"pip install 'safe-rrt-companion[{extra}]'"
     )
 
 
 def _without_simulator() -> None:
-    """Say what is missing."""
+    """Raise the error of a missing simulator."""
     raise _not_installed("simulator", "sitl", "sim")
 
 
@@ -458,7 +443,7 @@ def _add_commands(called: str | None) -> None:
 
 
 def _called() -> None:
-    """Run the command that is named, or tell which extra it lacks."""
+    """Run the command, or report the extra that it lacks."""
     try:
         app()
     except ModuleNotFoundError as error:
@@ -469,7 +454,7 @@ def _called() -> None:
 
 
 def main() -> None:
-    """Run a command; errors made on purpose become one message and their exit code."""
+    """Run a command; an error raised on purpose becomes one message and its exit code."""
     handler = RichHandler(console=Console(stderr=True), show_path=False, show_time=False, show_level=False)
     handler.setFormatter(PlainFormatter())
     logging.basicConfig(level=logging.INFO, handlers=[handler])
@@ -484,7 +469,3 @@ def main() -> None:
     except Exception:
         _log.exception("internal error")
         sys.exit(CompanionError.exit_code)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""What several commands share: arguments and options with their help, and the bar shown while compiling."""
+"""Arguments and options that several commands share, and the progress bar of compiling."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MetricsPort = Annotated[
     int | None,
     typer.Option(
         "--metrics", min=1, max=65535, envvar="COMPANION_METRICS",
-        help="Port of /metrics and /healthz, for this computer alone; left out, there is none.",
+        help="Port of /metrics and /healthz, for this computer only; by default none.",
     ),
 ]  # fmt: skip
 PagePort = Annotated[
@@ -26,24 +26,24 @@ PageListen = Annotated[
     str,
     typer.Option(
         "--page-listen", envvar="COMPANION_PAGE_LISTEN",
-        help="Address the page is told on, with a token; left out, to this computer alone.",
+        help="Address of the page for other computers, with a token; by default this computer only.",
     ),
 ]  # fmt: skip
 PageToken = Annotated[
     str,
-    typer.Option("--page-token", envvar="COMPANION_PAGE_TOKEN", help="What viewers elsewhere have to know."),
+    typer.Option("--page-token", envvar="COMPANION_PAGE_TOKEN", help="Token for viewers on other computers."),
 ]
 PageGround = Annotated[
     Path | None,
     typer.Option(
         "--page-ground", envvar="COMPANION_PAGE_GROUND",
-        help="Ground under the page's map: an .mbtiles or .hgt file, or a folder with some. Only drawn.",
+        help="Terrain or map under the page's map: an .mbtiles or .hgt file, or a folder of them.",
     ),
 ]  # fmt: skip
 
 
 def make_ready_with_bar(console: Console) -> None:
-    """Load all kernels. A bar shows how many of how many are compiled, where some have to be.
+    """Load all kernels, with a progress bar if some must be compiled.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Time as an argument: one clock for service, simulation, replay and tests."""
+"""Time as an argument: one interface of clocks for service, simulation, replay and tests."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import itertools
 import time
 from typing import Protocol
 
-UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
-TIMEX_BYTES = 512  # struct timex is 208 bytes where it is longest
+UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2).
+TIMEX_BYTES = 512  # The largest struct timex has 208 bytes.
 
 
 def clock_state() -> int:
-    """What the kernel thinks of the time of day, as adjtimex(2) has it; negative where it cannot be told."""
+    """Return the kernel's state of the time of day, as adjtimex(2) gives it; negative if unknown."""
     try:
         return int(ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES)))
-    except (OSError, AttributeError):  # not Linux
+    except (OSError, AttributeError):  # The platform is not Linux.
         return -1
 
 
 class Clock(Protocol):
-    """Monotonic seconds, and sleeping by them."""
+    """Monotonic seconds, and sleeping until an instant."""
 
     def now_s(self) -> float:
         """Seconds since an arbitrary start; never goes back."""
@@ -46,12 +46,12 @@ class WallClock:
 
 
 class ManualClock:
-    """A clock moved by its owner: the simulator, a replay or a test.
+    """A clock that its owner moves: the simulator, a replay or a test.
 
     Parameters
     ----------
     start_s : float
-        What it shows at first.
+        First reading [s].
     """
 
     def __init__(self, start_s: float = 0.0) -> None:
@@ -60,7 +60,7 @@ class ManualClock:
         self._order = itertools.count()
 
     def now_s(self) -> float:
-        """Where the owner has moved it."""
+        """Return the reading to which the owner moved the clock."""
         return self._now_s
 
     async def sleep_until(self, instant_s: float) -> None:
@@ -73,12 +73,12 @@ class ManualClock:
         await future
 
     def advance_to(self, instant_s: float) -> int:
-        """Move the clock; wake every sleeper that is due, earliest first.
+        """Move the clock and wake every sleeper that is due, earliest first.
 
         Returns
         -------
         int
-            How many were woken.
+            Number of sleepers that were woken.
 
         Raises
         ------

@@ -30,15 +30,15 @@ class ConfigError(CompanionError):
     Parameters
     ----------
     file : str
-        The mission file.
+        Name of the mission file.
     line : int or None
-        Line in it, counted from 1, where the key stands.
+        Line of the key, counted from 1.
     key : str
         Dotted path of the key, for instance ``goals.0.east_m``.
     value : str
-        What was found, as written.
+        Value as written.
     expected : str
-        What would have been accepted.
+        Description of an accepted value.
     """
 
     file: str
@@ -61,7 +61,7 @@ class LinkError(CompanionError):
 
 
 class NoAutopilotError(LinkError):
-    """No autopilot was heard in time."""
+    """No heartbeat of an autopilot was received in time."""
 
 
 @dataclass
@@ -73,7 +73,7 @@ class TransferError(LinkError):
     operation : str
         ``upload``, ``download``, ``set_current`` or ``verify``.
     reason : str
-        What the autopilot or the protocol library said.
+        Reason given by the autopilot or the protocol library.
     """
 
     operation: str

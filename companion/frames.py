@@ -1,10 +1,10 @@
-"""Coordinate frames, and the only place where they are converted.
+"""Coordinate frames and their conversions, which exist only here.
 
-- *Local*: east, north, up in metres from the mission file's origin (a WGS84 point); up counts
-  from the origin's altitude above mean sea level. The program's own frame throughout.
+- *Local*: east, north, up in metres from the mission file's origin (a WGS84 point); up is relative
+  to the origin's altitude above mean sea level. All of the program uses this frame.
 - *Global*: WGS84 latitude and longitude in degrees, altitude in metres above mean sea level.
-- *Course*: radians clockwise from north, in [0, 2π), at every boundary (files, messages, reports).
-- *Direction*: radians counter-clockwise from east, the paper's θ; planning and kernels only.
+- *Course*: radians clockwise from north, in [0, 2π), at every interface (files, messages, reports).
+- *Direction*: radians counter-clockwise from east, the paper's θ; in planning and kernels only.
 """
 
 from __future__ import annotations
@@ -54,52 +54,53 @@ class LocalFrame:
     def local_from_global(
         self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
     ) -> tuple[float, float, float]:
-        """East, north and up [m] of a WGS84 point."""
+        """Return east, north and up [m] of a WGS84 point."""
         east, north = self._transformer.transform(longitude_deg, latitude_deg)
         return float(east), float(north), altitude_amsl_m - self.altitude_amsl_m
 
     def global_from_local(self, east_m: float, north_m: float, up_m: float) -> tuple[float, float, float]:
-        """Latitude [deg], longitude [deg] and altitude above mean sea level [m] of a local point."""
+        """Return latitude [deg], longitude [deg] and altitude above mean sea level [m] of a local point."""
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return float(latitude), float(longitude), up_m + self.altitude_amsl_m
 
     def places_from_local(self, east_m: FloatArray, north_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Latitudes and longitudes of n local points [deg], each of shape (n,).
+        """Return latitudes and longitudes of n local points [deg], each of shape (n,).
 
         Parameters
         ----------
         east_m, north_m : ndarray, shape (n,)
-            Points.
+            Local points [m].
 
         Returns
         -------
         latitude_deg, longitude_deg : ndarray, shape (n,)
-            The same, WGS84.
+            WGS84 coordinates of the points [deg].
         """
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return np.asarray(latitude), np.asarray(longitude)
 
 
 def course_from_direction(direction_rad: float) -> float:
-    """Course (clockwise from north) of a mathematical direction (counter-clockwise from east) [rad]."""
+    """Return the course (clockwise from north) of a direction (counter-clockwise from east) [rad]."""
     course = (0.5 * math.pi - direction_rad) % (2.0 * math.pi)
-    return 0.0 if course >= 2.0 * math.pi else course  # the remainder of a tiny negative rounds up to 2π
+    # The remainder of a tiny negative angle is rounded to 2π.
+    return 0.0 if course >= 2.0 * math.pi else course
 
 
 def direction_from_course(course_rad: float) -> float:
-    """Mathematical direction in (-π, π] of a course [rad]."""
+    """Return the direction in (-π, π] of a course [rad]."""
     return wrapped_angle(0.5 * math.pi - course_rad)
 
 
 def speed_made_good(course_rad: float, airspeed_m_s: float, wind_enu_m_s: tuple[float, float]) -> float:
-    """Speed over the ground on a course in a wind, by the triangle of velocities; at least 1 m/s.
+    """Return the speed over the ground on a course in wind, by the wind triangle; at least 1 m/s.
 
     Parameters
     ----------
     course_rad : float
-        Clockwise from north.
+        Course clockwise from north [rad].
     airspeed_m_s : float
-        Level part of the airspeed.
+        Horizontal part of the airspeed [m/s].
     wind_enu_m_s : tuple of float
         Velocity of the air, east and north [m/s].
     """
@@ -110,6 +111,6 @@ def speed_made_good(course_rad: float, airspeed_m_s: float, wind_enu_m_s: tuple[
 
 
 def wrapped_angle(angle_rad: float) -> float:
-    """The angle in (-π, π] [rad]."""
+    """Return the angle in (-π, π] [rad]."""
     wrapped = math.remainder(angle_rad, 2.0 * math.pi)
     return math.pi if wrapped == -math.pi else wrapped

@@ -1,7 +1,7 @@
-"""A small HTTP server for this computer alone: it answers GET, briefly, and nobody can hold it up.
+"""A small HTTP server for this computer only. It answers GET requests and cannot be blocked by a client.
 
-One thread serves a few connections at once. Each has a few seconds and a few kilobytes to ask in, and one
-too many is refused at once, so that neither threads nor memory grow whatever connects.
+One thread serves a few connections. Each has a few seconds and a few kilobytes for its request, and further
+connections are refused at once, so that neither threads nor memory grow.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from http import HTTPStatus
 
 LOOPBACK = "127.0.0.1"
 CONNECTIONS_MAX = 8
-TIMEOUT_S = 3.0  # to ask, and to take the answer
-HEAD_MAX = 8_192  # bytes of a request
-POLL_S = 0.1  # within which it ends
+TIMEOUT_S = 3.0  # Time for sending a request and receiving the answer.
+HEAD_MAX = 8_192  # Bytes of a request.
+POLL_S = 0.1  # The thread ends within this time.
 _PORTION = 65_536
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a page holds: its status, its kind (``text/plain``), and its bytes."""
+    """An HTTP response: status, content type (``text/plain``), and content."""
 
     status: HTTPStatus
     kind: str
@@ -34,7 +34,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is asked for: ``GET`` or ``HEAD``, the target as it was sent, and headers by lower-case name."""
+    """An HTTP request: ``GET`` or ``HEAD``, the target as sent, and headers by lower-case name."""
 
     method: str
     target: str
@@ -43,7 +43,7 @@ class Request:
 
 @dataclass(slots=True, eq=False)
 class _Connection:
-    """One that asks: until when it may, what it has said, and what it is still to be told."""
+    """A connection: its deadline, the bytes received, and the bytes still to be sent."""
 
     line: socket.socket
     until_s: float
@@ -51,37 +51,37 @@ class _Connection:
     told: memoryview | None = None
 
     def hear(self, data: bytes) -> bool:
-        """Take what it says; whether it has asked, or said too much for that."""
+        """Take received bytes; returns whether the request is complete or too long."""
         self.asked += data
         return b"\r\n\r\n" in self.asked or len(self.asked) > HEAD_MAX
 
     def answer(self, answer: bytes) -> None:
-        """Take the answer that it is to be told."""
+        """Set the response."""
         self.told = memoryview(answer)
 
     def tell(self) -> bool:
-        """Tell as much as goes without waiting; whether that was all."""
+        """Send as much as possible without waiting; returns whether all is sent."""
         told = self.told or memoryview(b"")
         self.told = told[self.line.send(told[:_PORTION]) :]
         return not self.told
 
 
 class LoopbackServer:
-    """Serves pages on the loopback interface, in a thread of its own.
+    """Serves pages on the loopback interface, in its own thread.
 
     Parameters
     ----------
     port : int
-        TCP port to listen on; 0 for any that is free.
+        TCP port to listen on; 0 for any free port.
     page : callable
-        Makes the answer to a path, in the server's thread.
+        Returns the response for a path; called in the server's thread.
     now_s : callable
-        Monotonic seconds.
+        Returns monotonic seconds.
 
     Raises
     ------
     OSError
-        If the port is taken.
+        If the port is in use.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class LoopbackServer:
         self._thread.start()
 
     def close(self) -> None:
-        """End it."""
+        """Stop the server."""
         self._is_over = True
         self._thread.join()
 
@@ -127,7 +127,7 @@ class LoopbackServer:
         self._selector.register(line, selectors.EVENT_READ, connection)
 
     def _go_on(self, connection: _Connection) -> None:
-        """Hear or tell as much as goes without waiting."""
+        """Receive or send as much as possible without waiting."""
         try:
             if connection.told:
                 self._tell(connection)
@@ -142,13 +142,13 @@ class LoopbackServer:
         data = connection.line.recv(HEAD_MAX)
         if not data:
             self._drop(connection)
-        elif connection.told is None and connection.hear(data):  # what follows the question is not heard
+        elif connection.told is None and connection.hear(data):  # Data after the request is ignored.
             connection.answer(self._answer(bytes(connection.asked)))
             self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
     def _tell(self, connection: _Connection) -> None:
         if connection.tell():
-            # Closed at once, unheard words of the other's would take the answer back.
+            # Closing at once would discard the response if received data was still unread.
             connection.line.shutdown(socket.SHUT_WR)
             self._selector.modify(connection.line, selectors.EVENT_READ, connection)
 
@@ -158,7 +158,7 @@ class LoopbackServer:
         connection.line.close()
 
     def _answer(self, asked: bytes) -> bytes:
-        """Answer to a request as it goes out."""
+        """Return the bytes of the response to a request."""
         request = request_of(asked)
         if isinstance(request, Answer):
             return head_of(request)
@@ -167,10 +167,10 @@ class LoopbackServer:
 
 
 def accepted(listener: socket.socket, *, is_full: bool) -> socket.socket | None:
-    """Who has come, not to be waited for; None for one too many, which is told so, or one that is gone."""
+    """Accept a non-blocking connection; None if it was refused as one too many, or is closed already."""
     try:
         line, _ = listener.accept()
-    except OSError:  # gone again, or no descriptors left
+    except OSError:  # The client has closed it, or no descriptors are left.
         return None
     line.setblocking(False)
     if not is_full:
@@ -181,7 +181,7 @@ def accepted(listener: socket.socket, *, is_full: bool) -> socket.socket | None:
 
 
 def request_of(asked: bytes) -> Request | Answer:
-    """A request as far as it came, or the answer to one that is none."""
+    """Parse a request; returns a response for an invalid one."""
     head, end, _ = asked.partition(b"\r\n\r\n")
     first, *lines = head.decode("latin-1").split("\r\n")
     words = first.split(" ")
@@ -196,7 +196,7 @@ def request_of(asked: bytes) -> Request | Answer:
 
 
 def head_of(answer: Answer, *more: str) -> bytes:
-    """What goes before a page, with more headers."""
+    """Return status line and headers of a response."""
     lines = [
         f"HTTP/1.1 {answer.status.value} {answer.status.phrase}",
         f"Content-Type: {answer.kind}",

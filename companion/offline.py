@@ -1,7 +1,7 @@
-"""Planning and flying offline, from Python: what ``from companion import load_mission, plan, fly`` gives.
+"""Planning and flying offline from Python, for ``from companion import load_mission, plan, fly``.
 
-Plans are those of ``companion plan``, flights those of ``companion sitl``; the simulator is an extra that
-is looked for where it is needed.
+Plans are those of ``companion plan``, flights those of ``companion sitl``. The simulator is an extra, which
+is imported only for a flight.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast
 
-from companion.config import MissionConfig, load_mission
+from companion.config import MissionConfig, load_mission, require_goals
 from companion.config.compose import world_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
@@ -37,11 +37,11 @@ class Planned:
     Parameters
     ----------
     mission : MissionConfig
-        What was planned for.
+        Mission of the plan.
     world : Snapshot
-        The world it was made in.
+        World in which it was made.
     answer : Plan
-        All that the planner answered.
+        The planner's answer.
     """
 
     mission: MissionConfig
@@ -68,14 +68,14 @@ class Planned:
 
     @property
     def measures(self) -> Mapping[str, object]:
-        """The measures of the paper's tables by their names, as ``companion plan --json`` tells them."""
+        """Measures of the paper's tables by name, as in ``companion plan --json``."""
         told = result_of(self.answer)
         del told["path"]
         return told
 
     def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
         """Draw the plan with its search, as a PNG."""
-        from companion.ui.reports.plots import plot_plan  # drawing is an extra  # noqa: PLC0415
+        from companion.ui.reports.plots import plot_plan  # Drawing needs an extra.  # noqa: PLC0415
 
         plot_plan(Path(file), self.mission, self.world, self.answer, dpi)
         return Path(file)
@@ -91,9 +91,9 @@ class Flown:
     Parameters
     ----------
     mission : MissionConfig
-        What was flown.
+        Mission of the flight.
     measures : mapping
-        The measures of ``companion sitl --json`` by their names.
+        Measures by name, as in ``companion sitl --json``.
     record : FlightRecord
         Decisions, missions and the true paths.
     """
@@ -104,17 +104,17 @@ class Flown:
 
     @property
     def success(self) -> bool:
-        """Whether the goal was reached and nothing touched."""
+        """Whether the aircraft reached the goal and touched nothing."""
         return self.measures["success"] is True
 
     @property
     def true_path(self) -> FloatArray:
-        """Where the aircraft was, shape (N, 4) at 10 Hz: time [s], east, north, up [m]."""
+        """True path, shape (N, 4) at 10 Hz: time [s], east, north, up [m]."""
         return self.record.flown[:, :4]
 
     def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
-        """Draw what was flown, and where the threats moved, as a PNG."""
-        from companion.ui.reports import style  # drawing is an extra  # noqa: PLC0415
+        """Draw the flown path and the paths of threats, as a PNG."""
+        from companion.ui.reports import style  # Drawing needs an extra.  # noqa: PLC0415
         from companion.ui.reports.plots import flight_map  # noqa: PLC0415
 
         with style.drawing():
@@ -138,21 +138,21 @@ def plan(
     Parameters
     ----------
     mission : MissionConfig
-        A mission, as :func:`load_mission` reads it.
+        Mission from :func:`load_mission`.
     method : str, optional
-        ``safe-rrt`` or a comparator; the mission file's where it is left out.
+        ``safe-rrt`` or a comparator; by default that of the mission file.
     seed : int, optional
-        Seed of the search; the mission file's where it is left out.
+        Seed of the search; by default that of the mission file.
     time_limit_s : float, optional
-        Seconds that the search may take; left out, the mission file's iterations end it, which repeats
-        exactly.
+        Time limit of the search [s]. By default the mission file's iterations end it, which makes the result
+        repeatable.
 
     Raises
     ------
     ConfigError
         If there is no such method, or the mission leaves its goals to the autopilot.
     """
-    _require_goals(mission)
+    require_goals(mission, mission.name)
     first = mission.planning.seed if seed is None else seed
     world, (answer,) = plan_runs(mission, method=method, first_seed=first, runs=1, time_limit_s=time_limit_s)
     return Planned(mission, world, answer)
@@ -161,42 +161,36 @@ def plan(
 def fly(
     mission: MissionConfig, *, seed: int = 1, autopilot: Literal["ardupilot", "px4"] = "ardupilot"
 ) -> Flown:
-    """Fly a mission in the simulator, as fast as it goes.
+    """Fly a mission in the simulator, as fast as possible.
 
     Parameters
     ----------
     mission : MissionConfig
-        A mission, as :func:`load_mission` reads it.
+        Mission from :func:`load_mission`.
     seed : int
         Seed of weather, sensors, tracks and plans.
     autopilot : str
-        The one whose mission semantics the simulator has.
+        Autopilot whose mission semantics are simulated.
 
     Raises
     ------
     ConfigError
         If the simulator is not installed, or the mission leaves its goals to the autopilot.
     """
-    _require_goals(mission)
+    require_goals(mission, mission.name)
     flown = _simulator()
-    with ThreadPoolExecutor(1) as beside:  # a notebook's own thread has a loop that runs
+    with ThreadPoolExecutor(1) as beside:  # The event loop of a notebook's thread is already running.
         return beside.submit(flown, mission, seed, autopilot).result()
 
 
 def _bytes_of(picture: Callable[..., Path]) -> bytes:
-    """A small picture for a notebook, which asks for no file."""
+    """Return a small picture for a notebook, which shows bytes and no file."""
     with tempfile.TemporaryDirectory() as folder:
         return picture(Path(folder) / "picture.png", dpi=DPI_NOTEBOOK).read_bytes()
 
 
-def _require_goals(mission: MissionConfig) -> None:
-    if mission.goals_from_autopilot:
-        found, expected = "from_autopilot", "a list of goals: no autopilot is asked"
-        raise ConfigError(mission.name, None, "goals", found, expected)
-
-
 def _simulator() -> Callable[[MissionConfig, int, str], Flown]:
-    """What flies, offered by the simulator as it adds its commands."""
+    """Return the function that flies, which the simulator registers together with its commands."""
     try:
         place = places()[FLIGHT]
         return cast("Callable[[MissionConfig, int, str], Flown]", pkgutil.resolve_name(place))

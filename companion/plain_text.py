@@ -1,7 +1,7 @@
-"""Text that came from elsewhere, made harmless where it is shown: on terminals, in logs, pages and pictures.
+"""Makes text from other sources harmless before it is shown in terminals, logs, pages and pictures.
 
-An escape character can hide or rewrite what a terminal shows, a line's end forge a line of the log, and
-marks of writing direction turn a text round.
+An escape sequence can hide or rewrite the content of a terminal, a line end can forge a line of a log, and
+characters that set the writing direction can reverse text.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ _BLANKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
 
 
 def printable(text: object) -> str:
-    """A text on one line: line ends and tabs as blanks, whatever else cannot be printed as question marks."""
+    """Return the text on one line; line ends and tabs become blanks, unprintable characters become ``?``."""
     words = str(text)
     return words if words.isprintable() else "".join(map(_shown, words))
 
 
 def in_page(text: object) -> str:
-    """A text as it stands in a page of HTML."""
+    """Return the text for an HTML page."""
     return html.escape(printable(text))
 
 

@@ -1,8 +1,8 @@
-"""Files as the service writes and reads them: never through a symlink, never more than foreseen.
+"""File access of the service: no symlinks are followed for writing, and reads have a size limit.
 
-Whoever may write to a folder of the service's may plant a link in it: what is written would then go
-wherever the link leads. So nothing is opened through one, what is replaced is replaced whole, and nobody
-but the owner reads keys and state. What is read is a plain file of a size that is known before.
+Another user who may write to a folder of the service may place a symlink in it, and data would be written to
+the link's target. Therefore files are not opened through symlinks and are replaced as a whole, and only the
+owner may read keys and state. Only regular files of a limited size are read.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-PRIVATE = 0o600  # keys, times, parameters, what a restart needs
-SHARED = 0o640  # recordings, logs, reports: the owner's group may read them
+PRIVATE = 0o600  # Keys, timestamps, parameters, and state for a restart.
+SHARED = 0o640  # Recordings, logs and reports: the owner's group may read them.
 FOLDER = 0o750
 PART, DAMAGED = ".part", ".damaged"
 
-_SAFE = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # the last, lest a pipe in the way hold us up
+_SAFE = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # Without O_NONBLOCK, opening a named pipe would block.
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder that others do not look into, with those above it; one that exists stays as it is.
+    """Create a folder that other users cannot read, and its parents; an existing one is not changed.
 
     Raises
     ------
     OSError
-        If it cannot be made.
+        If it cannot be created.
     """
     for entry in reversed([entry for entry in (folder, *folder.parents) if not entry.exists()]):
         entry.mkdir(mode=FOLDER, exist_ok=True)
@@ -37,16 +37,16 @@ def make_folder(folder: Path) -> None:
 
 
 def open_to_write(path: Path, mode: int = SHARED, *, append: bool = False) -> BinaryIO:
-    """Open a file to write to, empty or at its end; a symlink in its place is refused.
+    """Open a file for writing, empty or at its end; refuses a symlink.
 
     Parameters
     ----------
     path : Path
-        The file; made where there is none.
+        The file; created if missing.
     mode : int
-        Permissions of a file that is made.
+        Permissions of a new file.
     append : bool
-        Whether what it holds stays.
+        True to keep the present content.
 
     Raises
     ------
@@ -58,28 +58,28 @@ def open_to_write(path: Path, mode: int = SHARED, *, append: bool = False) -> Bi
 
 
 def replace_file(path: Path, data: bytes, mode: int = PRIVATE, *, is_synced: bool = True) -> None:
-    """Write a file whole or not at all; a symlink in its place is replaced, not followed.
+    """Write a file completely or not at all; replaces a symlink instead of following it.
 
     Parameters
     ----------
     path : Path
-        The file; its folder is made where there is none.
+        The file; its folder is created if missing.
     data : bytes
-        All that it is to hold.
+        New content.
     mode : int
-        Permissions that it gets.
+        Permissions of the file.
     is_synced : bool
-        Whether it is on the disk before it replaces the old one. Where that may not be waited for, a power
-        cut can leave a damaged file on some file systems.
+        True to write the data to the disk before the old file is replaced. Without it, a power cut can leave
+        a damaged file on some file systems.
 
     Raises
     ------
     OSError
-        If it cannot be written; the old one stays then.
+        If it cannot be written; the old file is then kept.
     """
     make_folder(path.parent)
     part = path.with_name(path.name + PART)
-    part.unlink(missing_ok=True)  # of a process that was killed, or planted
+    part.unlink(missing_ok=True)  # It was left by a killed process, or placed by another user.
     try:
         with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _SAFE, mode), "wb") as file:
             file.write(data)
@@ -94,19 +94,19 @@ def replace_file(path: Path, data: bytes, mode: int = PRIVATE, *, is_synced: boo
 
 
 def open_to_read(path: Path, *, follow: bool = True) -> BinaryIO:
-    """Open a plain file to read from.
+    """Open a regular file for reading.
 
     Parameters
     ----------
     path : Path
         The file.
     follow : bool
-        Whether a symlink is followed: the operator's own files may be one, ours never are.
+        True to follow a symlink: the operator's files may be symlinks, ours never are.
 
     Raises
     ------
     OSError
-        If it cannot be opened, or is no plain file: a pipe or a device may never end.
+        If it cannot be opened, or is not a regular file: a pipe or a device may never end.
     """
     descriptor = os.open(path, os.O_RDONLY | (_SAFE & ~os.O_NOFOLLOW if follow else _SAFE))
     try:
@@ -122,26 +122,26 @@ def open_to_read(path: Path, *, follow: bool = True) -> BinaryIO:
 
 
 def read_file(path: Path, size_max: int, *, follow: bool = False) -> bytes:
-    """All that a plain file holds.
+    """Read a regular file completely.
 
     Parameters
     ----------
     path : Path
         The file.
     size_max : int
-        More than so many bytes are not read.
+        Maximum number of bytes.
     follow : bool
-        Whether a symlink is followed: the operator's own files may be one, ours never are.
+        True to follow a symlink: the operator's files may be symlinks, ours never are.
 
     Raises
     ------
     OSError
-        If it cannot be read, is no plain file (a pipe or a device may never end), or is too large
+        If it cannot be read, is not a regular file (a pipe or a device may never end), or is too large
         (``EFBIG``).
     """
     with open_to_read(path, follow=follow) as file:
         size = os.fstat(file.fileno()).st_size
-        # It may grow while it is read, or not have told its size, as those of /proc.
+        # The file may grow meanwhile, or report no size, like the files of /proc.
         data = b"" if size > size_max else file.read(size_max + 1)
     if size > size_max or len(data) > size_max:
         raise OSError(errno.EFBIG, f"More than {size_max} bytes", str(path))
@@ -149,7 +149,7 @@ def read_file(path: Path, size_max: int, *, follow: bool = False) -> bytes:
 
 
 def set_aside(path: Path) -> Path | None:
-    """Rename a damaged file, so that it can be looked at and is not met again; its new name, if that went."""
+    """Rename a damaged file, so that it is kept but not read again; returns the new name if that succeeds."""
     aside = path.with_name(path.name + DAMAGED)
     try:
         path.replace(aside)

@@ -1,4 +1,4 @@
-"""A thread that may be left behind."""
+"""Threads that do not keep the program from ending."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 async def in_thread(function: Callable[..., Result], *values: object) -> Result:
-    """Await a function in a thread that does not keep the program from ending, should it never return."""
+    """Await a function in a daemon thread, so that the program can end even if the function never returns."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[Result] = loop.create_future()
 

@@ -1,4 +1,4 @@
-"""A budget that time fills and use empties: how much of something is done, whoever asks for it."""
+"""Rate limits by token buckets: a budget that refills over time."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ Key = TypeVar("Key")
 Kept = TypeVar("Kept")
 
 
-def kept_for(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: int) -> Kept:
-    """What is kept for somebody, made where there is nothing; who was asked for longest ago is forgotten.
+def get_or_create(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: int) -> Kept:
+    """Return the entry for a key, creating it if needed; removes the least recently used entry if full.
 
     Parameters
     ----------
     store : dict
-        In the order of asking; it never grows beyond ``most``.
+        Entries, least recently used first.
     key : hashable
-        Who.
+        Key of the entry.
     make : callable
-        Makes what is kept.
+        Creates an entry.
     most : int
-        For how many something is kept.
+        Maximum number of entries.
     """
     kept = store.pop(key, None)
     if kept is None:
@@ -34,14 +34,14 @@ def kept_for(store: dict[Key, Kept], key: Key, make: Callable[[], Kept], most: i
 
 
 class TokenBucket:
-    """So much a second, and a burst of it at once.
+    """A rate limit that allows bursts.
 
     Parameters
     ----------
     rate : float
-        What comes back in a second: messages, bytes, whatever is counted.
+        Amount that is refilled per second, for example messages or bytes.
     burst : float
-        The most that is ever there, and what there is at first.
+        Maximum amount, and the amount at first.
     """
 
     def __init__(self, rate: float, burst: float) -> None:
@@ -50,7 +50,7 @@ class TokenBucket:
         self._since_s = -math.inf
 
     def takes(self, now_s: float, amount: float = 1.0) -> bool:
-        """Whether so much is there at an instant; it is taken if it is."""
+        """Take an amount at an instant if that much is left; returns whether it was taken."""
         self._fill(now_s)
         if self._left < amount:
             return False
@@ -58,16 +58,16 @@ class TokenBucket:
         return True
 
     def has_any(self, now_s: float) -> bool:
-        """Whether the budget is not used up."""
+        """Return whether anything is left."""
         self._fill(now_s)
         return self._left > 0.0
 
     def owe(self, amount: float) -> None:
-        """Take what was used already; what is not there is owed."""
+        """Take an amount that was used already, even if it exceeds what is left."""
         self._left -= amount
 
     def _fill(self, now_s: float) -> None:
         passed = now_s - self._since_s
-        if passed > 0.0:  # a clock set back fills nothing
+        if passed > 0.0:  # A clock that is set back does not refill the bucket.
             self._left = min(self._burst, self._left + passed * self.rate)
             self._since_s = now_s

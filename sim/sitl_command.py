@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from companion.cli import EXIT_FAILED, require_goals, write_json
+from companion.cli import EXIT_FAILED, write_json
 from companion.cli_options import (
     MissionFile,
     PageGround,
@@ -68,7 +68,7 @@ def sitl(
     """Fly a mission in the simulator; exit 0 only if the goal was reached without collision."""
     import asyncio
 
-    from companion.config import load_mission
+    from companion.config import load_mission, require_goals
     from companion.config.compose import world_of
     from companion.recording.retention import folder_for
     from companion.ui.page.live_page import page_of
@@ -79,7 +79,7 @@ def sitl(
         raise ModuleNotFoundError(name="matplotlib")  # before the flight; it is loaded after it
 
     config = load_mission(mission)
-    require_goals(config, mission)
+    require_goals(config, str(mission))
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     shown_on = page_of(page, page_listen, page_token, page_ground)
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))

@@ -1,13 +1,13 @@
-"""Mission files: read, checked, and handed out as frozen settings; the rules and summaries made of them.
+"""Mission files: reading, validation, frozen settings, and the rules and summaries made of them.
 
-Touches every layer's settings, which it composes, and no running part of the service.
+This package composes the settings of every layer; it uses no running part of the service.
 
 >>> from companion.config import load_mission
 >>> load_mission("mission_configs/first-flight.yaml").vehicle.airspeed_cruise_m_s
 25.0
 """
 
-from companion.config.load import load_mission, mission_from_text, mission_text
+from companion.config.load import load_mission, mission_from_text, mission_text, require_goals
 from companion.config.models import (
     Authority,
     Bounds,
@@ -43,4 +43,5 @@ __all__ = [
     "load_mission",
     "mission_from_text",
     "mission_text",
+    "require_goals",
 ]

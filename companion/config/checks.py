@@ -1,4 +1,4 @@
-"""What one key demands of another. Each check yields the key at fault and what was expected."""
+"""Relations between keys of a mission file. Each check yields the wrong key and what is expected of it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from companion.planning.comparators import METHODS
 Finding = tuple[KeyPath, str]
 
 _GRAVITY_M_S2 = 9.80665
-_BANK_MAX_RAD = math.radians(60.0)  # load factor 2; no autopilot's default goes beyond it
+_BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
 
 
 def findings(config: MissionConfig) -> Iterator[Finding]:
-    """Everything in a mission that contradicts something else in it, in the order of the file."""
+    """Yield everything in a mission that contradicts another key, in the order of the file."""
     yield from _bounds(config)
-    yield from _places(config)
+    yield from _points_in_bounds(config)
     yield from _vehicle(config)
     yield from _planning(config)
     yield from _names(config)
     yield from _obstacles(config)
     yield from _routes(config)
-    yield from _blocked(config)
+    yield from _points_in_obstacles(config)
     yield from _weather(config)
     yield from _takeover(config)
 
@@ -51,7 +51,7 @@ def _bounds(config: MissionConfig) -> Iterator[Finding]:
             yield ("bounds", key), "the lowest value, then a higher one"
 
 
-def _places(config: MissionConfig) -> Iterator[Finding]:
+def _points_in_bounds(config: MissionConfig) -> Iterator[Finding]:
     places: list[tuple[KeyPath, Start | Goal]] = [(("start",), config.start)]
     places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
     for path, place in places:
@@ -162,7 +162,7 @@ def _polygon_fault(corners: Sequence[tuple[float, float]]) -> str | None:
     return None
 
 
-def _blocked(config: MissionConfig) -> Iterator[Finding]:
+def _points_in_obstacles(config: MissionConfig) -> Iterator[Finding]:
     places: list[tuple[KeyPath, Start | Goal]] = [(("start",), config.start)]
     places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
     for path, place in places:

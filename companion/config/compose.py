@@ -1,4 +1,4 @@
-"""Settings of the layers, composed from a mission file: the one place that knows both."""
+"""Composes the settings of all layers from a mission file; only this module knows both."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ALTITUDE_TOLERANCE_M = 20.0
 
 
 def vehicle_of(mission: MissionConfig) -> VehicleModel:
-    """What the aircraft can do, in the planner's terms."""
+    """Return the planner's model of the aircraft."""
     vehicle = mission.vehicle
     return VehicleModel(
         airspeed_min_m_s=float(vehicle.airspeed_min_m_s),
@@ -43,7 +43,7 @@ def vehicle_of(mission: MissionConfig) -> VehicleModel:
 
 
 def planner_settings_of(mission: MissionConfig, method: str | None = None) -> PlannerSettings:
-    """Planner settings, of the mission file's method or of another."""
+    """Return the planner's settings for the mission file's method or another."""
     planning = mission.planning
     certainty = Certainty.LITERAL if planning.certainty == "literal" else Certainty.SHIFTED
     settings = settings_for(
@@ -68,13 +68,13 @@ def planner_settings_of(mission: MissionConfig, method: str | None = None) -> Pl
 
 
 def bounds_of(mission: MissionConfig) -> tuple[float, float, float, float, float, float]:
-    """East, north, up, each low and high [m]."""
+    """Return the lowest and highest east, north and up, in this order [m]."""
     east, north, up = mission.bounds.east_m, mission.bounds.north_m, mission.bounds.up_m
     return float(east[0]), float(east[1]), float(north[0]), float(north[1]), float(up[0]), float(up[1])
 
 
 def world_of(mission: MissionConfig, *, none_known: bool = True) -> Snapshot:
-    """First snapshot of the mission's world; ``none_known``: those not listed are still to be sensed."""
+    """Return the first snapshot of the world; with ``none_known`` unlisted radars are still to be sensed."""
     return first_snapshot(
         dimension=mission.dimension,
         unit_m=float(mission.unit_m),
@@ -86,7 +86,7 @@ def world_of(mission: MissionConfig, *, none_known: bool = True) -> Snapshot:
 
 
 def goals_of(mission: MissionConfig) -> tuple[GoalRegion, ...]:
-    """Goals in order."""
+    """Return the goals in order."""
     return tuple(
         GoalRegion((float(g.east_m), float(g.north_m), float(g.up_m)), float(g.acceptance_radius_m))
         for g in mission.goals
@@ -94,7 +94,7 @@ def goals_of(mission: MissionConfig) -> tuple[GoalRegion, ...]:
 
 
 def exposure_of(mission: MissionConfig) -> Exposure:
-    """How the independent check works threat levels out."""
+    """Return the model by which the independent check computes threat levels."""
     vehicle = mission.vehicle
     model = ExposureModel(
         airspeed_min_m_s=float(vehicle.airspeed_min_m_s),
@@ -107,7 +107,7 @@ def exposure_of(mission: MissionConfig) -> Exposure:
 
 
 def check_limits_of(mission: MissionConfig) -> CheckLimits:
-    """What the independent check holds plans to."""
+    """Return the limits of the independent check."""
     vehicle = vehicle_of(mission)
     return CheckLimits(
         bounds=bounds_of(mission),

@@ -1,4 +1,4 @@
-"""What was expected, in a sentence: pydantic's findings in the words of a mission file."""
+"""Turns the errors of pydantic into one sentence that says what is expected in a mission file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from companion.config.models import MissionConfig
 from companion.config.source import Document, KeyPath
 from companion.errors import ConfigError
 
-# Longest first: the first suffix that fits names the unit.
+# Longer suffixes come first: the first one that matches gives the unit.
 _UNITS = (
     ("_m_s2", "metres per second squared"),
     ("_rad_s", "radians per second"),
@@ -44,29 +44,29 @@ _KINDS = {
     "string_pattern_mismatch": "a name of letters, digits, '-', '_' and '.', starting with a letter or digit",
     "missing": "a value for this key{unit}",
 }
-_NEAR = 0.6
-_AT_HOME = 0.1  # a key of the section in which the unknown one stands
+_SIMILARITY_MIN = 0.6  # Less similar keys are not suggested.
+_SAME_SECTION_BONUS = 0.1  # Bonus for a key of the section that contains the unknown key.
 
 
 def unit_of(key: str) -> str | None:
-    """Words for the unit that a key's name ends in."""
+    """Return the unit, in words, that a key's name ends in."""
     return next((unit for suffix, unit in _UNITS if key.endswith(suffix)), None)
 
 
 def explained(document: Document, findings: list[Any], model: type[BaseModel] = MissionConfig) -> ConfigError:
-    """Error worth showing first.
+    """Return the error to report first.
 
-    A misspelt key is reported both as unknown and as missing: the unknown one says more, so it
-    goes first; then wrong values in the order of the file; then what is missing.
+    A misspelt key is reported both as unknown and as missing. Unknown keys come first, since they say more;
+    then wrong values in the order of the file; then missing keys.
 
     Parameters
     ----------
     document : Document
-        The file.
+        The parsed file.
     findings : list of dict
         ``ValidationError.errors()`` of pydantic.
     model : type of BaseModel
-        What the file was to be, whose keys an unknown one is compared with.
+        Model of the file; unknown keys are compared with its keys.
     """
     ranks = {"extra_forbidden": 0, "missing": 2}
 
@@ -82,7 +82,7 @@ def explained(document: Document, findings: list[Any], model: type[BaseModel] = 
 
 def _expected(finding: Any, path: KeyPath) -> str:  # noqa: ANN401
     kind, context = finding["type"], finding.get("ctx", {})
-    words = unit_of(_named(path))
+    words = unit_of(_last_key(path))
     unit = "" if words is None else f" ({words})"
     if kind in _RELATIONS:
         bound, relation = _RELATIONS[kind]
@@ -104,7 +104,7 @@ def _plain(number: object) -> str:
     return f"{number:g}" if isinstance(number, float) else str(number)
 
 
-def _named(path: KeyPath) -> str:
+def _last_key(path: KeyPath) -> str:
     return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 
@@ -113,20 +113,20 @@ def _nearest(path: KeyPath, model: type[BaseModel]) -> str:
     section = ".".join(part for part in path[:-1] if isinstance(part, str))
     wanted = str(path[-1])
     score, near, place = max(
-        (_likeness(wanted, key) + (_AT_HOME if name == section else 0.0), key, name)
+        (_similarity(wanted, key) + (_SAME_SECTION_BONUS if name == section else 0.0), key, name)
         for name, keys in known.items()
         for key in keys
     )
-    if score < _NEAR:
+    if score < _SIMILARITY_MIN:
         return "one of " + ", ".join(known.get(section, []))
     unit = unit_of(near)
     described = near if unit is None else f"{near} ({unit})"
     return described if place == section else f"{described}, in {place or 'the file itself'}"
 
 
-def _likeness(wanted: str, key: str) -> float:
+def _similarity(wanted: str, key: str) -> float:
     ratio = difflib.SequenceMatcher(None, wanted, key).ratio()
-    stem = wanted.split("_", maxsplit=1)[0]  # "radius_ft" is near "max_threat_radius_m" by its noun
+    stem = wanted.split("_", maxsplit=1)[0]  # The noun makes "radius_ft" similar to "max_threat_radius_m".
     return max(ratio, 0.6) if len(stem) > 3 and stem in key.split("_") else ratio
 
 

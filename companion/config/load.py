@@ -1,4 +1,4 @@
-"""From a mission file to settings, or to one error that says what to change where."""
+"""Reads a mission file into settings, or raises an error that says what to change in which line."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from companion.config.source import SIZE_MAX, Document, parse
 from companion.errors import ConfigError
 from companion.safe_files import read_file
 
-BYTES_MAX = 4 * SIZE_MAX  # a character takes four at most
+BYTES_MAX = 4 * SIZE_MAX  # A character takes at most four bytes.
 
 
 def load_mission(path: str | Path) -> MissionConfig:
-    """Read and check a mission file.
+    """Read and validate a mission file.
 
     Parameters
     ----------
     path : str or Path
-        A YAML file, as in ``mission_configs``.
+        YAML file, such as those in ``mission_configs``.
 
     Raises
     ------
     ConfigError
-        For the first thing wrong with it.
+        For the first error found.
     """
     return mission_from_text(mission_text(path), str(path))
 
 
 def mission_text(path: str | Path) -> str:
-    """Text of a mission file, which is not read where it is too large, or no plain file.
+    """Return the text of a mission file; refuses files that are too large or not regular.
 
     Raises
     ------
@@ -46,29 +46,29 @@ def mission_text(path: str | Path) -> str:
         return read_file(Path(path), BYTES_MAX, follow=True).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(file, None, "file", "bytes that are not UTF-8", "a text file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+    except (OSError, ValueError) as error:  # A NUL character in the path raises ValueError.
         reason = getattr(error, "strerror", None) or str(error)
         raise ConfigError(file, None, "file", reason.lower(), "a mission file that can be read") from None
 
 
 def mission_from_text(text: str, file: str) -> MissionConfig:
-    """Read a mission from YAML text; ``file`` is the name that messages give it.
+    """Read a mission from YAML text; ``file`` is its name in messages.
 
     Raises
     ------
     ConfigError
-        For the first thing wrong with it.
+        For the first error found.
     """
     return mission_from_document(parse(text, file))
 
 
 def mission_from_document(document: Document) -> MissionConfig:
-    """Read a mission from what stands in a file, or in one with some values changed.
+    """Read a mission from a parsed file, whose values may have been changed.
 
     Raises
     ------
     ConfigError
-        For the first thing wrong with it.
+        For the first error found.
     """
     try:
         config = MissionConfig.model_validate(document.data)
@@ -80,5 +80,17 @@ def mission_from_document(document: Document) -> MissionConfig:
 
 
 def text_of(config: MissionConfig) -> str:
-    """A mission file that means the same, for a mission that came from none."""
+    """Return the text of a mission file for a mission that was not read from one."""
     return yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)
+
+
+def require_goals(config: MissionConfig, file: str) -> None:
+    """Check that a mission lists its goals, since no autopilot can be asked.
+
+    Raises
+    ------
+    ConfigError
+        If it leaves them to the autopilot.
+    """
+    if config.goals_from_autopilot:
+        raise ConfigError(file, None, "goals", "from_autopilot", "a list of goals: no autopilot is asked")

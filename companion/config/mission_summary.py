@@ -1,4 +1,4 @@
-"""What a mission file says, as the program understood it."""
+"""Summaries of a mission file as the program understood it, as JSON and as a table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from companion.plain_text import printable
 
 
 def mission_summary(mission: MissionConfig) -> dict[str, object]:
-    """The JSON of ``companion check``; positions in metres east, north, up of the origin."""
+    """Return the JSON of ``companion check``; positions are east, north, up of the origin [m]."""
     start = mission.start
     return {
         "name": mission.name,
@@ -30,15 +30,7 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             list(mission.bounds.north_m),
             list(mission.bounds.up_m),
         ],
-        "obstacles": [
-            {
-                "name": entry.name,
-                "polygon_enu_m": [list(corner) for corner in entry.polygon_enu_m],
-                "base_m": entry.base_m,
-                "top_m": entry.top_m,
-            }
-            for entry in mission.obstacles
-        ],
+        "obstacles": [entry.model_dump(mode="json") for entry in mission.obstacles],
         "radars": [
             {
                 "name": radar.name,
@@ -61,7 +53,7 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
 
 
 def summary_table(mission: MissionConfig) -> Table:
-    """The same in short, for the terminal."""
+    """Return a short summary for the terminal."""
     title = printable(f"{mission.name}: {mission.description or 'no description'}")
     table = Table(title=Text(title, style="table.title"), show_header=False)
     start, goal, vehicle = mission.start, mission.goals[-1], mission.vehicle

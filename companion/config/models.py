@@ -1,9 +1,9 @@
-"""The keys of a mission file, each with its unit, bounds and default.
+"""Pydantic models of a mission file: its keys with units, bounds and defaults.
 
-Attribute names are the YAML keys. Nothing is converted on the way in: a number must be written as
-a number, an unknown key is an error, and an instance never changes. What relates one key to
-another is checked in ``companion.config.checks``. The reference page takes the texts behind the keys from
-this file: pydantic would read them at each start.
+Attribute names are the YAML keys. Values are not converted: a number must be written as a number. An unknown
+key is an error, and an instance never changes. ``companion.config.checks`` validates relations between keys.
+The reference page takes the texts below the keys from this file's source, since pydantic would parse them at
+each start.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic_core import PydanticKnownError
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
 
-# A local frame holds to 1 part in 10⁶ within 10 km; ten times that is the farthest a file may reach.
+# A local frame is accurate to 1 part in 10⁶ within 10 km. A file may reach ten times as far.
 Horizontal = Annotated[float, Field(ge=-100_000.0, le=100_000.0)]
 Vertical = Annotated[float, Field(ge=-1_000.0, le=20_000.0)]
 Length = Annotated[float, Field(gt=0.0, le=100_000.0)]
@@ -31,7 +31,7 @@ SystemId = Annotated[int, Field(ge=1, le=255)]
 
 
 class Section(BaseModel):
-    """What all sections share: strict, closed and frozen."""
+    """Base of all sections: strict, without unknown keys, and frozen."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -40,105 +40,107 @@ class Origin(Section):
     """WGS84 point at which east, north and up are zero; altitude above mean sea level."""
 
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
-    """Of the origin, positive north."""
+    """Latitude, positive north."""
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
-    """Of the origin, positive east."""
+    """Longitude, positive east."""
     altitude_amsl_m: Annotated[float, Field(ge=-500.0, le=9_000.0)]
     """Height of `up_m: 0` above mean sea level."""
 
 
 class Bounds(Section):
-    """Box the aircraft stays in: lowest and highest east, north and up [m]."""
+    """Box that the aircraft stays in: lowest and highest east, north and up [m]."""
 
     east_m: tuple[Horizontal, Horizontal]
-    """Lowest and highest."""
+    """Lowest and highest value; plans stay between them."""
     north_m: tuple[Horizontal, Horizontal]
-    """Lowest and highest."""
+    """Lowest and highest value; plans stay between them."""
     up_m: tuple[Vertical, Vertical]
-    """Lowest and highest; plans keep between them."""
+    """Lowest and highest value; plans stay between them."""
 
 
 class Start(Section):
-    """Where an offline plan and the simulator begin; course clockwise from north."""
+    """Where an offline plan and the simulator begin; the course is clockwise from north."""
 
     east_m: Horizontal
-    """Where an offline plan and a simulated flight begin."""
+    """East coordinate at which an offline plan and a simulated flight begin."""
     north_m: Horizontal
-    """The same, north."""
+    """North coordinate of the same point."""
     up_m: Vertical
-    """The same; in the plane (`dimension: 2`) the height of the whole flight."""
+    """Height of the same point; with `dimension: 2` the height of the whole flight."""
     course_deg: CourseDegrees
-    """Clockwise from north."""
+    """Course at the start, clockwise from north."""
 
 
 class Goal(Section):
-    """A point to reach, in the file's order; reached within the acceptance radius [m]."""
+    """A point to reach, in the order of the file."""
 
     east_m: Horizontal
-    """Of the point to reach."""
+    """East coordinate of the point to reach."""
     north_m: Horizontal
-    """Of the point to reach."""
+    """North coordinate of the point to reach."""
     up_m: Vertical
-    """Of the point to reach."""
+    """Height of the point to reach."""
     acceptance_radius_m: Length = 60.0
-    """Nearer than this it counts as reached."""
+    """The goal is reached within this distance."""
 
 
-PAPER_NOISE = 3.0  # times that of a small aircraft: the paper's path qualities are of about this
+# With this multiple of a small aircraft's noise, path qualities are about those of the paper.
+PAPER_NOISE = 3.0
 
 
 class Vehicle(Section):
-    """What the aircraft can do, and how well its motion and state are known (one sigma).
+    """Performance of the aircraft, and the noise of its motion and state (one sigma).
 
-    `companion identify` tells the noise, the keys with `std` in them, of recorded flights.
+    `companion identify` estimates the noise, the keys that contain `std`, from recorded flights.
     """
 
     airspeed_min_m_s: Speed
-    """Slowest that is planned, true airspeed."""
+    """Lowest planned true airspeed."""
     airspeed_max_m_s: Speed
-    """Fastest that is planned."""
+    """Highest planned true airspeed."""
     airspeed_cruise_m_s: Speed
-    """What missions command."""
+    """True airspeed that missions command."""
     airspeed_fast_m_s: Speed | None = None
-    """Fastest that missions command, where no slower path is safe from moving threats; left out,
-    airspeed_max_m_s. Turns are then as wide as bank_max_deg makes them."""
+    """Highest airspeed that missions command if no slower path is safe from moving threats; by default
+    `airspeed_max_m_s`. Turns are then as wide as `bank_max_deg` requires."""
     acceleration_max_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
-    """Along the path."""
+    """Highest acceleration along the path."""
     turn_radius_min_m: Length
-    """Of the tightest turn at cruise that the autopilot flies without losing height."""
+    """Radius of the tightest turn at cruise that the autopilot flies without losing height."""
     bank_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 40.0
-    """At most that of its turns: with the wind behind they are flown wider than turn_radius_min_m."""
+    """Highest bank in turns; with tail wind the turns are wider than `turn_radius_min_m`."""
     straight_length_min_m: Annotated[float, Field(ge=0.0, le=100_000.0)]
-    """Between two turns (sl_min)."""
+    """Shortest straight flight between two turns (sl_min)."""
     penetration_speed_m_s: Speed
-    """v_p of the non-membership function: faster than this lowers a threat."""
+    """v_p of the non-membership function: a higher airspeed lowers the threat."""
     climb_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
     """Steepest climb."""
     descent_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
     """Steepest descent."""
     noise: Literal["usual", "paper"] = "usual"
-    """What the keys with `std` are that are left out: `usual`, the defaults below, those of a small aircraft
-    with GNSS; or `paper`, three times these: with a margin of 1 m Q is then about as low as the paper's."""
+    """Defaults of the keys that contain `std`: `usual` are the defaults below, those of a small aircraft with
+    GNSS; `paper` is three times as much, with which Q is about as low as the paper's at a margin of 1 m."""
     acceleration_std_m_s2: Annotated[float, Field(ge=0.0, le=20.0)] = 0.3
-    """How far the aircraft strays from the commanded acceleration."""
+    """Deviation of the aircraft from the commanded acceleration."""
     course_rate_std_rad_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.02
-    """The same of its rate of turn."""
+    """Deviation from the commanded rate of turn."""
     climb_rate_std_rad_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
-    """The same of its rate of climb angle."""
+    """Deviation from the commanded rate of the climb angle."""
     position_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
-    """How well the autopilot knows its place; its own figure is used where it tells one."""
+    """Deviation of the autopilot's horizontal position; the autopilot's own estimate replaces it if
+    reported."""
     altitude_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
-    """How well it knows its height."""
+    """Deviation of the autopilot's altitude."""
     course_std_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 2.0
-    """How well it knows its course."""
+    """Deviation of the autopilot's course."""
     climb_std_deg: Annotated[float, Field(gt=0.0, le=45.0)] = 1.0
-    """How well it knows its climb angle."""
+    """Deviation of the autopilot's climb angle."""
     initial_position_std_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
-    """At the start of an offline plan."""
+    """Deviation of the position at the start of an offline plan."""
 
 
 def _with_noise(given: object) -> object:
-    """An aircraft as written, with the noise of a preset filled in."""
+    """Return the section as written, with the defaults of a noise preset filled in."""
     if not isinstance(given, dict) or given.get("noise") != "paper":
         return given
     usual = {key: field.default for key, field in Vehicle.model_fields.items() if "_std_" in key}
@@ -146,125 +148,127 @@ def _with_noise(given: object) -> object:
 
 
 class PlanningConfig(Section):
-    """How plans are made, and when the flown one is replaced."""
+    """How plans are made, and when a plan replaces the flown path."""
 
     sensing_horizon_m: Length
-    """Radars that are not known beforehand are sensed from this near on, and sub goals lie on this circle:
-    a larger one turns away earlier, and takes longer to plan."""
+    """The aircraft senses unlisted radars within this distance, and sub goals lie on a circle of this radius.
+    A larger value makes plans turn away earlier and take longer to compute."""
     time_horizon_s: Seconds
-    """Longest time between two plans; a mission in the autopilot reaches three of these ahead. A shorter
-    one plans and replaces missions more often."""
+    """Longest time between two plans; a mission in the autopilot covers three times as much. A smaller value
+    makes plans and replaces missions more often."""
     total_planning_time_s: Seconds
-    """The paper's limit for a whole plan; compared with `time_horizon_s`, and no flight is cut short by
-    it."""
+    """The paper's limit for a whole plan. It is only compared with `time_horizon_s`; it ends no flight."""
     method: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z][a-z0-9-]*$")] = "safe-rrt"
     """`safe-rrt` or a comparator; the error about any other name lists them."""
     certainty: Literal["shifted", "literal"] = "shifted"
     """Form of the certainty factor in threat levels: `literal` as printed in the paper, or `shifted`."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
-    """Of all that is drawn at random."""
+    """Seed of all random numbers."""
     planning_budget_s: Annotated[float, Field(gt=0.0, le=600.0)] = 1.0
-    """How long one plan may take in flight: a longer one finds more in narrow maps, and a plan begins so
-    much farther ahead."""
+    """Longest computing time of a plan in flight. A larger value finds more in narrow maps, but a plan must
+    then begin farther ahead of the aircraft."""
     swap_margin_s: Annotated[float, Field(ge=0.0, le=600.0)] = 2.0
-    """Added to the time that planning and hand-over take: a plan begins that far ahead. A larger one has
-    fewer missions come too late, and answers surprises later."""
+    """Added to the time of planning and upload: a plan begins that far ahead of the aircraft. With a larger
+    value fewer missions arrive too late, but the reaction to changes is later."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000_000)] = 60_000
-    """Iterations one plan may take, where no clock stops it."""
+    """Most iterations of one plan, if no clock stops it."""
     clearance_min_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 15.0
-    """Distance that plans keep from obstacles and fences; gaps narrower than twice this are closed to them.
-    The check asks for half of it and the uncertainty of the place. Where the autopilot's own position may be
-    wrong by more than this, nothing keeps the aircraft off but what there is of `clearance_wanted_m`: nothing
-    is planned on a position that jumped, and the mission is flown beside where it should be."""
+    """Distance that plans keep from obstacles and fences; gaps narrower than twice this value are closed. The
+    independent check requires half of it plus the uncertainty of the position. No plan is made while the
+    position is known to be wrong. If it is wrong by more than this value, only `clearance_wanted_m` keeps the
+    aircraft away from obstacles."""
     clearance_wanted_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 60.0
-    """Distance from obstacles and fences that plans are given where it costs little: a second a metre nearer
-    counts like two and a half metres of way, so that a corner passed at 15 m is worth some three seconds
-    under threat. By so much may a position be wrong before anything is touched. Narrower gaps are flown all
-    the same; where it is no more than `clearance_min_m`, as `0`, nothing is asked for."""
+    """Distance that plans keep from obstacles and fences if it costs little: one second one metre nearer
+    costs as much as two and a half metres of path. A corner passed at 15 m then costs as much as about three
+    seconds under threat. A position may be wrong by this much before the aircraft touches anything. Narrower
+    gaps are still used. A value of at most `clearance_min_m`, such as `0`, has no effect."""
     threat_level_max: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    """No place of a path may be above this threat level, and a flown path that comes above it is replaced.
-    Where no path keeps below it, the one that costs least is flown all the same. `1` is no limit: threats
-    cost, and a detour is flown as long as it is worth it. A low limit among vehicles that could drive
-    replaces missions many times."""
+    """Highest threat level on a path; a flown path that exceeds it is replaced. If no path stays below it,
+    the path of least cost is flown. `1` is no limit: threats then have a cost, and a detour is flown if it
+    costs less. A low limit near vehicles that can move replaces the mission many times."""
     price_seen: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
-    """A second in the sight of radars counts like this many seconds of detour. At `0` radars are not avoided;
-    a path that is seen less and takes longer is flown as long as the price is worth it. A second is seen in
-    part where a radar sees it less well."""
+    """One second in sight of radars costs as much as this many seconds of detour. At `0` radars are not
+    avoided. A second counts in part if the radar sees the aircraft less well."""
     price_pursued: Annotated[float, Field(ge=0.0, le=1_000.0)] = 3.0
-    """A second in which a pursuer could threaten the aircraft counts like this many seconds of detour. It
-    decides only where no path is found on which none could: one that none could bar is flown at any cost."""
+    """One second in which a pursuer could threaten the aircraft costs as much as this many seconds of detour.
+    It matters only if every path found can be threatened: a path that no pursuer can reach is flown at any
+    cost."""
     price_near: Annotated[float, Field(ge=0.0, le=1_000.0)] = 6.0
-    """A second beside an obstacle counts like this many seconds of detour; a second at a distance between
-    there and `clearance_wanted_m` counts in proportion."""
+    """One second next to an obstacle costs as much as this many seconds of detour. The price decreases
+    linearly to zero at the distance `clearance_wanted_m`."""
     price_energy: Annotated[float, Field(ge=0.0, le=1_000.0)] = 0.35
-    """A second at twice the power of cruise counts like this many seconds of detour. Power grows with the
-    cube of the airspeed, so that below a third a faster flight costs less. From some `2` on the aircraft
-    stays at cruise unless only a faster flight is ahead of all pursuers; `airspeed_fast_m_s` bounds that."""
+    """One second at twice the power of cruise costs as much as this many seconds of detour. Power grows with
+    the cube of the airspeed, so that below one third a faster flight costs less. From about `2` on the
+    aircraft flies at cruise unless only a faster flight stays ahead of all pursuers; `airspeed_fast_m_s`
+    limits the speed."""
     price_collision: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
-    """Each unit of −log of the probability that a waypoint is free of collisions counts like this many
-    seconds of detour: at 20 a waypoint that is free with 95 % costs one second."""
+    """Each unit of −log of the probability that a waypoint is free of collisions costs as much as this many
+    seconds of detour: at 20, a waypoint that is free with 95 % costs one second."""
     seen_max_s: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None
-    """No path is in the sight of radars for longer than this without a break. A radar sees the aircraft where
-    its membership is at least one half. Left out, there is no limit."""
+    """Longest uninterrupted time in sight of radars on a path. A radar sees the aircraft where its membership
+    is at least one half. By default there is no limit."""
     quality_min: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    """Least probability that a path touches nothing, Q of (8): with less it is refused, and no optimiser goes
-    below it. Noise that is large for the gaps asks for detours anyhow; `0` refuses nothing."""
+    """Least probability that a path is free of collisions, Q of (8); paths below it are refused. `0` refuses
+    no path. The price of collisions asks for detours in any case."""
     swap_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
-    """Share by which a new path must be cheaper to replace one that still passes: at 0 every small gain is
-    flown, at 1 only what fails is replaced."""
+    """Share by which a new path must cost less to replace a flown path that passes the check. At 0 every gain
+    replaces it, at 1 only a path that fails is replaced."""
 
 
 class RadarConfig(Section):
-    """A static threat; the boundary coefficient is K_R of h_B = K_R·L² [1/m]."""
+    """A static threat with the boundary h_B = K_R·L²."""
 
     name: Name
-    """Used in messages."""
+    """Name in messages."""
     east_m: Horizontal
-    """Of the radar."""
+    """East coordinate of the radar."""
     north_m: Horizontal
-    """Of the radar."""
+    """North coordinate of the radar."""
     up_m: Vertical = 0.0
-    """Of the radar."""
+    """Height of the radar."""
     max_threat_radius_m: Length
-    """R_max: beyond it there is no threat."""
+    """R_max: beyond this distance there is no threat."""
     boundary_coefficient_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """K_R of the lower boundary h_B = K_R·L²: below it the radar does not see."""
+    """K_R of the lower boundary h_B = K_R·L², below which the radar does not see."""
     known_beforehand: bool = True
-    """If false, nothing is known of it before the aircraft itself is `sensing_horizon_m` from its area."""
+    """If false, the radar is unknown until the aircraft is within `sensing_horizon_m` of its area."""
 
 
 class DynamicThreatConfig(Section):
-    """A moving threat: where it starts, what it can do, and what the simulated one does."""
+    """A moving threat: its capabilities, and the start and behaviour of the simulated one."""
 
     name: Name
-    """Used in messages; tracks are told apart by their own identity."""
+    """Name in messages; tracks are distinguished by their own identity."""
     east_m: Horizontal
-    """Where the simulated one starts."""
+    """East coordinate at which the simulated threat starts."""
     north_m: Horizontal
-    """The same, north."""
+    """North coordinate at which the simulated threat starts."""
     up_m: Vertical = 0.0
-    """The same, up."""
+    """Height at which the simulated threat starts."""
     speed_m_s: Annotated[float, Field(ge=0.0, le=340.0)]
-    """How fast it can drive."""
+    """Highest speed."""
     max_threat_radius_m: Length
-    """RD_max: within it, and in sight, it is a threat."""
+    """RD_max: within this distance, and in sight, it is a threat."""
     turn_radius_m: Length = 15.0
-    """How tightly it turns."""
+    """Radius of its tightest turn."""
     behaviour: Literal["pursue", "drive", "stand"] = "pursue"
-    """What the simulated one does: hunt the aircraft, drive its route, or stand; no plan is told."""
+    """Behaviour of the simulated threat: pursue the aircraft, drive its route, or stand. Plans do not use
+    it."""
     route_enu_m: Annotated[tuple[tuple[Horizontal, Horizontal], ...], Field(max_length=1_000)] = ()
-    """With `behaviour: drive`: east and north of the places it drives to in order; it stops at the last."""
+    """With `behaviour: drive`: east and north of the points that it drives to in order; it stops at the
+    last."""
     identity: Identity | None = None
-    """As it is reported, `icao:00ABCD` say; left out, it is told by kind and place."""
+    """Identity in reports, for example `icao:00ABCD`; by default a report is assigned by kind and
+    position."""
     system_id: SystemId | None = None
-    """The system that reports it; left out, any."""
+    """System that reports it; by default any."""
 
 
 class ObstacleConfig(Section):
     """An upright prism: corners [m] in order, each once, between base and top [m, up]."""
 
     name: Name
-    """Used in messages."""
+    """Name in messages."""
     polygon_enu_m: Annotated[
         tuple[tuple[Horizontal, Horizontal], ...], Field(min_length=3, max_length=10_000)
     ]
@@ -279,112 +283,99 @@ class Simulation(Section):
     """Weather of the simulator."""
 
     wind_speed_m_s: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
-    """Mean wind."""
+    """Speed of the mean wind."""
     wind_from_deg: CourseDegrees = 0.0
-    """Where it comes from, clockwise from north."""
+    """Direction that the wind comes from, clockwise from north."""
     turbulence: Literal["none", "light", "moderate"] = "none"
-    """Dryden turbulence on top."""
+    """Dryden turbulence in addition to the mean wind."""
 
 
 class SigningConfig(Section):
-    """MAVLink 2 signing: files of mode 0600, and the systems that are believed unsigned.
-
-    ``timestamp_file`` left out: the key file's name with ``.times`` behind it.
-    """
+    """MAVLink 2 signing: files of mode 0600, and systems that are accepted without a signature."""
 
     key_file: Annotated[str, Field(min_length=1, max_length=1_000)]
-    """Of 32 bytes as they are, or as 64 hexadecimal digits; mode 0600, where nobody else may replace it."""
+    """File of 32 bytes or 64 hexadecimal digits, of mode 0600, in folders that nobody else may write to."""
     timestamp_file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
-    """Where the last time stamps are kept; left out, the key file's name with `.times` behind it."""
+    """File of the last timestamps; by default the name of the key file followed by `.times`."""
     link_id: Annotated[int, Field(ge=0, le=255)] = 0
-    """Of our frames."""
+    """Link id of our frames."""
     allow_unsigned: tuple[SystemId, ...] = ()
-    """Systems that are believed without a signature."""
+    """Systems that are accepted without a signature."""
     allow_mavlink1: bool = False
-    """Whether those may speak MAVLink 1, which has no signatures; all others never may."""
+    """If true, these systems may also send MAVLink 1, which has no signatures; no other system may."""
 
 
 class LinkConfig(Section):
-    """What is listened to.
-
-    ``track_sources`` left out: tracks of every system but the own; ``systems`` left out: every system.
-    ``source_rate_max_hz`` bounds the messages of each source but the own autopilot.
-    """
+    """Which systems the service listens to."""
 
     vehicle_system_id: SystemId | None = None
-    """System id of the vehicle; left out, that of the first autopilot heard for a while."""
+    """System id of the vehicle; by default that of the first autopilot that sends for a while."""
     parameter_sources: tuple[SystemId, ...] = (255,)
-    """Systems that may set parameters of this service; ground stations are 255."""
+    """Systems that may set parameters of this service; ground stations have 255."""
     track_sources: tuple[SystemId, ...] | None = None
-    """Systems whose sightings are believed; left out, every one but the own."""
+    """Systems whose reports of other vehicles are accepted; by default all but the vehicle itself."""
     systems: tuple[SystemId, ...] | None = None
-    """Systems that are listened to at all; left out, every one."""
+    """Systems whose messages are accepted at all; by default all."""
     stream_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
-    """At which the autopilot is asked for its state."""
+    """Rate at which the autopilot is asked to send its state."""
     source_rate_max_hz: Annotated[float, Field(gt=0.0, le=100_000.0)] = 200.0
-    """Messages taken of each source but the own autopilot."""
+    """Highest accepted rate of messages from each source but the vehicle's autopilot."""
     signing: SigningConfig | None = None
-    """MAVLink 2 signing; left out, nothing is signed or verified."""
+    """MAVLink 2 signing; by default nothing is signed or verified."""
 
 
 class UseBy(Section):
-    """Ages up to which what was heard is gone by; of what is older, the pilot hears.
+    """Ages up to which received data is used; the service warns the pilot of older data.
 
-    Without a position, or the item being flown, nothing is planned and no mission changed: what is flown
-    stands. Bank, airspeed and wind are worked out from the rest instead.
+    Without a position, or the number of the item being flown, the service makes no plan and changes no
+    mission. It estimates bank, airspeed and wind from other data if they are missing.
     """
 
     position_s: Seconds = 1.5
-    """Of the aircraft's position."""
+    """Highest age of the aircraft's position."""
     attitude_s: Seconds = 1.5
-    """Of its attitude."""
+    """Highest age of its attitude."""
     airspeed_s: Seconds = 1.5
-    """Of its airspeed."""
+    """Highest age of its airspeed."""
     wind_s: Seconds = 30.0
-    """Of the autopilot's estimate of the wind."""
+    """Highest age of the autopilot's wind estimate."""
     mission_item_s: Seconds = 5.0
-    """Of the number of the item being flown."""
+    """Highest age of the number of the item being flown."""
     track_s: Seconds = 10.0
-    """Of a moving threat's position; it is believed to be wherever it could have got to since."""
+    """Highest age of a moving threat's position; later the threat may be wherever it could have moved to."""
     jump_confirm_s: Seconds = 30.0
-    """How long a position that jumped has to go on without another jump, until it is believed."""
+    """A position that jumped is accepted after this time without another jump."""
 
 
 class Authority(Section):
-    """What the service may do without asking the pilot.
-
-    ``resume`` tells whether it goes on after the pilot has left the mission mode and come back;
-    ``allow_rtl`` whether the last step of the emergency strategy may change the mode, where the way home
-    keeps clear; ``keep_ready`` whether a mission is prepared in the autopilot while the pilot flies.
-    """
+    """What the service may do without asking the pilot."""
 
     resume: Literal["auto", "never"] = "auto"
-    """Whether the service goes on when the pilot, having left the mission mode, comes back to it."""
+    """`auto`: the service continues when the pilot returns to the mission mode after leaving it."""
     allow_rtl: bool = False
-    """Whether the last step of the emergency strategy may select return to launch."""
+    """If true, the last emergency step may select return to launch, if the way home is clear."""
     keep_ready: bool = False
-    """Whether, while the pilot flies, a checked mission is kept in the autopilot for the way back to AUTO."""
+    """If true, the autopilot always holds a checked mission for the return to AUTO while the pilot flies."""
 
 
 class Takeover(Section):
-    """From when on, in the air, the service flies; until then the mission is the operator's.
-
-    ``item`` belongs to ``when: item``, ``up_m`` to ``when: height``.
-    """
+    """When the service takes over in the air; until then the operator's mission is flown."""
 
     when: Literal["takeoff", "item", "height", "holding"] = "takeoff"
-    """After the list's take-off item, after an item, above a height, or in the operator's holding circle."""
+    """After the list's take-off item, after `item`, above the height `up_m`, or in the operator's holding
+    circle."""
     item: Annotated[int, Field(ge=1, le=65_534)] | None = None
-    """Number of the item that is flown by the operator to its end, as the ground station shows it."""
+    """With `when: item`: number, as on the ground station, of the last item that the operator's mission
+    flies."""
     up_m: Vertical | None = None
-    """Height from which on it is taken over."""
+    """With `when: height`: height above which the service takes over."""
 
 
 FROM_AUTOPILOT = "from_autopilot"
 
 
 def _goals(value: object) -> object:
-    """Goals as written; ``from_autopilot`` in their place leaves them to the operator's mission."""
+    """Return goals as written; ``from_autopilot`` stands for the waypoints of the operator's mission."""
     if value == FROM_AUTOPILOT:
         return ()
     if value == ():
@@ -393,16 +384,16 @@ def _goals(value: object) -> object:
 
 
 class MissionConfig(Section):
-    """A whole mission file; ``goals`` is a list, or ``from_autopilot``."""
+    """A whole mission file."""
 
     name: Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-    """Names the flight and its folder."""
+    """Name of the flight and its folder."""
     description: Annotated[str, Field(max_length=500)] = ""
-    """For people."""
+    """Description for people."""
     dimension: Literal[2, 3]
     """`2`: the plan stays at the start's height; `3`: it climbs and descends."""
     unit_m: Annotated[float, Field(gt=0.0, le=10_000.0)]
-    """Metres in one planning unit of the paper, to which the weights of its costs belong."""
+    """Metres in one planning unit of the paper; the weights of the paper's costs refer to this unit."""
     origin: Origin
     """WGS84 point at which east, north and up are zero."""
     bounds: Bounds
@@ -410,36 +401,36 @@ class MissionConfig(Section):
     start: Start
     """Where an offline plan and the simulator begin."""
     goals: Annotated[tuple[Goal, ...], Field(max_length=1_000), BeforeValidator(_goals)]
-    """A list, reached in its order, or `from_autopilot`: the waypoints of the mission in the autopilot."""
+    """List of goals in order, or `from_autopilot` for the waypoints of the mission in the autopilot."""
     vehicle: Annotated[Vehicle, BeforeValidator(_with_noise)]
-    """What the aircraft can do."""
+    """Performance and noise of the aircraft."""
     planning: PlanningConfig
-    """How plans are made and replaced."""
+    """How plans are made, and when they replace the flown path."""
     radars: tuple[RadarConfig, ...] = ()
     """Static threats."""
     dynamic_threats: tuple[DynamicThreatConfig, ...] = ()
-    """Moving threats: what kinds there are, and where simulated ones start."""
+    """Kinds of moving threats, and where simulated ones start."""
     obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=2_000)] = ()
     """Upright prisms to stay clear of."""
     simulation: Simulation = Simulation()
     """Weather of the simulator."""
     link: LinkConfig = LinkConfig()
-    """What is listened to."""
+    """Which systems the service listens to."""
     use_by: UseBy = UseBy()
-    """Ages up to which what was heard is gone by."""
+    """Ages up to which received data is used."""
     authority: Authority = Authority()
     """What the service may do without asking the pilot."""
     takeover: Takeover = Takeover()
-    """From when on, in the air, the service flies."""
+    """When the service takes over in the air."""
 
     @property
     def goals_from_autopilot(self) -> bool:
-        """Whether the operator's waypoints in the autopilot are the goals."""
+        """Whether the goals are the operator's waypoints in the autopilot."""
         return not self.goals
 
     @cached_property
     def frame(self) -> LocalFrame:
-        """East, north, up about the origin."""
+        """Local frame of east, north, up about the origin."""
         return LocalFrame(
             latitude_deg=float(self.origin.latitude_deg),
             longitude_deg=float(self.origin.longitude_deg),
@@ -448,7 +439,7 @@ class MissionConfig(Section):
 
     @cached_property
     def obstacle_list(self) -> tuple[Obstacle, ...]:
-        """Obstacles as the world takes them."""
+        """Obstacles in the world's types."""
         return tuple(
             Obstacle(
                 name=entry.name,
@@ -461,7 +452,7 @@ class MissionConfig(Section):
 
     @cached_property
     def radar_list(self) -> tuple[Radar, ...]:
-        """Static threats as the world takes them."""
+        """Static threats in the world's types."""
         return tuple(
             Radar(
                 name=entry.name,
@@ -475,7 +466,7 @@ class MissionConfig(Section):
 
     @cached_property
     def dynamic_threat_list(self) -> tuple[DynamicThreat, ...]:
-        """Moving threats as the world takes them."""
+        """Moving threats in the world's types."""
         return tuple(
             DynamicThreat(
                 name=entry.name,

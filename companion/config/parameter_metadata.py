@@ -1,6 +1,6 @@
-"""What ground stations are told of the parameters: names, units and ranges, as two documents.
+"""Metadata of the parameters for ground stations: names, units and ranges, as two JSON documents.
 
-The mission file's models say what a value means and which are allowed; nothing is written twice.
+The meaning and range of a value come from the models of the mission file, so that nothing is written twice.
 
 References
 ----------
@@ -19,7 +19,7 @@ from companion.config.reference import UNITS, meanings
 from companion.link.messages.file_server import file_checksum
 
 GENERAL, PARAMETERS = "/general.json", "/parameters.json"
-_PARAMETER_TYPE = 1  # COMP_METADATA_TYPE_PARAMETER
+_PARAMETER_TYPE = 1  # COMP_METADATA_TYPE_PARAMETER.
 _SWITCH = (
     "0: nothing is planned or uploaded, in an emergency neither; the autopilot flies the mission it has."
 )
@@ -32,15 +32,15 @@ class Parameter:
     Parameters
     ----------
     name : str
-        At most 16 characters.
+        Name of at most 16 characters.
     key : str
-        The key of ``planning`` that it stands for; empty for the switch, which no mission file has.
+        Key of ``planning`` that it sets; empty for the switch, which no mission file has.
     title : str
-        What it is, in a few words.
+        Short description.
     decimals : int
-        Decimal places that stations show.
+        Number of decimal places that ground stations show.
     increment : float
-        By how much they change it at a time.
+        Step by which ground stations change it.
     """
 
     name: str
@@ -51,16 +51,16 @@ class Parameter:
 
 
 def documents(entries: Sequence[Parameter], mission: MissionConfig) -> dict[str, bytes]:
-    """The general document and that of the parameters, as JSON by path.
+    """Return the general document and the parameters' document, as JSON by path.
 
     Parameters
     ----------
     entries : sequence of Parameter
-        All there are.
+        All parameters.
     mission : MissionConfig
-        The mission file, whose values are the defaults.
+        Mission file, whose values are the defaults.
     """
-    told = _json(
+    document = _json(
         {
             "version": 1,
             "uid": 1,
@@ -71,7 +71,7 @@ def documents(entries: Sequence[Parameter], mission: MissionConfig) -> dict[str,
     of_parameters = {
         "type": _PARAMETER_TYPE,
         "uri": f"mftp://{PARAMETERS}",
-        "fileCrc": file_checksum(told),
+        "fileCrc": file_checksum(document),
     }
     general = {
         "version": 1,
@@ -79,7 +79,7 @@ def documents(entries: Sequence[Parameter], mission: MissionConfig) -> dict[str,
         "firmwareVersion": ".".join(__version__.split(".")[:3]),
         "metadataTypes": [of_parameters],
     }
-    return {GENERAL: _json(general), PARAMETERS: told}
+    return {GENERAL: _json(general), PARAMETERS: document}
 
 
 def _json(document: Mapping[str, object]) -> bytes:
@@ -93,20 +93,20 @@ def _switch(entry: Parameter) -> dict[str, object]:
 
 def _number(entry: Parameter, mission: MissionConfig) -> dict[str, object]:
     field = PlanningConfig.model_fields[entry.key]
-    told = _entry(entry, meanings(PlanningConfig)[entry.key].replace("`", ""))
-    told["units"] = next((unit for suffix, unit in UNITS.items() if entry.key.endswith(suffix)), "")
+    document = _entry(entry, meanings(PlanningConfig)[entry.key].replace("`", ""))
+    document["units"] = next((unit for suffix, unit in UNITS.items() if entry.key.endswith(suffix)), "")
     step = 10.0**-entry.decimals
     for bound in field.metadata:
         if (least := getattr(bound, "ge", None)) is not None:
-            told["min"] = least
+            document["min"] = least
         if (above := getattr(bound, "gt", None)) is not None:
-            told["min"] = above + step  # the least that is shown and allowed
+            document["min"] = above + step  # The smallest value that is shown and allowed.
         if (most := getattr(bound, "le", None)) is not None:
-            told["max"] = most
+            document["max"] = most
         if (below := getattr(bound, "lt", None)) is not None:
-            told["max"] = below - step
-    told["default"] = float(getattr(mission.planning, entry.key))
-    return told
+            document["max"] = below - step
+    document["default"] = float(getattr(mission.planning, entry.key))
+    return document
 
 
 def _entry(entry: Parameter, words: str) -> dict[str, object]:

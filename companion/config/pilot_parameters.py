@@ -1,7 +1,7 @@
-"""What a pilot may change in the field, by the MAVLink parameter protocol.
+"""Parameters that the pilot may change in the field, by the MAVLink parameter protocol.
 
-A value set here comes before the mission file's, outlives restarts, and takes effect between two
-plans. It is refused where the mission file would be refused with it.
+A value set here overrides the mission file, survives restarts, and takes effect between two plans. It is
+refused if the mission file would be refused with it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from companion.config.checks import findings
 from companion.config.parameter_metadata import Parameter, documents
 from companion.safe_files import read_file, replace_file, set_aside
 
-Sender = tuple[int, int]  # system, component
+Sender = tuple[int, int]  # System id and component id.
 
-SIZE_MAX = 100_000  # bytes of the file; a handful of parameters takes a thousandth
-DIGITS = 6  # that a 32-bit float carries for certain
+SIZE_MAX = 100_000  # Bytes of the file; a few parameters take a thousandth.
+DIGITS = 6  # A 32-bit float carries this many decimal digits.
 
 _log = logging.getLogger(__name__)
 
@@ -39,14 +39,14 @@ _BY_NAME = {entry.name: entry for entry in TABLE}
 
 
 class Parameters:
-    """The parameters' values.
+    """Values of the parameters.
 
     Parameters
     ----------
     mission : MissionConfig
-        The mission file, for the values that were not set.
+        Mission file, for the values that were not set.
     file : Path or None
-        Where values that were set are kept; None keeps none.
+        File of the values that were set; None keeps them in memory only.
     """
 
     def __init__(self, mission: MissionConfig, file: Path | None) -> None:
@@ -54,8 +54,8 @@ class Parameters:
         self._file = file
         self._listeners: list[Callable[[str, Sender], None]] = []
         self._set: dict[str, float] = {}
-        self._is_kept = True
-        for name, value in self._kept().items():
+        self._is_saved = True
+        for name, value in self._read_file().items():
             reason = self._refusal(name, value)
             if reason:
                 _log.warning("%s as kept in %s is not used: %s", name, file, reason)
@@ -64,31 +64,31 @@ class Parameters:
                 _log.warning("%s is %g, as it was set before; the mission file does not count", name, value)
 
     def listen(self, listener: Callable[[str, Sender], None]) -> None:
-        """Have a function called with the name of each value that changes from now on, and who set it."""
+        """Call a function from now on with the name of each value that changes, and who set it."""
         self._listeners.append(listener)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """In the order of their numbers."""
+        """Names, in the order of their indices."""
         return tuple(_BY_NAME)
 
     @property
     def files(self) -> dict[str, bytes]:
-        """What stations may read of the parameters, by path: units, ranges, defaults of the mission file."""
+        """Metadata files by path: units, ranges, and defaults from the mission file."""
         return documents(TABLE, self._mission)
 
     @property
     def values_set(self) -> dict[str, float]:
-        """What was set, by name."""
+        """Values that were set, by name."""
         return dict(self._set)
 
     @property
     def is_replanning(self) -> bool:
-        """Whether missions may be replaced at all."""
+        """Whether missions may be replaced."""
         return self.value(ENABLE) != 0.0
 
     def value(self, name: str) -> float:
-        """The value in force.
+        """Return the value in force.
 
         Raises
         ------
@@ -102,39 +102,40 @@ class Parameters:
         return float(getattr(self._mission.planning, key)) if key else 1.0
 
     def may_set(self, system_id: int) -> bool:
-        """Whether a system is one of the mission file's ``link.parameter_sources``."""
+        """Return whether a system is listed in ``link.parameter_sources`` of the mission file."""
         return system_id in self._mission.link.parameter_sources
 
     def set(self, name: str, value: float, sender: Sender) -> str:
-        """Set a value; returns why that was refused, '' if it was not.
+        """Set a value; returns the reason of a refusal, '' if it is accepted.
 
-        The value in force is no change. What is set lasts when :meth:`keep` is called next.
+        Setting the value in force changes nothing. The next call of :meth:`keep` writes the value to the
+        file.
 
         Parameters
         ----------
         name : str
-            The parameter's name.
+            Name of the parameter.
         value : float
-            What it is to be.
+            New value.
         sender : tuple of int
-            System and component that ask for it, and :meth:`may_set`.
+            System and component that set it; the caller has asked :meth:`may_set`.
         """
         value = float(f"{value:.{DIGITS}g}") if math.isfinite(value) else value
         reason = self._refusal(name, value)
         if reason or value == self.value(name):
             return reason
         self._set[name] = value
-        self._is_kept = False
+        self._is_saved = False
         for listener in self._listeners:
             listener(name, sender)
         return ""
 
     def switch_off(self, sender: Sender) -> None:
-        """Replan no more: :data:`ENABLE` is set to 0."""
+        """Stop replanning, by setting :data:`ENABLE` to 0."""
         self.set(ENABLE, 0.0, sender)
 
     def set_mission(self, mission: MissionConfig) -> MissionConfig:
-        """Take another mission file, and return it with what was set; what contradicts it is dropped."""
+        """Take another mission file and return it with the set values; drops values that contradict it."""
         self._mission = mission
         for name, value in list(self._set.items()):
             reason = self._refusal(name, value)
@@ -144,7 +145,7 @@ class Parameters:
         return self.mission()
 
     def mission(self) -> MissionConfig:
-        """The mission file with what was set."""
+        """Return the mission file with the set values."""
         return self._with(self._set)
 
     def _with(self, values: dict[str, float]) -> MissionConfig:
@@ -165,7 +166,7 @@ class Parameters:
             return _bound(error)
         return next((expected for path, expected in findings(changed) if path[0] == "planning"), "")
 
-    def _kept(self) -> dict[str, float]:
+    def _read_file(self) -> dict[str, float]:
         if self._file is None:
             return {}
         try:
@@ -180,18 +181,18 @@ class Parameters:
             return {}
 
     def keep(self) -> None:
-        """Write down what was set since the last time, if anything was."""
-        if self._file is None or self._is_kept:
+        """Write the set values to the file if they changed."""
+        if self._file is None or self._is_saved:
             return
-        self._is_kept = True
+        self._is_saved = True
         try:
             replace_file(self._file, (json.dumps(self._set, indent=1) + "\n").encode("ascii"))
         except OSError as error:
-            _log.error("parameters are not kept: %s", error)
+            _log.error("parameters cannot be written: %s", error)
 
 
 def _bound(error: ValidationError) -> str:
-    """What is wrong, in the few characters that a STATUSTEXT has room for."""
+    """Return what is wrong in the few characters of a STATUSTEXT."""
     wrong = error.errors(include_url=False)[0]
     for key, words in (("ge", "at least"), ("gt", "more than"), ("le", "at most"), ("lt", "less than")):
         if key in wrong.get("ctx", {}):

@@ -1,4 +1,4 @@
-"""The mission file's reference page, from the models that validate it: ``make docs`` writes it."""
+"""Writes the reference page of the mission file from its models, for ``make docs``."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ UNITS = {
 INTRODUCTION = """\
 # The mission file
 
-One YAML file a mission: where the aircraft flies, what it can do, what threatens it, and what the service
-may do. `companion check FILE` validates it, tells what was understood and draws it with `--plot`; an error
-names the file, the line, the key, the value and what was expected. Keys carry their units; lengths are
-metres east, north and up of the origin, courses degrees clockwise from north. An unknown key is an error,
-so that a misspelt one cannot be passed over. `mission_configs/first-flight.yaml` is the one to copy.
+One YAML file describes a mission: where the aircraft flies, its performance, its threats, and what the
+service may do. `companion check FILE` validates it and prints a summary; `--plot` draws it. An error names
+the file, the line, the key, the value and what was expected. Keys end in their units. Lengths are metres
+east, north and up of the origin; courses are degrees clockwise from north. An unknown key is an error, so
+that no misspelt key is ignored. `mission_configs/first-flight.yaml` is a template.
 
 This page is made from the code that validates the file (`make docs`).
 """
@@ -36,7 +36,7 @@ This page is made from the code that validates the file (`make docs`).
 
 @functools.cache
 def meanings(model: type[Section]) -> dict[str, str]:
-    """Return the text that stands behind each key of a section, on one line."""
+    """Return the text below each key of a section, on one line."""
     (section,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     assert isinstance(section, ast.ClassDef)
     return {
@@ -48,13 +48,13 @@ def meanings(model: type[Section]) -> dict[str, str]:
 
 
 def reference() -> str:
-    """The page, in Markdown."""
+    """Return the page in Markdown."""
     parts = [INTRODUCTION, *_section("", MissionConfig)]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def _section(path: str, model: type[Section]) -> list[str]:
-    """Heading, words and table of a section, then of those inside it."""
+    """Return heading, description and table of a section, then those of the sections in it."""
     words = " ".join((model.__doc__ or "").split()).replace("``", "`")
     lines = [f"## {path}" if path else "## The file itself", "", words, ""]
     lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
@@ -78,7 +78,7 @@ def _unit(name: str) -> str:
 
 
 def _model_in(annotation: Any) -> tuple[type[Section], bool] | None:  # noqa: ANN401
-    """The section a key holds, and whether it is a list of them."""
+    """Return the section that a key holds, and whether it holds a list of them."""
     if isinstance(annotation, type) and issubclass(annotation, Section):
         return annotation, False
     for inner in get_args(annotation):
@@ -96,7 +96,7 @@ def _allowed(field: FieldInfo, found: tuple[type[Section], bool] | None, where: 
 
 
 def _type(annotation: Any, metadata: list[Any]) -> str:  # noqa: ANN401
-    """Words for what a key takes."""
+    """Describe the values that a key accepts."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _type(inner[0], [*inner[1:], *metadata])
@@ -114,7 +114,7 @@ def _type(annotation: Any, metadata: list[Any]) -> str:  # noqa: ANN401
 
 
 def _range(metadata: list[Any]) -> str:
-    """Bounds of a number or of a text's length."""
+    """Describe the bounds of a number, or of a text's length."""
     flat = [
         entry for item in metadata for entry in (item.metadata if isinstance(item, FieldInfo) else [item])
     ]
@@ -137,7 +137,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def main() -> None:
-    """Write the page to the file that is named."""
+    """Write the page to the file named on the command line."""
     Path(sys.argv[1]).write_text(reference(), encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""Which changes of a mission file a running service takes up, and which need a restart."""
+"""Reloading of the mission file: which changes a running service accepts, and which need a restart."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from companion.errors import ConfigError
 from companion.types.threat import Obstacle
 from companion.world.obstacles import packed_obstacles
 
-# What was opened, recorded or tracked under these cannot be changed under way: the link and its signing,
-# the frame that everything is in, the flight's name and seed, and which vehicle a track is.
+# These keys cannot change during a flight: the link and its signing are open, positions refer to the frame,
+# the recording has the name and seed, and tracks are assigned to the threats.
 FIXED = (
     "name",
     "dimension",
@@ -25,7 +25,7 @@ FIXED = (
 
 
 def changed_mission(running: MissionConfig, file: Path) -> tuple[MissionConfig, str]:
-    """Read a mission file again, for a service that runs by it; takes seconds where it is large.
+    """Read a mission file again for a running service; takes seconds for a large file.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def changed_mission(running: MissionConfig, file: Path) -> tuple[MissionConfig, 
     Raises
     ------
     ConfigError
-        For the first thing wrong with it, and for a change that needs a restart.
+        For the first error found, and for a change that needs a restart.
     """
     text = mission_text(file)
     mission = mission_from_text(text, str(file))
@@ -48,16 +48,16 @@ def changed_mission(running: MissionConfig, file: Path) -> tuple[MissionConfig, 
 def prepared_mission(
     running: MissionConfig, file: Path, fences: tuple[Obstacle, ...]
 ) -> tuple[MissionConfig, str]:
-    """Read a mission file again, and pack its world, as the flight will find it packed.
+    """Read a mission file again, and prepare its obstacles so that the flight finds them in the cache.
 
     Parameters
     ----------
     running : MissionConfig
-        The mission that is flown.
+        Mission that is flown.
     file : Path
         The mission file.
     fences : tuple of Obstacle
-        The autopilot's fences, which belong to the world.
+        Fences of the autopilot, which are obstacles, too.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def prepared_mission(
     Raises
     ------
     ConfigError
-        As :func:`changed_mission`.
+        As for :func:`changed_mission`.
     """
     mission, text = changed_mission(running, file)
     packed_obstacles((*mission.obstacle_list, *fences), world_of(mission).bounds)
@@ -77,7 +77,7 @@ def prepared_mission(
 
 
 def check_change(running: MissionConfig, mission: MissionConfig, file: str) -> None:
-    """See that a mission can be taken up by a service that runs by another.
+    """Check that a running service can change to a mission.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a mission file and the autopilot's fences come to: limits, settings, obstacles, and their checker."""
+"""Rules of a flight: limits, settings, obstacles and checker, from mission file and fences."""
 
 from __future__ import annotations
 
@@ -15,37 +15,36 @@ from companion.types.state import AutopilotSettings
 from companion.types.threat import Obstacle
 from companion.world.vehicle.vehicle_model import VehicleModel
 
-REPLAN_SHARE = 0.3  # of a first plan's iterations
-LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # D_γ of (9) in an emergency
+REPLAN_SHARE = 0.3  # A replan has this share of a first plan's iterations.
+LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # Weights D_γ of (9) in an emergency.
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What plans and missions are held to; made by :func:`rules_of`.
+    """Rules that plans and missions must follow; :func:`rules_of` makes them.
 
     Parameters
     ----------
     mission : MissionConfig
-        The mission file in force, with what the pilot has set.
+        Mission file in force, with the values set by the pilot.
     fences : tuple of Obstacle
-        The autopilot's fences as obstacles.
+        Fences of the autopilot, as obstacles.
     goals : tuple of GoalRegion
-        The mission file's goals, in order.
+        Goals of the mission file, in order.
     obstacles : tuple of Obstacle
-        The mission file's obstacles and the fences.
+        Obstacles of the mission file, and the fences.
     vehicle : VehicleModel
-        What the aircraft can do.
+        Performance of the aircraft.
     settings : PlannerSettings
-        How to make a plan where nothing is flown that could be improved on.
+        Settings of a plan when no path is flown that it could improve.
     replan_settings : PlannerSettings
-        How to make a plan beside a flown path: a search that finds nothing better is not worth the whole
-        budget.
+        Settings of a plan while a path is flown; they have fewer iterations.
     least_threat_settings : PlannerSettings
-        How to make an emergency plan: threats have no limit, and in (9) they weigh most.
+        Settings of an emergency plan: threats have no limit, and the largest weight in (9).
     checker : Checker
         The independent check.
     exposure : Exposure
-        How it works threat levels out.
+        Model by which the check computes threat levels.
     """
 
     mission: MissionConfig
@@ -61,7 +60,7 @@ class Rules:
 
     @property
     def level_m(self) -> float:
-        """Height at which a mission in the plane is flown [m]."""
+        """Height of a two-dimensional mission [m]."""
         return float(self.mission.start.up_m)
 
     @property
@@ -71,24 +70,26 @@ class Rules:
 
 
 def rules_of(
-    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), told: AutopilotSettings | None = None
+    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), reported: AutopilotSettings | None = None
 ) -> Rules:
     """Compose the rules of a flight.
 
     Parameters
     ----------
     mission : MissionConfig
-        The mission file in force.
+        Mission file in force.
     fences : tuple of Obstacle
-        The autopilot's fences as obstacles.
-    told : AutopilotSettings, optional
-        The autopilot's: turns are banked no more and nothing is flown faster, whatever the mission file says.
+        Fences of the autopilot, as obstacles.
+    reported : AutopilotSettings, optional
+        Settings of the autopilot, whose bank and airspeed limits the rules never exceed.
     """
-    vehicle, told = vehicle_of(mission), told or AutopilotSettings()
-    if told.bank_max_deg:
-        vehicle = replace(vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(told.bank_max_deg)))
-    if told.airspeed_max_m_s:
-        fast = min(vehicle.airspeed_fast_m_s, told.airspeed_max_m_s)
+    vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
+    if reported.bank_max_deg:
+        vehicle = replace(
+            vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(reported.bank_max_deg))
+        )
+    if reported.airspeed_max_m_s:
+        fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
     limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
     settings, exposure = planner_settings_of(mission), exposure_of(mission)

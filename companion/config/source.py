@@ -1,8 +1,8 @@
-"""YAML text with the place of every key: what error messages point at.
+"""YAML parser that records the position of every key, for error messages.
 
-Stricter than YAML: no aliases (a key must mean what stands beside it), no tags, no duplicate keys (YAML
-keeps the last in silence), no octal or base-60 numbers (``010`` would be 8, ``1:30`` 90), no numbers of
-more digits than any value needs, and no dates.
+It is stricter than YAML: it refuses aliases (a key must mean what is written there), tags, duplicate keys
+(YAML silently takes the last one), octal and base-60 numbers (``010`` would be 8, ``1:30`` 90), numbers with
+more digits than any value needs, and dates.
 """
 
 from __future__ import annotations
@@ -16,23 +16,22 @@ from companion.errors import ConfigError
 
 KeyPath = tuple[str | int, ...]
 
-SIZE_MAX = (
-    1_000_000  # characters; checked in a thread, one as long holds the loop up for some tenths of a second
-)
+# Characters. Checking a text this long delays the event loop by a few tenths of a second.
+SIZE_MAX = 1_000_000
 _DEPTH_MAX = 20
-_EXCERPT = 60
+_EXCERPT_MAX = 60
 _DIGITS_MAX = 40
 _TAG = "tag:yaml.org,2002:"
 _PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.([0-9]+|inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
 _TRUE = frozenset({"yes", "true", "on"})
-# The parser in C is forty times as fast; where PyYAML was built without it, the other says the same.
+# The C parser is 40 times as fast. Where PyYAML was built without it, the other parser gives the same result.
 _Loader: type = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Resolver(yaml.resolver.Resolver):
-    """What a value without quotes is, and ``1e3`` the number that it is in YAML 1.2."""
+    """Resolves the type of a value without quotes; ``1e3`` is a number, as in YAML 1.2."""
 
 
 _Resolver.add_implicit_resolver(
@@ -41,19 +40,19 @@ _Resolver.add_implicit_resolver(
 
 
 def _span(event: yaml.Event) -> tuple[int, int, int]:
-    """Line on which an event begins, counted from 1, and where in the text it begins and ends."""
+    """Return the line on which an event begins, from 1, and its start and end in the text."""
     begins, ends = event.start_mark, event.end_mark
     return (1, 0, 0) if begins is None or ends is None else (begins.line + 1, begins.index, ends.index)
 
 
 def _float(written: str) -> float:
-    """A number as YAML writes it: ``.inf``, and ``.5``."""
+    """Parse a number as YAML writes it, such as ``.inf`` and ``.5``."""
     name = written.lower()
     return float(name.replace(".", "")) if name.endswith(("inf", "nan")) else float(name)
 
 
 def dotted(path: KeyPath) -> str:
-    """Write a key's path as messages do, ``goals.0.east_m``."""
+    """Write a key's path as in messages: ``goals.0.east_m``."""
     return ".".join(str(part) for part in path)
 
 
@@ -66,11 +65,11 @@ class Document:
     file : str
         Name of the file, for error messages.
     text : str
-        All that stands in it.
+        Text of the file.
     data : dict
         Keys and values; lists are tuples.
     places : dict
-        Line of each key or list entry, counted from 1, and where in the text its value begins and ends.
+        Line of each key or list entry, from 1, and start and end of its value in the text.
     """
 
     file: str
@@ -79,11 +78,11 @@ class Document:
     places: dict[KeyPath, tuple[int, int, int]]
 
     def line_of(self, path: KeyPath) -> int | None:
-        """The line on which a key stands, None if it does not."""
+        """Return the line of a key, None if it is missing."""
         return self.places[path][0] if path in self.places else None
 
     def error(self, path: KeyPath, expected: str, value: str | None = None) -> ConfigError:
-        """Build the error at a key; one that is not there is placed at its nearest parent."""
+        """Build the error for a key; a missing key gets the line of its nearest parent."""
         found = self._excerpt(path) if value is None else value
         place = path
         while place and place not in self.places:
@@ -97,23 +96,23 @@ class Document:
         )
 
     def _excerpt(self, path: KeyPath) -> str:
-        """What is written at a key, shortened."""
+        """Return the text of a key's value, shortened."""
         if path not in self.places:
             return "nothing"
         _, start, end = self.places[path]
-        written = " ".join(self.text[start : min(end, start + 20 * _EXCERPT)].split())
+        written = " ".join(self.text[start : min(end, start + 20 * _EXCERPT_MAX)].split())
         if not written:
             return "nothing"
-        return written if len(written) <= _EXCERPT else written[: _EXCERPT - 1] + "…"
+        return written if len(written) <= _EXCERPT_MAX else written[: _EXCERPT_MAX - 1] + "…"
 
 
 def parse(text: str, file: str) -> Document:
-    """Read YAML.
+    """Parse YAML text.
 
     Raises
     ------
     ConfigError
-        For anything that is not one plain YAML mapping.
+        For anything but one plain YAML mapping.
     """
     if len(text) > SIZE_MAX:
         raise ConfigError(file, None, "file", f"{len(text)} characters", f"at most {SIZE_MAX}")
@@ -129,7 +128,7 @@ def parse(text: str, file: str) -> Document:
 
 @dataclass(slots=True)
 class _Open:
-    """A list or mapping that is being read: in a mapping, ``key`` is the one whose value comes next."""
+    """A list or mapping that is being read; ``key`` is the mapping's key whose value comes next."""
 
     path: KeyPath
     line: int
@@ -139,11 +138,11 @@ class _Open:
     key: str | None = None
 
     def expect(self, key: str) -> None:
-        """Take the next value for that of a key."""
+        """Set the key of the next value."""
         self.key = key
 
     def add(self, value: object) -> None:
-        """Take a value."""
+        """Add a value."""
         if self.items is not None:
             self.items.append(value)
         else:
@@ -152,7 +151,7 @@ class _Open:
 
 
 class _Composer:
-    """Puts the parser's events together, without a look ahead or recursion."""
+    """Builds a document from the parser's events, without look-ahead or recursion."""
 
     def __init__(self, text: str, file: str) -> None:
         self._document = Document(file, text, None, {(): (1, 0, 0)})
@@ -162,7 +161,7 @@ class _Composer:
         self._num_documents = 0
 
     def document(self) -> Document:
-        """Read to the end."""
+        """Parse the text to its end."""
         file = self._document.file
         for event in yaml.parse(self._document.text, Loader=_Loader):
             self._take(event)
@@ -234,14 +233,14 @@ class _Composer:
         self._document.places[path] = line, end, end
 
     def _next_path(self) -> KeyPath:
-        """Path of the value that comes now."""
+        """Return the path of the value that comes now."""
         if not self._open:
             return ()
         parent = self._open[-1]
         return (*parent.path, len(parent.items) if parent.items is not None else parent.key or "")
 
     def _place(self, path: KeyPath, line: int, start: int, end: int) -> None:
-        """Note where a value stands; its line is its key's where it has one."""
+        """Record the position of a value; its line is that of its key if it has one."""
         line = self._document.places[path][0] if path in self._document.places else line
         self._document.places[path] = line, start, end
 
@@ -252,7 +251,7 @@ class _Composer:
             self._root = value
 
     def _kind(self, event: yaml.ScalarEvent) -> str:
-        """What a scalar is: its quotes make it text."""
+        """Return the type of a scalar; a quoted one is text."""
         if not event.implicit[0]:
             return "str"
         tag: str = self._resolver.resolve(yaml.ScalarNode, event.value, (True, False))  # type: ignore[no-untyped-call]
@@ -276,7 +275,7 @@ class _Composer:
 
     def _check_tag(self, path: KeyPath, tag: str | None) -> None:
         if tag is not None:
-            raise self._document.error(path, "the value without a tag", f"the tag {tag[:_EXCERPT]}")
+            raise self._document.error(path, "the value without a tag", f"the tag {tag[:_EXCERPT_MAX]}")
 
     def _wrong_key(self, line: int, found: str) -> ConfigError:
         place = dotted(self._open[-1].path) or "file"

@@ -1,5 +1,5 @@
-"""Between bytes and events: everything that is known of MAVLink, of both autopilots' dialects and of MAVSDK.
+"""The link to the autopilot: MAVLink, the dialects of both autopilots, mission transfers and MAVSDK.
 
-Bytes come in and events go out; what is damaged or cannot be true is counted and dropped, never raised.
-Only ``wire/transport`` touches sockets and serial lines.
+Bytes come in and events go out. Damaged and impossible data is counted and dropped; it never raises. Only
+``wire/transport`` accesses sockets and serial lines.
 """

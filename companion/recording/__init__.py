@@ -1,5 +1,5 @@
-"""A flight written down while it is flown, and read back: telemetry log, decisions, and the old ones let go.
+"""Recording of flights: telemetry log and MCAP file, their readers, exports, and deletion of old flights.
 
-Writes to the folder of flights alone, and never holds the flight up: a disk that is full ends the recording,
-not the service. Knows the link's frames and the planner's records, and nothing of who decides.
+These modules write to the folder of flights only, and never delay a flight: a full disk ends the recording,
+not the service. They know frames and plan records, but do not make decisions.
 """

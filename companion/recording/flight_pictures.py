@@ -1,4 +1,4 @@
-"""What of a recording is shown, message by message, in Foxglove's terms; rerun is shown the same."""
+"""Pictures of recorded messages in Foxglove's schemas; the export for rerun draws the same pictures."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ from companion.world.snapshot import Snapshot
 from companion.world.threat_field import threat_field
 
 TRANSFORM, LOG = "/tf", "/log"
-# Each has all of its own in its last message: who is sent into a recording's middle is shown that alone.
+# The last message of each of these topics holds the complete scene, so that a viewer may start anywhere.
 WORLD, FIELD, FENCES, THREATS = "/scene/world", "/scene/field", "/scene/fences", "/scene/threats"
 FLOWN, MISSION, CANDIDATE, SEARCH = "/scene/flown", "/scene/mission", "/scene/candidate", "/scene/search"
 SCENES = (WORLD, FIELD, FENCES, THREATS, FLOWN, MISSION, CANDIDATE, SEARCH)
-MISSION_MAX = 2_000_000  # characters of a mission file
-LOUD = frozenset({"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"})
-INFO, WARNING = 2, 3  # of Log
-_FLOWN_S, _THREATS_S = 1.0, 0.5  # between pictures of them
-_FLOWN_MAX = 1_000  # places of the flown path in one of them
-_FIELD_STEP_M = 20.0  # by which the height is another before the radars' field is drawn anew
-_FIELD_CELLS = 120  # along the longer side
+MISSION_MAX = 2_000_000  # Characters of a mission file.
+WARNING_KINDS = frozenset(
+    {"emergency", "no plan", "rejected", "suspended", "fault", "stale", "link", "stopped"}
+)
+INFO, WARNING = 2, 3  # Levels of foxglove.Log.
+_FLOWN_S, _THREATS_S = 1.0, 0.5  # Intervals between pictures.
+_FLOWN_MAX = 1_000  # Points of the flown path in one picture.
+_FIELD_STEP_M = 20.0  # The radars' field is drawn again after a change of height by this much.
+_FIELD_CELLS = 120  # Cells along the longer side.
 
 
 class Pictures:
-    """Makes pictures of what is recorded, message by message."""
+    """Draws recorded messages, one by one."""
 
     def __init__(self) -> None:
         self.epoch_s = 0.0
@@ -45,7 +47,7 @@ class Pictures:
         self._drawn_s: dict[str, float] = {}
 
     def of(self, topic: str, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Messages that show one that was recorded, with their topics and UTC [s]."""
+        """Yield topic, UTC [s] and content of the messages that show a recorded message."""
         utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
         match topic:
             case channels.MISSION:
@@ -71,7 +73,7 @@ class Pictures:
                 yield LOG, utc_s, _log_entry(told, utc_s)
 
     def _ownship(self, told: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Where the aircraft is, the radars' field there, and now and then the way that it has flown."""
+        """Draw the aircraft, the radars' field at its height and, at intervals, the flown path."""
         transform = self._transform(told, utc_s)
         yield TRANSFORM, utc_s, transform
         yield from self._field(transform["translation"]["z"], utc_s)
@@ -81,7 +83,7 @@ class Pictures:
             yield FLOWN, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
 
     def _field(self, up_m: float, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """The radars' field at a height, masked by obstacles, where the last one is of another height."""
+        """Draw the radars' field at a height, masked by obstacles, if the height changed enough."""
         if self._snapshot is None or abs(up_m - self._field_m) < _FIELD_STEP_M:
             return
         self._field_m = up_m
@@ -89,7 +91,7 @@ class Pictures:
         yield FIELD, utc_s, self._renewed("field", scenes.field_entities(*section, up_m, utc_s), utc_s)
 
     def _renewed(self, group: str, shown: list[scenes.Entity], utc_s: float) -> Mapping[str, object]:
-        """A scene in which a group of entities is these, and those that it was before are gone."""
+        """Return a scene that replaces all entities of a group."""
         names = {str(entry["id"]) for entry in shown}
         gone = sorted(self._shown.get(group, set()) - names)
         self._shown[group] = names
@@ -108,7 +110,7 @@ class Pictures:
         return scenes.scene(scenes.entity(name, utc_s, lines=[drawn]))
 
     def _world(self, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
-        """Obstacles, radars and goals of the mission file, and how far the aircraft senses."""
+        """Draw obstacles, radars and goals of the mission file, and the sensing horizon."""
         self.epoch_s = number(told.get("epoch_s"), 1e11) or 0.0
         utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
         mission = mission_from_text(text(told.get("mission_file"), MISSION_MAX), "the recording")
@@ -140,7 +142,7 @@ class Pictures:
         return scenes.entity(f"obstacle {wall.name}", utc_s, triangles=solid)
 
     def _fences(self, told: Document, utc_s: float) -> Mapping[str, object]:
-        """What of the obstacles a plan was made among is not the mission file's."""
+        """Draw the obstacles of a plan that are not in the mission file, which are fences."""
         found = []
         listed = told.get("obstacles")
         for entry in listed if isinstance(listed, list) and self.mission is not None else ():
@@ -159,7 +161,7 @@ class Pictures:
         return self._renewed("tracks", [scenes.track_entity(row, utc_s) for row in rows], utc_s)
 
     def _transform(self, told: Document, utc_s: float) -> dict[str, Any]:
-        """Where the aircraft is, for what is drawn in its frame, and to follow it."""
+        """Return the pose of the aircraft's frame."""
         place = told.get("position_enu_m")
         row = place if isinstance(place, list) and len(place) == 3 else [0.0, 0.0, 0.0]
         pose = scenes.pose_of([number(value) or 0.0 for value in row], number(told.get("course_rad")) or 0.0)
@@ -171,12 +173,12 @@ class Pictures:
 
 
 def extent_of(mission: MissionConfig) -> tuple[float, float, float]:
-    """Middle of a mission's bounds, east and north, and their longer side [m].
+    """Return the centre of a mission's bounds, east and north, and their longer side [m].
 
     Parameters
     ----------
     mission : MissionConfig
-        The flight's.
+        Mission of the flight.
     """
     sides = (mission.bounds.east_m, mission.bounds.north_m)
     east, north = (float(0.5 * (side[0] + side[1])) for side in sides)
@@ -184,7 +186,7 @@ def extent_of(mission: MissionConfig) -> tuple[float, float, float]:
 
 
 def _rows(places: object, length: int) -> list[list[float]]:
-    """Places of a document, without those that are none."""
+    """Return the valid rows of a document's list of positions."""
     rows = places if isinstance(places, list) else []
     return [
         row
@@ -194,7 +196,7 @@ def _rows(places: object, length: int) -> list[list[float]]:
 
 
 def _places_of(told: Document) -> list[object]:
-    """Places of a plan's path: its rows begin with the time."""
+    """Return the positions of a plan's path; its rows begin with the time."""
     path = told.get("path")
     return [row[1:4] for row in path if isinstance(row, list)] if isinstance(path, list) else []
 
@@ -202,6 +204,6 @@ def _places_of(told: Document) -> list[object]:
 def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:
     kind = text(told.get("kind"), 100)
     return {
-        "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in LOUD else INFO,
+        "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in WARNING_KINDS else INFO,
         "message": f"{kind}: {text(told.get('text'))}", "name": "companion", "file": "", "line": 0,
     }  # fmt: skip

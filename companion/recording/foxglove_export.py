@@ -1,4 +1,4 @@
-"""A recording as a picture: an MCAP with Foxglove's schemas, and a layout that opens it."""
+"""Export of a recording for Foxglove: an MCAP file with Foxglove's schemas, and a layout that shows it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, Pictures, extent_of
 from companion.recording.mcap_reader import messages_of, number, utc_of
-from companion.recording.mcap_writer import plain
+from companion.recording.mcap_writer import plain, registered
 from companion.safe_files import open_to_write
 
 NAMES = {
@@ -25,21 +25,21 @@ NAMES = {
     LOG: "foxglove.Log",
     channels.LOCATION: "foxglove.LocationFix",
 }
-_STAMP_MAX = 2**64 - 1  # nanoseconds that a message's field holds
-_AXES_SHARE = 0.03  # of the mission's size: the aircraft's axes in the picture
+_STAMP_MAX = 2**64 - 1  # Largest timestamp [ns] that a message can have.
+_AXES_SHARE = 0.03  # Length of the aircraft's axes in the picture, as a share of the mission's size.
 
 
 def export_flight(flight: Path, target: Path) -> Path:
-    """Write a flight's recording as a picture for Foxglove, and beside it a layout.
+    """Write the picture of a recording for Foxglove, and a layout next to it.
 
-    What was recorded is in it, too, under its own topics.
+    The picture also contains the recorded messages under their own topics.
 
     Parameters
     ----------
     flight : Path
         ``flight.mcap``.
     target : Path
-        The picture, made anew.
+        The picture; an existing file is replaced.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def export_flight(flight: Path, target: Path) -> Path:
     Raises
     ------
     RecordError
-        If there is no message in the recording, or the target cannot be written.
+        If the recording contains no message, or the target cannot be written.
     """
     pictures, layout = Pictures(), target.with_suffix(".layout.json")
     num_messages = 0
@@ -57,7 +57,7 @@ def export_flight(flight: Path, target: Path) -> Path:
         with open_to_write(target) as file:
             writer = Writer(file, compression=CompressionType.ZSTD)
             writer.start("", "companion")
-            ids = _registered(writer)
+            ids = registered(writer, _schemas())
             for topic, told in messages_of(flight, Counter()):
                 if topic not in ids:
                     continue
@@ -81,14 +81,14 @@ def export_flight(flight: Path, target: Path) -> Path:
 
 
 def readable(schema: channels.Schema) -> channels.Schema:
-    """A channel's schema in the words that viewers understand: one type a key, no arrays of arrays.
+    """Reduce a channel's schema to what viewers accept: one type per key, no arrays of arrays.
 
-    They refuse topics whose schema has anything else. What is left out of it is in the messages all the same.
+    Viewers refuse topics with any other schema. Messages keep the keys that the schema omits.
 
     Parameters
     ----------
     schema : dict
-        A channel's, the keys of which may be null.
+        JSON schema of a channel, whose keys may be null.
     """
     keys = cast("dict[str, channels.Schema]", schema["properties"])
     kinds = {key: _one_type(kind) for key, kind in keys.items()}
@@ -96,7 +96,7 @@ def readable(schema: channels.Schema) -> channels.Schema:
 
 
 def _one_type(kind: channels.Schema) -> channels.Schema | None:
-    """A key's schema that is never null; None for arrays of arrays."""
+    """Return a key's schema without null; None for arrays of arrays."""
     told = kind["type"]
     one = {**kind, "type": told[0] if isinstance(told, list) else told}
     if "items" in one:
@@ -106,7 +106,7 @@ def _one_type(kind: channels.Schema) -> channels.Schema | None:
 
 
 def _known(message: Mapping[str, object]) -> dict[str, object]:
-    """A message without what is null in it, and arrays that are so in part."""
+    """Return a message without keys that are null or contain null."""
     return {
         key: value
         for key, value in message.items()
@@ -114,24 +114,17 @@ def _known(message: Mapping[str, object]) -> dict[str, object]:
     }
 
 
-def _registered(writer: Writer) -> dict[str, int]:
-    """Channels of what was recorded and of the pictures, by topic."""
-    schemas = {channel.topic: (channel.name, readable(channel.schema)) for channel in channels.CHANNELS}
-    schemas |= {
-        topic: (name, {"title": name, "type": "object"})
-        for topic, name in NAMES.items()
-        if topic not in schemas
+def _schemas() -> dict[str, tuple[str, channels.Schema]]:
+    """Name and schema of each topic of the recording and of the pictures."""
+    recorded = {channel.topic: (channel.name, readable(channel.schema)) for channel in channels.CHANNELS}
+    drawn: dict[str, tuple[str, channels.Schema]] = {
+        topic: (name, {"title": name, "type": "object"}) for topic, name in NAMES.items()
     }
-    return {
-        topic: writer.register_channel(
-            topic, "json", writer.register_schema(name, "jsonschema", json.dumps(schema).encode("ascii"))
-        )
-        for topic, (name, schema) in schemas.items()
-    }
+    return {**drawn, **recorded}
 
 
 def _titled(title: str) -> dict[str, object]:
-    """A panel's title, in Foxglove and in Lichtblick."""
+    """Return a panel's title, for Foxglove and Lichtblick."""
     return {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
@@ -144,12 +137,12 @@ def _plot(title: str, path: str) -> dict[str, object]:
 
 
 def layout_of(mission: MissionConfig | None) -> dict[str, object]:
-    """A layout of panels that shows a picture: the flight from above its south, plots, decisions, a map.
+    """Return a layout that shows a picture: the flight seen from the south, plots, decisions and a map.
 
     Parameters
     ----------
     mission : MissionConfig, optional
-        The flight's; its bounds are looked at.
+        Mission of the flight; the view covers its bounds.
     """
     east, north, size_m = (0.0, 0.0, 5_000.0) if mission is None else extent_of(mission)
     eye = {

@@ -1,8 +1,8 @@
-"""``flight.mcap`` read back, whatever is in it: nothing that it claims of its sizes is believed.
+"""Reads ``flight.mcap`` without trusting any size that the file states.
 
-A chunk is unpacked as a stream that ends at a limit, so that a small file cannot fill the memory; what a
-file may hold in all is limited, too, far beyond the longest flight. What is damaged or too large is left
-out and counted.
+A chunk is decompressed as a stream up to a limit, so that a small file cannot fill the memory. The total size
+of a file is limited as well, far above the longest flight. Damaged and oversized parts are skipped and
+counted.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ import zstandard
 from companion.errors import RecordError
 from companion.safe_files import open_to_read
 
-CHUNK_MAX = 16 * 2**20  # bytes, unpacked; ours take one or two MB
-MESSAGE_MAX = 8 * 2**20  # bytes; the longest of ours has a mission file in it
-VALUES_MAX = 1_000_000  # in one message; a plan has some thousand
-TOTAL_MAX = 512 * 2**20  # bytes, unpacked, of a file: some ten hours of flight
-MESSAGES_MAX = 1_000_000  # of a file
+CHUNK_MAX = 16 * 2**20  # Bytes of a decompressed chunk; our own have one or two MB.
+MESSAGE_MAX = 8 * 2**20  # Bytes of a message; our longest contains a mission file.
+VALUES_MAX = 1_000_000  # Values in a message; a plan has a few thousand.
+TOTAL_MAX = 512 * 2**20  # Decompressed bytes of a file; about ten hours of flight.
+MESSAGES_MAX = 1_000_000  # Messages of a file.
 _MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")  # of a record: what it is, and its length
+_HEAD = struct.Struct("<BQ")  # Kind and length of a record.
 _FOOTER, _CHANNEL, _MESSAGE, _CHUNK = 0x02, 0x04, 0x05, 0x06
 _MESSAGE_HEAD = 22
 _DAMAGE = (struct.error, ValueError, zstandard.ZstdError, RuntimeError, EOFError, MemoryError, OverflowError)
@@ -38,20 +38,20 @@ Document = dict[str, object]
 
 
 class _TooMuch(Exception):
-    """A file that holds more than any flight leaves."""
+    """The file holds more than any flight produces."""
 
 
 def messages_of(path: Path, counters: Counter[str]) -> Iterator[tuple[str, Document]]:
-    """Messages of an mcap with their topics, in order, as far as it can be read.
+    """Yield the topics and messages of an MCAP file, in order, as far as it can be read.
 
-    One whose end is missing, since the process was killed, is read to there (``mcap_ends_early``);
-    chunks and messages that are damaged or too large are left out (``damaged_chunks``,
-    ``damaged_messages``), and so is what lies beyond the limits (``mcap_too_large``).
+    If the end of the file is missing, since the process was killed, the file is read up to there
+    (``mcap_ends_early``). Damaged and oversized chunks and messages are skipped (``damaged_chunks``,
+    ``damaged_messages``), and so is everything beyond the limits (``mcap_too_large``).
 
     Raises
     ------
     RecordError
-        When the file cannot be opened.
+        If the file cannot be opened.
     """
     topics: dict[int, str] = {}
     try:
@@ -72,7 +72,7 @@ def messages_of(path: Path, counters: Counter[str]) -> Iterator[tuple[str, Docum
 
 
 def _within_limits(file: BinaryIO, counters: Counter[str]) -> Iterator[tuple[int, bytes]]:
-    """Channels and messages, until there are more than any flight leaves."""
+    """Yield channels and messages; raise once there are more than any flight produces."""
     total = number = 0
     for kind, content in _records(file, os.fstat(file.fileno()).st_size, counters):
         inside: Iterator[tuple[int, bytes]] = iter([(kind, content)])
@@ -89,7 +89,7 @@ def _within_limits(file: BinaryIO, counters: Counter[str]) -> Iterator[tuple[int
 
 
 def _records(file: BinaryIO, size: int, counters: Counter[str]) -> Iterator[tuple[int, bytes]]:
-    """Channels, messages and chunks of a file, which ends with a footer or too early."""
+    """Yield the channels, messages and chunks of a file; count a missing end."""
     is_whole = file.read(len(_MAGIC)) == _MAGIC
     while is_whole:
         head = file.read(_HEAD.size)
@@ -102,7 +102,7 @@ def _records(file: BinaryIO, size: int, counters: Counter[str]) -> Iterator[tupl
                 if file.read(len(_MAGIC)) == _MAGIC:
                     return
                 break
-        elif length > CHUNK_MAX:  # nothing packed is longer than unpacked, but by a few bytes
+        elif length > CHUNK_MAX:  # Compression lengthens data by a few bytes at most.
             file.seek(length, os.SEEK_CUR)
             counters["damaged_chunks"] += 1
         else:
@@ -111,7 +111,7 @@ def _records(file: BinaryIO, size: int, counters: Counter[str]) -> Iterator[tupl
 
 
 def _records_in(data: bytes, counters: Counter[str]) -> Iterator[tuple[int, bytes]]:
-    """Channels and messages of an unpacked chunk."""
+    """Yield the channels and messages of a decompressed chunk."""
     place = 0
     while place < len(data):
         if len(data) - place < _HEAD.size:
@@ -128,7 +128,7 @@ def _records_in(data: bytes, counters: Counter[str]) -> Iterator[tuple[int, byte
 
 
 def _unpacked(content: bytes, counters: Counter[str]) -> bytes:
-    """What a chunk holds; nothing, and counted, where it is damaged or too large."""
+    """Decompress a chunk; a damaged or oversized one is counted and empty."""
     try:
         _, _, _, checksum, name_length = struct.unpack_from("<QQQII", content)
         compression = content[32 : 32 + name_length].decode("ascii")
@@ -144,7 +144,7 @@ def _unpacked(content: bytes, counters: Counter[str]) -> bytes:
 
 
 def _unpacked_by(compression: str, packed: bytes) -> bytes:
-    """At most one byte more than a chunk may have; what the frame claims of its size is not asked for."""
+    """Decompress one byte more than a chunk may have at most, whatever size the data states."""
     if compression == "zstd":
         unpacker = zstandard.ZstdDecompressor(max_window_size=CHUNK_MAX)
         with unpacker.stream_reader(io.BytesIO(packed), read_across_frames=True) as stream:
@@ -158,7 +158,7 @@ def _unpacked_by(compression: str, packed: bytes) -> bytes:
 
 
 def _note_topic(topics: dict[int, str], content: bytes) -> None:
-    """Take note of a channel; one that is damaged has none."""
+    """Record the topic of a channel; a damaged channel is ignored."""
     try:
         number, _, length = struct.unpack_from("<HHI", content)
         topics[number] = content[8 : 8 + length].decode()
@@ -167,7 +167,7 @@ def _note_topic(topics: dict[int, str], content: bytes) -> None:
 
 
 def _document_of(data: bytes) -> Document | None:
-    """A message's JSON object; None where it is none, or one that no program would have written."""
+    """Parse the JSON object of a message; None if it is none or is too large."""
     num_values = data.count(b",") + data.count(b"[") + data.count(b"{")
     if len(data) > MESSAGE_MAX or num_values > VALUES_MAX:
         return None
@@ -179,32 +179,32 @@ def _document_of(data: bytes) -> Document | None:
 
 
 def _refused(constant: str) -> float:
-    """Infinity and NaN, which are not JSON."""
+    """Refuse Infinity and NaN, which are not JSON."""
     raise ValueError(constant)
 
 
 def number(value: object, limit: float = 1e15) -> float | None:
-    """A number of a document within a limit; None for anything else.
+    """Return a number of a document if it is within a limit, else None.
 
     Parameters
     ----------
     value : object
-        What stands in the document.
+        Value in the document.
     limit : float
-        The largest that can be meant, either sign.
+        Largest plausible magnitude.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if abs(value) <= limit else None  # no NaN is, and integers may be too long
+    return float(value) if abs(value) <= limit else None  # NaN compares false.
 
 
 def utc_of(told: Document) -> float | None:
-    """UTC that a document tells as a time of Foxglove's [s]; None where it tells none.
+    """Return the UTC of a document with a Foxglove timestamp [s]; None if it has none.
 
     Parameters
     ----------
     told : dict
-        A message.
+        Message of a recording.
     """
     at = told.get("timestamp")
     if not isinstance(at, dict):
@@ -213,13 +213,13 @@ def utc_of(told: Document) -> float | None:
 
 
 def text(value: object, length_max: int = 4_000) -> str:
-    """A text of a document, cut to a length; '' for anything else.
+    """Return a text of a document, truncated to a length; '' for anything else.
 
     Parameters
     ----------
     value : object
-        What stands in the document.
+        Value in the document.
     length_max : int
-        Characters that are kept.
+        Maximum number of characters.
     """
     return value[:length_max] if isinstance(value, str) else ""

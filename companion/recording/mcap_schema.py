@@ -1,7 +1,8 @@
-"""What ``flight.mcap`` holds: its channels, and the JSON schema of each.
+"""Channels of ``flight.mcap`` and the JSON schema of each.
 
-Every message has ``stamp_s``, the service's clock; the file's own times are UTC. Names end in their unit,
-positions are east, north, up from the mission file's origin. What is not known, or not finite, is null.
+Every message has ``stamp_s``, a reading of the service's clock; the timestamps of the MCAP file are UTC.
+Names end in their unit. Positions are east, north, up from the mission file's origin. Unknown and infinite
+values are null.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ TABLES: Schema = {"type": "array", "items": TABLE}
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A topic: the name of its schema, what it says, and its keys."""
+    """A topic with the name, description and keys of its schema."""
 
     topic: str
     name: str
@@ -40,7 +41,7 @@ class Channel:
 
     @property
     def schema(self) -> Schema:
-        """JSON schema, as it stands in the file."""
+        """The JSON schema that the file contains."""
         keys = self.keys if self.name.startswith("foxglove.") else {"stamp_s": NUMBER, **self.keys}
         properties = {
             key: {**kind, "description": self.described[key]} if key in self.described else kind
@@ -53,8 +54,8 @@ MISSION, LINK = "/mission", "/link"
 OWNSHIP, LOCATION, TRACKS, THREAT = "/ownship", "/location", "/tracks", "/threat"
 SNAPSHOT, PLAN, DECISION, SWAP = "/snapshot", "/plan", "/decision", "/swap"
 TREES, STANDING = "/trees", "/standing"
-TREE_NODES_MAX = 6_000  # of a search, the first of which are written down: parents come before their children
-_TREE_DIGITS = 1  # decimetres, for pictures
+TREE_NODES_MAX = 6_000  # Only the first nodes of a search are recorded; parents precede their children.
+_TREE_DIGITS = 1  # Decimetres suffice for pictures.
 
 CHANNELS = (
     Channel(
@@ -175,14 +176,14 @@ CHANNELS = (
 
 
 def table_of(instance: Any, leave: Collection[str] = ()) -> dict[str, object]:  # noqa: ANN401
-    """A data class as a table, but for some of its fields."""
+    """Convert a data class to a table, without some of its fields."""
     return {
         entry.name: getattr(instance, entry.name) for entry in fields(instance) if entry.name not in leave
     }
 
 
 def plan_table(made: PlanRecord) -> dict[str, object]:
-    """What ``/plan`` says of a plan."""
+    """Return the ``/plan`` message of a plan."""
     plan, start = made.plan, made.start
     return {
         "number": made.number,
@@ -216,14 +217,14 @@ def plan_table(made: PlanRecord) -> dict[str, object]:
 
 
 def _covariances(path: Path) -> list[list[float]]:
-    """Rows of east², east·north, north², up² of a path's places [m²]."""
+    """Return rows of east², east·north, north², up² for the positions of a path [m²]."""
     parts = path.position_covariances_m2[:, (0, 0, 1, 2), (0, 1, 1, 2)]
     rows: list[list[float]] = np.round(parts, 2).tolist()
     return rows
 
 
 def trees_table(made: PlanRecord) -> dict[str, object]:
-    """What ``/trees`` says of a plan's search."""
+    """Return the ``/trees`` message of a plan's search."""
     trace, most = made.plan.trace, TREE_NODES_MAX
     return {
         "number": made.number,

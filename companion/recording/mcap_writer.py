@@ -1,7 +1,8 @@
-"""``flight.mcap``: what was known, planned and decided, with schemas inside."""
+"""Writes ``flight.mcap``, which contains knowledge, plans and decisions of a flight with their schemas."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Mapping
@@ -14,30 +15,30 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from companion.errors import RecordError
-from companion.recording.mcap_schema import CHANNELS
+from companion.recording.mcap_schema import CHANNELS, Schema
 from companion.safe_files import open_to_write
 
-CHUNK_S = 0.5  # of the clock: what a killed process loses at most, and half of what is promised
+CHUNK_S = 0.5  # A killed process loses at most this time. Half of what docs/promises.md allows.
 _DIGITS = 9
 
 
 class FlightLog:
     """Writes messages to an MCAP file.
 
-    A chunk is closed, and with the operating system, every half second; a file whose process was killed
-    lacks its end, and is read by :func:`companion.recording.reader.messages_of` all the same.
+    A chunk is closed and passed to the operating system every half second. The file of a killed process lacks
+    its end; :func:`companion.recording.mcap_reader.messages_of` can read it.
 
     Parameters
     ----------
     path : Path
-        The file, made anew.
+        The file; an existing one is replaced.
     epoch_s : float
-        UTC seconds at clock reading 0.
+        UTC at clock reading 0 [s].
 
     Raises
     ------
     RecordError
-        When the file cannot be written, at first or later; the log is closed by that.
+        If the file cannot be written, now or later. The log is then closed.
     """
 
     def __init__(self, path: Path, epoch_s: float) -> None:
@@ -47,21 +48,14 @@ class FlightLog:
             self._file = open_to_write(path)
             self._writer: Writer | None = Writer(self._file, compression=CompressionType.ZSTD)
             self._writer.start("", "companion")
-            self._channels = {
-                channel.topic: self._writer.register_channel(
-                    channel.topic,
-                    "json",
-                    self._writer.register_schema(
-                        channel.name, "jsonschema", json.dumps(channel.schema).encode("ascii")
-                    ),
-                )
-                for channel in CHANNELS
-            }
+            self._channels = registered(
+                self._writer, {channel.topic: (channel.name, channel.schema) for channel in CHANNELS}
+            )
         except OSError as error:
             raise self._failure(error) from error
 
     def write(self, topic: str, now_s: float, data: bytes) -> None:
-        """Add a message, as :func:`encoded` makes it."""
+        """Add a message that :func:`encoded` made."""
         if self._writer is None:
             return
         stamp = max(0, round(1e9 * (self._epoch_s + now_s)))
@@ -75,7 +69,7 @@ class FlightLog:
             raise self._failure(error) from error
 
     def close(self) -> None:
-        """Write index and end."""
+        """Write index and end, and close the file."""
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -87,25 +81,33 @@ class FlightLog:
             raise self._failure(error) from error
 
     def _abandon(self) -> None:
-        """Close without a second complaint."""
+        """Close the file without another error."""
         self._writer = None
-        try:
+        with contextlib.suppress(OSError):
             self._file.close()
-        except OSError:
-            return
 
     def _failure(self, error: OSError) -> RecordError:
         return RecordError(f"{self._path}: {error.strerror or error}")
 
 
+def registered(writer: Writer, schemas: Mapping[str, tuple[str, Schema]]) -> dict[str, int]:
+    """Register a channel for each topic, given the name and JSON schema; returns their ids by topic."""
+    return {
+        topic: writer.register_channel(
+            topic, "json", writer.register_schema(name, "jsonschema", json.dumps(schema).encode("ascii"))
+        )
+        for topic, (name, schema) in schemas.items()
+    }
+
+
 def encoded(now_s: float, message: Mapping[str, object]) -> bytes:
-    """A message as JSON on one line; one with a ``timestamp`` of its own gets no ``stamp_s``."""
+    """Encode a message as JSON on one line; adds ``stamp_s`` unless it has a ``timestamp``."""
     document = message if "timestamp" in message else {"stamp_s": now_s, **message}
     return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 def plain(value: object) -> object:
-    """A value in terms of JSON: arrays as lists, data classes as tables, what is not finite as null."""
+    """Convert a value to JSON types: arrays to lists, data classes to tables, infinite values to null."""
     if isinstance(value, float | np.floating):
         return round(float(value), _DIGITS) if math.isfinite(value) else None
     if isinstance(value, np.integer | np.bool_):
@@ -118,7 +120,7 @@ def plain(value: object) -> object:
 
 
 def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
-    """An array as lists, all at once where its numbers allow it; ``values`` (…,), search trees are large."""
+    """Convert an array to lists, at once if its numbers allow it; ``values`` (…,), search trees are large."""
     if values.dtype.kind in "iub":
         return values.tolist()
     if values.dtype.kind == "f" and np.isfinite(values).all():
@@ -127,7 +129,7 @@ def _plain_array(values: np.ndarray[tuple[int, ...], np.dtype[Any]]) -> object:
 
 
 def _plain_parts(value: object) -> object:
-    """What holds other values, in terms of JSON; anything else as it is."""
+    """Convert the elements of a container; return anything else unchanged."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

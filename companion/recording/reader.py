@@ -1,7 +1,7 @@
-"""Recordings, read back: the frames on the service's clock, and what the service wrote down beside them.
+"""Reads recordings: the frames, on the service's clock, and what the service recorded about its decisions.
 
-Nothing in a recording is trusted: what is damaged is left out and counted, and a clock that jumped is put
-right as far as the order of the frames tells.
+Nothing in a recording is trusted. Damaged parts are skipped and counted. A clock that jumped is corrected as
+far as the order of the frames allows.
 """
 
 from __future__ import annotations
@@ -24,24 +24,27 @@ from companion.types.mavlink_enums import Autopilot, ComponentId, MessageId
 from companion.types.pilot_texts import kind_of
 from companion.types.record import Decision
 
-GAP_MAX_S = 120.0  # between two frames; a longer one is a clock that jumped, or nothing to wait for
-OWN_GAP_MAX_S = 86_400.0  # in our own, whose clock never jumps: as long as an autopilot was awaited
-ORDER_S = 1.0  # a stamp so little before another is that of a frame which waited while others were answered
-FRAMES_MAX = 3_000_000  # eight hours at a hundred a second, and a gigabyte of memory
+GAP_MAX_S = 120.0  # A longer gap between two frames is a clock that jumped, or a pause without events.
+# The clock of our own recordings never jumps: a gap may be as long as the service waited for an autopilot.
+OWN_GAP_MAX_S = 86_400.0
+ORDER_S = (
+    1.0  # A frame may be this much earlier than the previous one, if it waited while others were answered.
+)
+FRAMES_MAX = 3_000_000  # Eight hours at 100 frames per second, and a gigabyte of memory.
 DECISIONS_MAX = 50_000
 PLANS_MAX = 100_000
 RELOADS_MAX = 20
-STAMP_MAX_S = 1e9  # no computer runs for thirty years
+STAMP_MAX_S = 1e9  # No computer runs for 30 years.
 EPOCH_MAX_S = 4_102_444_800.0  # 2100-01-01
 SEED_MAX = 2**63
-_REASONS_MAX = 50  # of a decision
-_REMEMBERED_MAX = 4_000_000  # characters in base64
+_REASONS_MAX = 50  # Reasons of a decision.
+_REMEMBERED_MAX = 4_000_000  # Characters in base64.
 SIMULATED = "simulated"
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedFrame:
-    """A recorded frame: when, by the service's clock in microseconds, and whether the service sent it."""
+    """A recorded frame, its time on the service's clock [µs], and whether the service sent it."""
 
     at_us: int
     frame: RawFrame
@@ -50,33 +53,33 @@ class RecordedFrame:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A flight as recorded.
+    """A recorded flight.
 
     Parameters
     ----------
     name : str
-        Name of the log's file.
+        Name of the tlog file.
     frames : tuple of RecordedFrame
-        Recorded frames in order; times never go back.
+        Recorded frames; times never decrease.
     vehicle : int
-        System id of the vehicle, 1 where no autopilot is heard.
+        System id of the vehicle; 1 without an autopilot.
     epoch_s : float
-        UTC at clock reading 0.
+        UTC at clock reading 0 [s].
     about : dict
-        What the recording says of itself; empty where there is only a tlog, as of a ground station.
+        Description of the recording; empty for a tlog alone, for example one of a ground station.
     decisions : tuple of Decision
-        Decisions as written down; from a tlog alone, as they were told to the pilot, which cuts them short.
+        Decisions as recorded; for a tlog alone, as sent to the pilot, which truncates them.
     taken : dict
-        What each plan took, by the plan's number.
+        Timing of each plan, by the plan's number.
     counters : Counter
-        What was left out, and why.
+        Number of skipped parts by reason.
     start_us : int
-        Clock reading at which the service began [µs].
+        Clock reading at which the service started [µs].
     reloads : tuple
-        Each time that the mission file was read again: clock reading [s], and what the file said then.
+        Clock reading [s] and text of the mission file, for each time it was reloaded.
     until_s : float
-        Clock reading to which both files go, where the service was killed [s]; what either has beyond
-        it cannot be compared.
+        Clock reading up to which both files are complete if the service was killed [s]. What either file
+        has beyond it cannot be compared.
     """
 
     name: str
@@ -93,7 +96,7 @@ class Recording:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether it was flown on simulated time: what is replayed is then the same to the byte."""
+        """Whether it was flown on simulated time, so that its replay is byte-identical."""
         return self.about.get("clock") == SIMULATED
 
     @property
@@ -103,29 +106,29 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """From the service's beginning to the last frame [s]."""
+        """Time from the start of the service to the last frame [s]."""
         return (self.frames[-1].at_us - self.start_us) * 1e-6 if self.frames else 0.0
 
     @property
     def are_texts_cut(self) -> bool:
-        """Whether decisions are known as told to the pilot only."""
+        """Whether decisions are known only as sent to the pilot."""
         return not self.about
 
 
 def load_recording(log: Path) -> Recording:
-    """Read a tlog, and the mcap of the same name beside it where there is one.
+    """Read a tlog, and the MCAP file of the same name next to it if there is one.
 
     Raises
     ------
     RecordError
-        When the tlog cannot be read at all.
+        If the tlog cannot be read at all.
     """
     counters: Counter[str] = Counter()
     entries = _intact(list(itertools.islice(read_tlog(log, counters), FRAMES_MAX)), counters)
     if len(entries) == FRAMES_MAX:
         counters["tlog_too_large"] += 1
     beside = log.with_suffix(".mcap")
-    told = _Told()
+    told = _ServiceRecord()
     if beside != log and beside.exists():
         told.read(beside, counters)
     about = told.about
@@ -134,7 +137,7 @@ def load_recording(log: Path) -> Recording:
     epoch_s = _epoch_s(about, entries)
     start_us = _start_us(about)
     gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
-    times = _straightened(entries, epoch_s, start_us, gap_s, counters)
+    times = _corrected_times(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)
     heard = [
         RecordedFrame(at, frame, (frame.system_id, frame.component_id) == ours)
@@ -157,8 +160,8 @@ def load_recording(log: Path) -> Recording:
     )
 
 
-class _Told:
-    """What a replay needs to know of what the service wrote down, and no more: files may be large."""
+class _ServiceRecord:
+    """The part of an MCAP file that a replay needs; the file itself may be too large to keep."""
 
     def __init__(self) -> None:
         self.about: Document = {}
@@ -168,7 +171,7 @@ class _Told:
         self.newest_s = 0.0
 
     def read(self, path: Path, counters: Counter[str]) -> None:
-        """Take what an mcap tells."""
+        """Read an MCAP file."""
         for topic, document in messages_of(path, counters):
             self.newest_s = max(self.newest_s, stamp_of(document))
             if topic == channels.MISSION:
@@ -188,7 +191,7 @@ class _Told:
 
 
 def about_of(document: Document) -> Document:
-    """What a recording says of itself, as far as it can be true; what cannot is left out."""
+    """Return the plausible part of a recording's description."""
     seed, versions = document.get("seed"), document.get("versions")
     told: Document = {key: text(document.get(key)) for key in ("name", "clock")}
     told["mission_file"] = text(document.get("mission_file"), SIZE_MAX)
@@ -204,7 +207,7 @@ def about_of(document: Document) -> Document:
 
 
 def _remembered_of(remembered: object) -> Document:
-    """What the service remembered when the recording began."""
+    """Return what the service remembered when the recording began."""
     kept = remembered if isinstance(remembered, dict) else {}
     parameters, memory = kept.get("parameters"), kept.get("memory")
     return {
@@ -222,7 +225,7 @@ def _remembered_of(remembered: object) -> Document:
 
 
 def _intact(entries: Sequence[Entry], counters: Counter[str]) -> list[Entry]:
-    """Entries whose checksums fit; the others are counted."""
+    """Return the entries with correct checksums; count the others."""
     kept = [entry for entry in entries if is_intact(entry.raw)]
     if len(kept) < len(entries):
         counters["bad_checksum"] += len(entries) - len(kept)
@@ -230,7 +233,7 @@ def _intact(entries: Sequence[Entry], counters: Counter[str]) -> list[Entry]:
 
 
 def _epoch_s(about: Document, entries: Sequence[Entry]) -> float:
-    """UTC at clock reading 0 [s]: as was written down, else that of the first frame."""
+    """Return the UTC at clock reading 0 [s]: as recorded, else that of the first frame."""
     told = number(about.get("epoch_s"))
     if told is not None:
         return told
@@ -238,7 +241,7 @@ def _epoch_s(about: Document, entries: Sequence[Entry]) -> float:
 
 
 def _start_us(about: Document) -> int:
-    """Clock reading at which the service began [µs]; in the simulator that is with its first step."""
+    """Return the clock reading at which the service started [µs]; in the simulator its first step."""
     start_us = round(1e6 * stamp_of(about))
     if about.get("clock") == SIMULATED:
         start_us = max(0, start_us - round(1e6 * (number(about.get("step_s")) or 0.0)))
@@ -246,12 +249,12 @@ def _start_us(about: Document) -> int:
 
 
 def stamp_of(document: Document) -> float:
-    """The service's clock when a document was written [s]; 0 where it does not say."""
+    """Return the clock reading of a document [s]; 0 if it has none."""
     return number(document.get("stamp_s"), STAMP_MAX_S) or 0.0
 
 
 def decision_of(document: Document) -> Decision:
-    """A decision as it was written down."""
+    """Return a recorded decision."""
     why = document.get("why")
     return Decision(
         stamp_of(document),
@@ -265,7 +268,7 @@ def decision_of(document: Document) -> Decision:
 
 
 def _reasons(why: Document) -> Document:
-    """Numbers and words that led to a decision."""
+    """Return the numbers and texts that led to a decision."""
     return {
         key[:100]: [*map(_reason, value[:_REASONS_MAX])] if isinstance(value, list) else _reason(value)
         for key, value in [*why.items()][:_REASONS_MAX]
@@ -273,7 +276,7 @@ def _reasons(why: Document) -> Document:
 
 
 def _reason(value: object) -> object:
-    """A number or word; None for anything else."""
+    """Return a number, flag or text; None for anything else."""
     if isinstance(value, str):
         return text(value)
     return value if isinstance(value, bool) or number(value) is not None else None
@@ -289,13 +292,13 @@ def _taken_of(document: Document) -> RecordedPlanTiming:
 
 
 def sent_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
-    """Decisions as the service told them to the pilot, from its STATUSTEXTs: chunks are joined."""
+    """Return the decisions that the service sent to the pilot as STATUSTEXT, with chunks joined."""
     found: list[Decision] = []
     joined = ""
     for heard in frames:
         if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
             continue
-        payload = heard.frame.payload.ljust(54, b"\0")  # MAVLink 2 leaves zeros at the end out
+        payload = heard.frame.payload.ljust(54, b"\0")  # MAVLink 2 omits trailing zeros.
         chunk = payload[1:51].rstrip(b"\0").decode("ascii", "replace")
         is_chunked, number = payload[51:53] != bytes(2), payload[53]
         joined = joined + chunk if is_chunked and number else chunk
@@ -306,7 +309,7 @@ def sent_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
 
 
 def _vehicle_of(frames: Sequence[RawFrame]) -> int:
-    """System id of the first autopilot that is heard."""
+    """Return the system id of the first autopilot in the recording."""
     for frame in frames:
         payload = frame.payload
         is_heartbeat = (frame.message_id, frame.component_id) == (MessageId.HEARTBEAT, ComponentId.AUTOPILOT1)
@@ -315,15 +318,14 @@ def _vehicle_of(frames: Sequence[RawFrame]) -> int:
     return 1
 
 
-def _straightened(
+def _corrected_times(
     entries: Sequence[Entry], epoch_s: float, start_us: int, gap_s: float, counters: Counter[str]
 ) -> Iterator[int]:
-    """Clock readings of entries [µs], which hardly go back and make no long pauses.
+    """Yield clock readings of entries [µs] that hardly decrease and contain no long pauses.
 
-    What is answered while other frames wait is recorded before these, with a later stamp.
-
-    A stamp that fits neither the one before nor the one after is damage, and takes the time before it; a
-    clock that was set goes on from there.
+    A frame that is answered while others wait is recorded before them, with a later timestamp. A timestamp
+    that fits neither its predecessor nor its successor is damage and gets the predecessor's time. After a
+    jump of the clock, time continues from the predecessor.
     """
     gap, now = round(1e6 * gap_s), start_us
     stamps = [round(1e6 * entry.time_s) for entry in entries]

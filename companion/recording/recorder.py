@@ -1,7 +1,8 @@
-"""The recorder: listens, and decides nothing."""
+"""The recorder, which writes a flight to disk and to memory. It makes no decisions."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import logging
 import math
@@ -25,14 +26,14 @@ from companion.types.state import Ownship
 from companion.types.threat import Obstacle, TrackState
 from companion.world.snapshot import Snapshot
 
-TRACK_ROWS_MAX = 30_000  # of all vehicles: a few megabytes, and 100 minutes of one at 5 Hz
-STATE_ROWS_MAX = 72_000  # four hours at 5 Hz; of longer flights every second row is kept in memory
+TRACK_ROWS_MAX = 30_000  # Rows of all vehicles: a few megabytes, and 100 minutes of one vehicle at 5 Hz.
+STATE_ROWS_MAX = 72_000  # Four hours at 5 Hz. Of longer flights every second row is kept in memory.
 DECISIONS_MAX = 20_000
-TRACK = "/track"  # one vehicle, between two rows of all: told to an onlooker, and not written down
+TRACK = "/track"  # State of one vehicle between two rows of all; sent to the page only, and not recorded.
 TLOG, MCAP, MISSION_FILE = "flight.tlog", "flight.mcap", "mission.yaml"
 LIBRARIES = ("numpy", "numba", "scipy", "pymavlink", "mavsdk", "mcap")
 _LOCATION_S = 1.0
-_COVARIANCE_DIAGONAL = 2  # foxglove.LocationFix: only the diagonal is known
+_COVARIANCE_DIAGONAL = 2  # Value of foxglove.LocationFix for a known diagonal.
 
 Listener = Callable[[str, float, Mapping[str, object], bytes], None]
 Onlooker = Callable[[str, bytes], None]
@@ -42,18 +43,18 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What a recording says of itself.
+    """Description of a recording.
 
     Parameters
     ----------
     mission : MissionConfig
-        Mission that is flown.
+        Mission of the flight.
     seed : int
         Seed of plans and filters.
     mission_text : str
-        The mission file, to be copied; left out, it is written anew from what was understood.
+        Text of the mission file; by default it is written from the mission.
     step_s : float or None
-        Step of simulated time [s]; None where a wall clock is gone by.
+        Step of simulated time [s]; None for a wall clock.
     """
 
     mission: MissionConfig
@@ -64,23 +65,24 @@ class About:
 
 @dataclass
 class Recorder:
-    """Collects a flight.
+    """Records a flight.
 
     Parameters
     ----------
     folder : Path or None
         Folder of ``flight.tlog``, ``flight.mcap`` and the mission file; None records in memory only.
     epoch_s : float
-        UTC seconds at clock reading 0, for the stamps.
+        UTC at clock reading 0 [s].
     about : About, optional
-        What is recorded; left out, only what is on the wire is.
+        Description of the recording; without it, only frames are written.
 
     Attributes
     ----------
     failure : str
-        Why the recording ended before the flight; '' while it has not.
+        Why the recording ended before the flight; '' while it continues.
     tracks : dict
-        By identity rows of time [s], east, north, up and reach [m], which is 0 of what hunts nobody.
+        Rows of time [s], east, north, up and reach [m] by identity; the reach of a vehicle that is no pursuer
+        is 0.
     """
 
     folder: Path | None = None
@@ -117,25 +119,25 @@ class Recorder:
                 self._log = FlightLog(self.folder / MCAP, self.epoch_s)
 
     def listen(self, listener: Listener, onlooker: Onlooker | None = None) -> None:
-        """Tell somebody each message as it is written down: topic, stamp [s], what it says, that as JSON.
+        """Set the function that gets each recorded message: topic, clock reading [s], content, JSON.
 
-        An onlooker is told topic and JSON of what is heard between these, too, and is not written down.
-        They are told in the middle of a flight: they neither wait nor raise.
+        The onlooker also gets the topic and JSON of unrecorded messages. Both functions are called during a
+        flight: they must not wait or raise.
         """
         self._listener, self._onlooker = listener, onlooker
 
     @property
     def has_onlooker(self) -> bool:
-        """Whether somebody wants to know what is heard between two rows of the recording."""
+        """Whether an onlooker gets unrecorded messages."""
         return self._onlooker is not None
 
     def notice(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
-        """Tell the onlooker alone."""
+        """Send a message to the onlooker only."""
         if self._onlooker is not None:
             self._onlooker(topic, encoded(now_s, message))
 
     def begin(self, now_s: float, remembered: Mapping[str, object] | None = None) -> None:
-        """Write what the recording is about."""
+        """Record the description."""
         if self.about is None:
             return
         about = self.about
@@ -154,25 +156,25 @@ class Recorder:
         )  # fmt: skip
 
     def reloaded(self, now_s: float, mission: MissionConfig, mission_text: str) -> None:
-        """Write that another mission file is gone by from now on."""
+        """Record that another mission file is in force from now on."""
         if self.about is not None:
             self.about = replace(self.about, mission=mission, mission_text=mission_text)
             self.begin(now_s)
 
     @property
     def is_recording(self) -> bool:
-        """Whether the flight goes to a disk."""
+        """Whether the flight is written to disk."""
         return self._tlog is not None
 
     def frame(self, now_s: float, raw: bytes) -> None:
-        """Write what was received or sent; a full disk ends the recording, not the flight."""
+        """Write a received or sent frame; a full disk ends the recording, not the flight."""
         tlog = self._tlog
         if tlog is not None:
             self._write(lambda: tlog.write(self.epoch_s + now_s, raw))
 
     @property
     def _is_noted(self) -> bool:
-        """Whether anything comes of a message."""
+        """Whether anybody uses messages."""
         return self._log is not None or self._listener is not None
 
     def _note(self, topic: str, now_s: float, message: Mapping[str, object]) -> None:
@@ -186,7 +188,7 @@ class Recorder:
             self._write(lambda: log.write(topic, now_s, data))
 
     def _write(self, write: Callable[[], None]) -> None:
-        """Write; what fails ends the whole recording, and is told once."""
+        """Write; an error ends the whole recording and is logged once."""
         try:
             write()
         except RecordError as error:
@@ -195,10 +197,11 @@ class Recorder:
             tlog, log, self._tlog, self._log = self._tlog, self._log, None, None
             for file in (tlog, log):
                 if file is not None:
-                    _closed(file)
+                    with contextlib.suppress(RecordError):
+                        file.close()
 
     def state(self, now_s: float, ownship: Ownship, tracks: tuple[TrackState, ...], level: float) -> None:
-        """Add a row of the flight as it is known on board."""
+        """Add a row of the flight's state as estimated on board."""
         self.flown.append(
             [
                 now_s, *ownship.position_enu_m, ownship.course_rad, ownship.flight_path_angle_rad,
@@ -224,7 +227,7 @@ class Recorder:
                 self._note(channels.LOCATION, now_s, fix)
 
     def _thin_tracks(self) -> None:
-        """Keep every second row; vehicles of a single one, with which a flood fills the memory, go."""
+        """Keep every second row; drop vehicles with a single row, which fill the memory in a flood."""
         self.tracks = {identity: rows[1::2] for identity, rows in self.tracks.items() if len(rows) > 1}
         self._num_track_rows = sum(map(len, self.tracks.values()))
 
@@ -232,7 +235,7 @@ class Recorder:
         self, now_s: float, kind: str, text: str, plan_ms: float | None = None,
         track_to_mission_ms: float | None = None, why: Mapping[str, object] | None = None, *, told: str = "",
     ) -> Decision:  # fmt: skip
-        """Add a decision, the numbers that led to it, and what the pilot is told."""
+        """Add a decision, the values that led to it, and the text sent to the pilot."""
         _log.info("%7.1f s  %s: %s", now_s, kind, text, extra={"decision": kind})
         decision = Decision(now_s, kind, text, plan_ms, track_to_mission_ms, why or {}, told)
         self.decisions.append(decision)
@@ -242,7 +245,7 @@ class Recorder:
         return decision
 
     def plan(self, now_s: float, made: PlanRecord, snapshot: Snapshot) -> None:
-        """Add a plan and the world it was made in."""
+        """Add a plan and the world that it was made in."""
         self.plan_ms.append(made.plan_ms)
         if not self._is_noted:
             return
@@ -263,7 +266,7 @@ class Recorder:
         self._note(channels.TREES, now_s, channels.trees_table(made))
 
     def mission_flown(self, mission: UploadedMission, latency_ms: float | None = None) -> None:
-        """Add a mission that is flown, and how old the newest track was by then [ms]."""
+        """Add a mission that is flown, and the age of the newest track at that time [ms]."""
         self.missions.append(mission)
         if latency_ms is not None:
             self.track_to_mission_ms.append(latency_ms)
@@ -273,19 +276,19 @@ class Recorder:
         self.num_rejected += 1
 
     def swap(self, now_s: float, made: SwapRecord) -> None:
-        """Add a mission that was handed to the autopilot, and how that ended."""
+        """Add a mission transfer to the autopilot and its result."""
         self._note(channels.SWAP, now_s, channels.table_of(made))
 
     def link(self, now_s: float, told: Mapping[str, object]) -> None:
-        """Add what the link tells of itself."""
+        """Add the state of the link."""
         self._note(channels.LINK, now_s, told)
 
     def standing(self, now_s: float, told: Mapping[str, object]) -> None:
-        """Add how the service stands, and what the pilot can do."""
+        """Add the state of the service and the pilot's options."""
         self._note(channels.STANDING, now_s, told)
 
     def record(self, summary: dict[str, float | int | bool | str]) -> FlightRecord:
-        """The flight so far, for the report."""
+        """Return the flight so far, for the report."""
         return FlightRecord(
             flown=np.array(self.flown, dtype=np.float64).reshape(-1, 7),
             dt_paths=(),
@@ -299,28 +302,20 @@ class Recorder:
         )
 
     def close(self) -> None:
-        """End the files; what cannot be written any more is lost, and said."""
+        """Close the files; data that cannot be written is lost, and an error is logged."""
         for file in (self._tlog, self._log):
             if file is not None:
                 self._write(file.close)
         self._tlog = self._log = None
 
 
-def _closed(file: TlogWriter | FlightLog) -> None:
-    """Close without a second complaint."""
-    try:
-        file.close()
-    except RecordError:
-        return
-
-
 def versions_now() -> dict[str, str]:
-    """Of the program and of what its results hang on, by name."""
+    """Return the versions of the program and of the libraries that its results depend on."""
     return {"companion": __version__} | {name: importlib.metadata.version(name) for name in LIBRARIES}
 
 
 def _fix(frame: LocalFrame, ownship: Ownship, utc_s: float) -> dict[str, object]:
-    """Own place as Foxglove's map takes it."""
+    """Return the aircraft's position as a foxglove.LocationFix."""
     latitude, longitude, altitude = frame.global_from_local(*ownship.position_enu_m)
     seconds = int(utc_s)
     wide, high = (std**2 for std in ownship.position_std_m)

@@ -1,10 +1,10 @@
-"""A recording as a picture for rerun's viewer: what is drawn for Foxglove, as rerun's archetypes.
+"""Export of a recording for rerun's viewer: the pictures for Foxglove, drawn as rerun's archetypes.
 
-The package is an extra, and imported when a picture is made.
+The package ``rerun`` is an extra and is imported only when a picture is made.
 
 References
 ----------
-Rerun SDK, archetypes and blueprints; time is the flight's own, in seconds.
+Rerun SDK, archetypes and blueprints. The timeline is the flight's clock, in seconds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from companion.recording.flight_pictures import LOG, SCENES, TRANSFORM, WARNING,
 from companion.recording.mcap_reader import Document, messages_of, number, utc_of
 from companion.safe_files import open_to_write
 
-TIMELINE = "flight time"  # seconds of the flight's own clock
+TIMELINE = "flight time"  # Seconds of the flight's clock.
 WORLD, DECISIONS, GEO = "world", "decisions", "geo"
 ALTITUDE, AIRSPEED, GROUND_SPEED = "altitude_m", "speed_m_s/air", "speed_m_s/ground"
 THREAT, SAFE = "threat_level", "until_t_f_s"
@@ -35,7 +35,7 @@ SCALARS = (
     (channels.OWNSHIP, "ground_speed_m_s", GROUND_SPEED),
     (channels.THREAT, "level", THREAT),
 )
-# The page's dark colours, for the viewer is dark: in the place of those that are for light ground.
+# The viewer is dark: these colours of the page's dark theme replace those of the light theme.
 _GROUND, _GRID = (17, 22, 27), (57, 68, 80)
 _DARK = {
     scenes.OBSTACLE[:3]: (108, 121, 134),
@@ -52,7 +52,7 @@ _DARK = {
     scenes.HORIZON[:3]: (127, 159, 255),
     scenes.SUB_GOAL[:3]: (87, 211, 137),
 }
-# Name and colour of what is plotted; and the views of it, with their ranges where they are known.
+# Name and colour of each plotted value; then the plots, with their ranges if these are fixed.
 _SERIES = {
     ALTITUDE: ("altitude", scenes.FLOWN),
     AIRSPEED: ("airspeed", scenes.SUB_GOAL),
@@ -66,20 +66,20 @@ _PLOTS = (
     ("Threat level", THREAT, (THREAT,), (-0.05, 1.05)),
     ("Until t_f: the earliest a pursuer could threaten the way [s]", SAFE, (SAFE,), None),
 )
-_MARK_M = 120.0  # length of the arrow that is the aircraft
+_MARK_M = 120.0  # Length of the arrow that marks the aircraft.
 _GRID_M = 500.0
-_WALLS = 0.4  # opacity of obstacles
+_WALLS = 0.4  # Opacity of obstacles.
 
 
 class _Safety:
-    """Until when what is flown is safe from pursuers, t_f, as plans and missions handed over tell it."""
+    """Tracks t_f, the time until which the flown path is safe from pursuers, from plans and swaps."""
 
     def __init__(self) -> None:
         self.until_s: float | None = None
         self._of_plans: dict[object, float | None] = {}
 
     def hear(self, topic: str, told: Document) -> None:
-        """Take a message in."""
+        """Take a message."""
         if topic == channels.PLAN:
             of_plan, of_flown = told.get("pursuit"), told.get("flown_pursuit")
             if isinstance(of_plan, dict):
@@ -92,19 +92,19 @@ class _Safety:
                 self.until_s = self._of_plans[plan]
 
     def left_s(self, now_s: float) -> float | None:
-        """How long it is safe from now on [s]; None where nobody could threaten it."""
+        """Return how long the flown path is still safe [s]; None if nobody could threaten it."""
         return None if self.until_s is None else max(0.0, self.until_s - now_s)
 
 
 class _Drawing:
-    """Draws messages into a stream; of the package no more is called than here.
+    """Draws messages into a stream. Only this class and the export call the package ``rerun``.
 
     Parameters
     ----------
     rr : Any
-        The package.
+        The package ``rerun``.
     stream : Any
-        Stream of the recording, the package's own.
+        Recording stream of the package.
     """
 
     def __init__(self, rr: Any, stream: Any) -> None:  # noqa: ANN401
@@ -114,7 +114,7 @@ class _Drawing:
         self._is_located = False
 
     def begin(self) -> None:
-        """Draw what holds for the whole flight: which way is up, and what the aircraft looks like."""
+        """Draw what does not change: the axes and the shape of the aircraft."""
         rr = self._rr
         self._stream.log([WORLD], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         mark = rr.Arrows3D(
@@ -125,7 +125,7 @@ class _Drawing:
             self._stream.log(path, rr.SeriesLines(colors=_rgba(colour), names=name, widths=1.5), static=True)
 
     def draw(self, topic: str, told: Document) -> None:
-        """Draw one message that was recorded."""
+        """Draw a recorded message."""
         now_s = self._stamp_s(told)
         self._stream.set_time(TIMELINE, duration=now_s)
         for picture, _, message in self._pictures.of(topic, told):
@@ -142,9 +142,9 @@ class _Drawing:
             self._locate(told)
 
     def end(self) -> None:
-        """Say how it is to be looked at: the flight as it is at its end, and what was plotted."""
-        blueprint = self._rr.blueprint
-        whole = blueprint.TimeAxis(view_range=self._whole())
+        """Write the blueprint: the view of the flight, and the plots that have data."""
+        blueprint, ends = self._rr.blueprint, self._rr.TimeRangeBoundary.infinite()
+        whole = blueprint.TimeAxis(view_range=self._rr.TimeRange(start=ends, end=ends))
         views = [
             blueprint.TimeSeriesView(
                 origin=origin, name=name, axis_x=whole, axis_y=limits and blueprint.ScalarAxis(range=limits),
@@ -156,7 +156,7 @@ class _Drawing:
         log = blueprint.TextLogView(
             origin=DECISIONS, name="Decisions", columns=blueprint.TextLogColumns(text_log_columns=["Body"])
         )
-        # Tiles of the map come from elsewhere: it is opened by whoever wants them.
+        # Map tiles are loaded from the internet, so the map's tab is not active at first.
         earth = [blueprint.MapView(origin=GEO, name="Map")] if self._is_located else []
         beside = blueprint.Vertical(
             *views, blueprint.Tabs(log, *earth, active_tab=0), row_shares=[*(2 for _ in views), 3]
@@ -173,13 +173,8 @@ class _Drawing:
             )
         )  # fmt: skip
 
-    def _whole(self) -> Any:  # noqa: ANN401
-        """The whole time of the flight, for plots."""
-        ends = self._rr.TimeRangeBoundary.infinite()
-        return self._rr.TimeRange(start=ends, end=ends)
-
     def _eye(self) -> Any:  # noqa: ANN401
-        """An eye above the south of the mission's bounds; None where they are not known."""
+        """Return a viewpoint above the south of the mission's bounds; None if they are unknown."""
         mission: MissionConfig | None = self._pictures.mission
         if mission is None:
             return None
@@ -191,7 +186,7 @@ class _Drawing:
         )
 
     def _stamp_s(self, told: Document) -> float:
-        """When a message was recorded, by the flight's own clock [s]."""
+        """Return the time of a message on the flight's clock [s]."""
         utc_s = utc_of(told)
         return (number(told.get("stamp_s")) or 0.0) if utc_s is None else utc_s - self._pictures.epoch_s
 
@@ -213,7 +208,7 @@ class _Drawing:
             stream.log([DECISIONS], rr.TextLog(printable(message["message"]), level=level))
 
     def _entity(self, path: list[str], entity: Mapping[str, Any]) -> None:
-        """Draw an entity: each kind of its primitives has a path below its own."""
+        """Draw an entity; each kind of its primitives has a path below the entity's path."""
         drawn = self._drawn(entity)
         for kind, shown in drawn.items():
             self._stream.log([*path, kind], shown)
@@ -222,7 +217,7 @@ class _Drawing:
         self._kinds[tuple(path)] = set(drawn)
 
     def _drawn(self, entity: Mapping[str, Any]) -> dict[str, Any]:
-        """An entity's primitives in the package's terms, by their kinds."""
+        """Convert an entity's primitives to archetypes, by kind."""
         found = {
             "solid" if count == 0 else f"solid_{count}": self._solid(part)
             for count, part in enumerate(entity["triangles"])
@@ -261,7 +256,7 @@ class _Drawing:
         )  # fmt: skip
 
     def _plot(self, path: str, value: object) -> None:
-        """Plot a value; a gap where there is none any more."""
+        """Plot a value; a missing value makes a gap."""
         found = number(value)
         if found is not None:
             self._stream.log(path, self._rr.Scalars(found))
@@ -271,7 +266,7 @@ class _Drawing:
             self._plotted[path] = found is not None
 
     def _locate(self, told: Document) -> None:
-        """Mark the aircraft on a map."""
+        """Mark the aircraft on the map."""
         latitude, longitude = number(told.get("latitude"), 90.0), number(told.get("longitude"), 360.0)
         if latitude is not None and longitude is not None:
             self._is_located = True
@@ -283,7 +278,7 @@ class _Drawing:
 
 
 def _path_of(name: str, frame: str = scenes.MAP) -> list[str]:
-    """Parts of an entity's path: its kind, and its name, which may hold anything."""
+    """Return the path of an entity: its kind and its name, which may contain any character."""
     kind, _, rest = name.partition(" ")
     return [WORLD, *([] if frame == scenes.MAP else [frame]), kind, *([rest] if rest else [])]
 
@@ -297,12 +292,12 @@ def _row(place: Mapping[str, float]) -> list[float]:
 
 
 def _rows(places: Sequence[Mapping[str, float]]) -> FloatArray:
-    """Places as rows (N, 3) [m]."""
+    """Convert positions to rows (N, 3) [m]."""
     return np.array([_row(place) for place in places], dtype=np.float64).reshape(-1, 3)
 
 
 def _strips(line: Mapping[str, Any]) -> list[FloatArray]:
-    """Strips (N, 3) [m] that a line is made of; none where it has less than two places."""
+    """Return the line strips (N, 3) of a line primitive [m]; none if it has fewer than two points."""
     places = _rows(line["points"])
     if line["type"] == scenes.LIST:
         return list(places[: len(places) // 2 * 2].reshape(-1, 2, 3))
@@ -312,9 +307,9 @@ def _strips(line: Mapping[str, Any]) -> list[FloatArray]:
 
 
 def _normals(corners: FloatArray) -> FloatArray:
-    """Which way triangles face, rows (M, 3) of unit vectors, at each of their ``corners`` (M, 3) [m].
+    """Return unit normals of triangles, rows (M, 3), one for each of their ``corners`` (M, 3) [m].
 
-    Level ones face up.
+    The normals of level triangles point up.
     """
     first, second, third = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     facing = np.cross(second - first, third - first)
@@ -329,14 +324,14 @@ def _colour(part: Mapping[str, Any]) -> scenes.Colour:
 
 
 def _rgba(colour: scenes.Colour) -> list[int]:
-    """A colour of the scene as it is on dark ground."""
+    """Return a scene colour as shown on a dark background."""
     red, green, blue, opacity = colour
     dark = _DARK.get((red, green, blue), tuple(round(255.0 * share) for share in (red, green, blue)))
     return [*dark, round(255.0 * opacity)]
 
 
 def _glass(colour: scenes.Colour) -> list[int]:
-    """The same of a surface: the viewer mixes light, not shades, and what walls hide is to be seen."""
+    """Return the colour of a surface; the viewer mixes light, so surfaces are more transparent."""
     *dark, opacity = _rgba(colour)
     if colour == scenes.OBSTACLE:
         return [*dark, round(255.0 * _WALLS)]
@@ -344,34 +339,34 @@ def _glass(colour: scenes.Colour) -> list[int]:
 
 
 def export_rerun(flight: Path, target: Path) -> int:
-    """Write a flight's recording as a picture for rerun, and how it is to be looked at.
+    """Write the picture of a recording for rerun, with a blueprint that shows it.
 
     Parameters
     ----------
     flight : Path
         ``flight.mcap``.
     target : Path
-        The picture, made anew.
+        The picture; an existing file is replaced.
 
     Returns
     -------
     int
-        Messages that were drawn.
+        Number of messages drawn.
 
     Raises
     ------
     ModuleNotFoundError
         If the extra ``rerun`` is not installed.
     RecordError
-        If there is no message in the recording, or the target cannot be written.
+        If the recording contains no message, or the target cannot be written.
     """
-    import rerun  # an extra  # noqa: PLC0415
+    import rerun  # The package is an extra.  # noqa: PLC0415
 
     known = {channel.topic for channel in channels.CHANNELS}
     stream = rerun.RecordingStream("companion", send_properties=False)
     stream.set_log_time_enabled(enabled=False)
     stream.set_log_tick_enabled(enabled=False)
-    # Where the package writes a file itself, a full disk goes unnoticed; and only a single piece is one file.
+    # The package would not report a full disk if it wrote the file; and only one read gives a valid file.
     made = stream.binary_stream()
     drawing, num_messages = _Drawing(rerun, stream), 0
     try:
@@ -387,7 +382,7 @@ def export_rerun(flight: Path, target: Path) -> int:
     except OSError as error:
         raise RecordError(f"{target}: {error.strerror or error}") from error
     finally:
-        # While there is who reads: else the package waits for that without end.
+        # The stream must be read after disconnecting: otherwise the package waits for a reader for ever.
         stream.disconnect()
         made.read(flush=False)
     if not num_messages:

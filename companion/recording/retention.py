@@ -1,4 +1,4 @@
-"""How much the recordings may take: the oldest flights go first."""
+"""Deletes the oldest recordings once all of them together exceed a limit."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pathlib import Path
 from companion.clock import Clock
 from companion.recording.recorder import TLOG
 
-FLIGHTS_MAX_BYTES = 2_000_000_000  # some hundred hours
-LOOK_S = 60.0
-NEWS_S = 120.0  # a recording written to so lately may be another service's, running
+FLIGHTS_MAX_BYTES = 2_000_000_000  # About 100 hours of flight.
+LOOK_S = 60.0  # Interval between checks.
+NEWS_S = 120.0  # A recording written within this time may belong to another running service.
 _NAME = re.compile(r"\d{8}T\d{6}Z-.+")
 
 _log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ class _Kept:
 
 
 def _flights_in(flights: Path) -> list[_Kept]:
-    """Folders of flights, the oldest first; nothing else is ever looked into."""
+    """Return the folders of flights, oldest first; other folders are ignored."""
     found = []
     for folder in sorted(flights.iterdir()):
         if not _NAME.fullmatch(folder.name) or folder.is_symlink() or not (folder / TLOG).is_file():
@@ -41,23 +41,24 @@ def _flights_in(flights: Path) -> list[_Kept]:
 
 
 def prune(flights: Path, limit_bytes: int, running: Path, utc_s: float) -> list[Path]:
-    """Delete the oldest flights until all together take no more than the limit.
+    """Delete the oldest flights until the rest does not exceed the limit.
 
     Parameters
     ----------
     flights : Path
-        Their folder. Only folders named as flights are, with a recording inside, are counted or deleted.
+        Folder of all flights. Only subfolders that are named like flights and contain a recording are counted
+        or deleted.
     limit_bytes : int
-        The most they may take.
+        Limit of the total size.
     running : Path
-        The flight being recorded, which stays whatever it takes.
+        Folder of the flight that is being recorded; it is never deleted.
     utc_s : float
-        The time by which files were written; what was written to lately stays, too.
+        Present time [s since 1970 UTC]; recently written recordings are not deleted.
 
     Returns
     -------
     list of Path
-        What was deleted.
+        Deleted folders.
     """
     deleted: list[Path] = []
     try:
@@ -79,14 +80,14 @@ def prune(flights: Path, limit_bytes: int, running: Path, utc_s: float) -> list[
 
 
 def folder_for(flights: Path, mission: str, begun: datetime) -> Path:
-    """A new flight's folder, with a number where the name is taken: a computer's clock may be set back."""
+    """Return a new folder's path; a number is appended if it exists, since a clock may be set back."""
     folder = flights / f"{begun.astimezone(UTC):%Y%m%dT%H%M%SZ}-{mission}"
     names = (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2))
     return next(path for path in itertools.chain([folder], names) if not path.exists())
 
 
 def discard(folder: Path) -> None:
-    """Delete a recording that nobody needs."""
+    """Delete a recording that is not needed."""
     try:
         shutil.rmtree(folder)
     except OSError as error:
@@ -94,7 +95,7 @@ def discard(folder: Path) -> None:
 
 
 async def keep_pruned(flights: Path, limit_bytes: int, running: Path, clock: Clock, epoch_s: float) -> None:
-    """Look every minute; ``epoch_s`` is UTC at clock reading 0."""
+    """Prune every minute; ``epoch_s`` is the UTC at clock reading 0 [s]."""
     while True:
         await asyncio.to_thread(prune, flights, limit_bytes, running, epoch_s + clock.now_s())
         await clock.sleep_until(clock.now_s() + LOOK_S)

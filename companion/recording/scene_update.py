@@ -1,4 +1,4 @@
-"""Pictures of a flight in Foxglove's terms: entities of a SceneUpdate, in the mission's frame, ``map``.
+"""Drawing primitives of Foxglove: entities of a SceneUpdate in the mission's frame, ``map``.
 
 References
 ----------
@@ -21,8 +21,8 @@ Entity = dict[str, object]
 Colour = tuple[float, float, float, float]
 
 MAP, AIRCRAFT = "map", "aircraft"
-STRIP, LOOP, LIST = 0, 1, 2  # kinds of a line primitive
-OBSTACLE: Colour = (0.36, 0.40, 0.45, 0.6)  # what is behind is to be seen
+STRIP, LOOP, LIST = 0, 1, 2  # Types of a line primitive.
+OBSTACLE: Colour = (0.36, 0.40, 0.45, 0.6)  # Translucent, so that what lies behind is visible.
 FENCE: Colour = (0.54, 0.35, 0.0, 0.25)
 RADAR: Colour = (0.60, 0.17, 0.03, 1.0)
 GOAL: Colour = (0.78, 0.06, 0.18, 0.8)
@@ -35,29 +35,29 @@ TREE: Colour = (0.31, 0.56, 0.84, 0.5)
 THREAT_TREE: Colour = (0.78, 0.39, 0.65, 0.6)
 HORIZON: Colour = (0.12, 0.31, 0.85, 0.6)
 SUB_GOAL: Colour = (0.10, 0.60, 0.31, 1.0)
-BANDS = (0.05, 0.25, 0.5, 0.75)  # of threat levels, from here to the next
+BANDS = (0.05, 0.25, 0.5, 0.75)  # Lower limits of the bands of threat levels.
 _SIDES = 64
 _SUB_GOAL_M = 25.0
-_DEVIATIONS = 2.0  # of a place that is uncertain, as on the page
+_DEVIATIONS = 2.0  # Standard deviations of an uncertainty ellipse, as on the page.
 _PARTS = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models", "metadata")
 _LEVEL = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
 
 def time_of(utc_s: float) -> dict[str, int]:
-    """UTC [s] as Foxglove writes an instant."""
+    """Convert UTC [s] to a Foxglove time."""
     seconds = math.floor(utc_s)
     return {"sec": seconds, "nsec": min(999_999_999, round(1e9 * (utc_s - seconds)))}
 
 
 def pose_of(place: Sequence[float], course_rad: float | None = None) -> dict[str, object]:
-    """A place [m], and an attitude that is level and heads along a course."""
+    """Return a pose at a position [m] that is level and heads along a course."""
     turn = None if course_rad is None else 0.5 * (0.5 * math.pi - course_rad)
     heading = _LEVEL if turn is None else {"x": 0.0, "y": 0.0, "z": math.sin(turn), "w": math.cos(turn)}
     return {"position": _point(place), "orientation": heading}
 
 
 def entity(name: str, utc_s: float, *, frame: str = MAP, **parts: list[dict[str, object]]) -> Entity:
-    """An entity with its primitives; one of the same name takes its place later."""
+    """Return an entity with its primitives; it replaces an earlier entity of the same name."""
     return {
         "timestamp": time_of(utc_s), "frame_id": frame, "id": name, "lifetime": {"sec": 0, "nsec": 0},
         "frame_locked": frame != MAP, **{part: parts.get(part, []) for part in _PARTS},
@@ -65,13 +65,13 @@ def entity(name: str, utc_s: float, *, frame: str = MAP, **parts: list[dict[str,
 
 
 def scene(*entities: Entity, gone: Sequence[str] = (), utc_s: float = 0.0) -> dict[str, object]:
-    """A SceneUpdate: entities that are new or changed, and names of those that are gone."""
+    """Return a SceneUpdate with new or changed entities and the names of deleted ones."""
     deletions = [{"timestamp": time_of(utc_s), "type": 0, "id": name} for name in gone]
     return {"deletions": deletions, "entities": list(entities)}
 
 
 def line(points: Sequence[Sequence[float]], colour: Colour, kind: int = STRIP, width: float = 3.0) -> Entity:
-    """A line of constant width on the screen through places [m]."""
+    """Return a line through points [m], with constant width on the screen."""
     return {
         "type": kind, "pose": pose_of((0.0, 0.0, 0.0)), "thickness": width, "scale_invariant": True,
         "points": [_point(point) for point in points], "color": _colour(colour), "colors": [], "indices": [],
@@ -79,7 +79,7 @@ def line(points: Sequence[Sequence[float]], colour: Colour, kind: int = STRIP, w
 
 
 def text(words: str, place: Sequence[float], colour: Colour) -> Entity:
-    """Words that face the viewer."""
+    """Return a text that faces the viewer."""
     return {
         "pose": pose_of(place), "billboard": True, "font_size": 14.0, "scale_invariant": True,
         "color": _colour(colour), "text": words,
@@ -87,13 +87,13 @@ def text(words: str, place: Sequence[float], colour: Colour) -> Entity:
 
 
 def ball(place: Sequence[float], radius_m: float, colour: Colour) -> Entity:
-    """A sphere."""
+    """Return a sphere."""
     size = 2.0 * radius_m
     return {"pose": pose_of(place), "size": {"x": size, "y": size, "z": size}, "color": _colour(colour)}
 
 
 def spread(place: Sequence[float], covariance: object, colour: Colour) -> Entity:
-    """A flat ellipse of two deviations about a place [m], by a track's covariance (4, 4)."""
+    """Return a flat two-sigma ellipse about a position [m] for a track's covariance (4, 4)."""
     rows = covariance if isinstance(covariance, list) else []
     east, north = [_numbers(row) for row in (*rows, [], [], [])[:3:2]]
     mean, half = 0.5 * (east[0] + north[2]), 0.5 * (east[0] - north[2])
@@ -104,7 +104,7 @@ def spread(place: Sequence[float], covariance: object, colour: Colour) -> Entity
 
 
 def circle(centre: Sequence[float], radius_m: float, colour: Colour, width: float = 3.0) -> Entity:
-    """A level circle."""
+    """Return a level circle."""
     angles = [2.0 * math.pi * side / _SIDES for side in range(_SIDES)]
     points = [
         (centre[0] + radius_m * math.cos(angle), centre[1] + radius_m * math.sin(angle), centre[2])
@@ -114,7 +114,7 @@ def circle(centre: Sequence[float], radius_m: float, colour: Colour, width: floa
 
 
 def prism(wall: Obstacle, ceiling_m: float, colour: Colour) -> Entity:
-    """Walls and roof of an obstacle, no higher than the world, as triangles."""
+    """Return walls and roof of an obstacle, cut off at the ceiling, as triangles."""
     base, top = max(wall.base_m, 0.0), min(wall.top_m, ceiling_m)
     corners = wall.polygon_enu_m
     points = list[tuple[float, float, float]]()
@@ -129,7 +129,7 @@ def prism(wall: Obstacle, ceiling_m: float, colour: Colour) -> Entity:
 
 
 def _roof(corners: FloatArray) -> list[FloatArray]:
-    """Triangles (3, 2) that a polygon is made of, ``corners`` (N, 2) [m]."""
+    """Return triangles (3, 2) that cover a polygon, ``corners`` (N, 2) [m]."""
     polygon = shapely.Polygon(corners)
     found = shapely.delaunay_triangles(polygon).geoms
     inside = [part for part in found if polygon.covers(part.representative_point())]
@@ -137,7 +137,7 @@ def _roof(corners: FloatArray) -> list[FloatArray]:
 
 
 def radar_entity(radar: Radar, utc_s: float) -> Entity:
-    """A radar, its range and its name."""
+    """Return a radar with its range and name."""
     place = radar.position_enu_m
     return entity(
         f"radar {radar.name}", utc_s, spheres=[ball(place, 0.02 * radar.max_threat_radius_m, RADAR)],
@@ -146,10 +146,10 @@ def radar_entity(radar: Radar, utc_s: float) -> Entity:
 
 
 def track_entity(track: Mapping[str, object], utc_s: float) -> Entity:
-    """A track as it is recorded: where it is, how surely, the reach of a threat, and where it is in 10 s."""
+    """Return a recorded track: position, uncertainty, reach of a pursuer, and predicted position in 10 s."""
     place, velocity = _numbers(track.get("position_enu_m")), _numbers(track.get("velocity_enu_m_s"))
     reach, name = number(track.get("max_threat_radius_m")) or 0.0, str(track.get("identity"))
-    flies_on = bool(track.get("flies_on"))  # and threatens nobody
+    flies_on = bool(track.get("flies_on"))  # Such a vehicle threatens nobody.
     colour = PASSING if flies_on else THREAT
     ahead = [here + 10.0 * speed for here, speed in zip(place, velocity, strict=True)]
     rings = [] if flies_on else [circle(place, reach, colour)]
@@ -161,7 +161,7 @@ def track_entity(track: Mapping[str, object], utc_s: float) -> Entity:
 
 
 def search_entities(trees: Mapping[str, object], utc_s: float) -> list[Entity]:
-    """What a plan's search looked like as it is recorded: both trees, and sub goals."""
+    """Return the recorded search of a plan: both trees, and the sub goals."""
     goals = trees.get("sub_goals_enu_m")
     places = [_numbers(place) for place in goals] if isinstance(goals, list) else []
     ways = _branches(trees.get("tree_enu_m"), trees.get("tree_parents"))
@@ -174,7 +174,7 @@ def search_entities(trees: Mapping[str, object], utc_s: float) -> list[Entity]:
 
 
 def _branches(places: object, parents: object) -> list[list[float]]:
-    """Ends of a tree's edges, in pairs; those of a level tree lie on the ground."""
+    """Return the end points of a tree's edges, in pairs; a two-dimensional tree lies on the ground."""
     points = list[list[float]]()
     if isinstance(places, list) and isinstance(parents, list):
         rows = [_numbers(place) for place in places]
@@ -187,23 +187,23 @@ def _branches(places: object, parents: object) -> list[list[float]]:
 def field_entities(
     east_m: FloatArray, north_m: FloatArray, levels: FloatArray, height_m: float, utc_s: float
 ) -> list[Entity]:
-    """Where radars threaten at a height: an entity for each band of levels that is met.
+    """Return the radars' threat field at a height: an entity for each occupied band of levels.
 
     Parameters
     ----------
     east_m, north_m : ndarray, shape (NX,) and (NY,)
         Centres of the cells [m].
     levels : ndarray, shape (NY, NX)
-        Threat level of each.
+        Threat level of each cell.
     height_m : float
         Up coordinate of the section [m].
     utc_s : float
-        When it is drawn [s].
+        Time of the picture [s].
 
     Returns
     -------
     list of dict
-        Entities with the cells of a row as rectangles.
+        Entities that contain a rectangle for each run of cells in a row.
     """
     bands, half = np.digitize(levels, BANDS), 0.5 * (east_m[1] - east_m[0])
     found = list[Entity]()
@@ -229,7 +229,7 @@ def field_entities(
 
 
 def _rectangle(west: float, east: float, south: float, north: float, up: float) -> list[dict[str, float]]:
-    """Two level triangles."""
+    """Return two level triangles that form a rectangle."""
     corners = [
         _point(place)
         for place in ((west, south, up), (east, south, up), (east, north, up), (west, north, up))
@@ -238,7 +238,7 @@ def _rectangle(west: float, east: float, south: float, north: float, up: float) 
 
 
 def _numbers(value: object) -> list[float]:
-    """Three numbers of a document; 0 for what is none."""
+    """Return three numbers of a document; missing ones are 0."""
     given = value if isinstance(value, list) else []
     return [number(entry) or 0.0 for entry in (*given, 0.0, 0.0, 0.0)[:3]]
 

@@ -1,4 +1,4 @@
-"""The service as a process, the check of its surroundings before a flight, and the replay of a recorded one.
+"""The service as a process, the checks before a flight, and the replay of recorded flights.
 
-The only room that reads the environment, opens ports of its own and listens to signals.
+Only this package reads the environment, opens its own ports and handles signals.
 """

@@ -1,7 +1,7 @@
-"""Where the aircraft is, and where the moving threats are: estimates from what the link tells.
+"""Estimates of the aircraft's own state and of the states of other vehicles, from events of the link.
 
-Pure calculation: no input or output, no clock of its own, no chance but from a seeded generator. Knows
-``types`` and ``frames`` only.
+The code only computes: it does no I/O, has no clock, and draws random numbers from seeded generators only. It
+imports only ``types`` and ``frames``.
 """
 
 from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings, predicted

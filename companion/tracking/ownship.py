@@ -1,7 +1,7 @@
-"""The aircraft's own state, put together from the autopilot's telemetry.
+"""The aircraft's own state, composed from the autopilot's telemetry.
 
-The autopilot's estimator has filtered position and velocity already; here they are brought to the
-local frame and to the instant asked for, and completed by what arrives in other messages.
+The autopilot's estimator has already filtered position and velocity. This module converts them to the local
+frame, extrapolates them to the requested instant, and adds the contents of other messages.
 """
 
 from __future__ import annotations
@@ -27,35 +27,34 @@ from companion.types.state import Ownship
 GRAVITY_M_S2 = 9.80665
 BANK_MAX_RAD = math.radians(75.0)
 TURN_RATE_MIN_RAD_S = 1e-6
-TURN_AIRSPEED_MIN_M_S = 1.0  # slower air flows past no wing: g·tan(bank)/v says nothing there
+TURN_AIRSPEED_MIN_M_S = 1.0  # Below this airspeed the wing does not fly, and g·tan(bank)/v is meaningless.
 
-OWN_WIND_STD_M_S = 1.5  # with the airspeed sensor's and the compass's errors in it
-UNKNOWN_WIND_STD_M_S = 3.0  # nothing is known of it
-WIND_TIME_S = 20.0  # of the filter behind the wind that is worked out here
-TURN_COMPARED_S = 1.0  # apart at most are two positions from which a turn is taken
+OWN_WIND_STD_M_S = 1.5  # Includes the errors of airspeed sensor and compass.
+UNKNOWN_WIND_STD_M_S = 3.0  # Used while nothing is known of the wind.
+WIND_TIME_S = 20.0  # Time constant of the filter of the wind that is estimated here.
+TURN_COMPARED_S = 1.0  # A rate of turn is computed from two positions at most this far apart.
 
-Heard = TypeVar("Heard", GlobalPosition, AirData, Attitude, WindEstimate)
+Observed = TypeVar("Observed", GlobalPosition, AirData, Attitude, WindEstimate)
 
-_HEARD = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
+_OBSERVED = (GlobalPosition, AirData, Attitude, WindEstimate, EstimatorAccuracy)
 
 
 @dataclass(frozen=True, slots=True)
 class OwnshipSettings:
-    """How old telemetry may grow.
+    """Highest ages of telemetry, and default accuracies.
 
     Parameters
     ----------
     position_max_age_s : float
-        Age of the position from which nothing is decided by it [s].
+        Highest age of a position for any decision [s].
     attitude_max_age_s, airspeed_max_age_s, wind_max_age_s : float
-        Ages from which these count as not heard, and are worked out from what is [s].
+        Highest ages of these values; older ones are estimated from other data [s].
     jump_confirm_s : float
-        For how long a position that jumped has to go on without another jump, until it is believed [s].
+        Time without another jump after which a position that jumped is accepted [s].
     course_speed_min_m_s : float
-        Ground speed below which the course is taken from the yaw: at rest a velocity has no
-        direction [m/s].
+        Ground speed below which the yaw replaces the course: at rest a velocity has no direction [m/s].
     position_std_horizontal_m, position_std_vertical_m : float
-        Accuracy taken until the autopilot tells its own [m].
+        Standard deviations until the autopilot reports its own [m].
     """
 
     position_max_age_s: float = 1.5
@@ -73,19 +72,19 @@ class OwnshipSettings:
 
 
 class OwnshipEstimator:
-    """Keeps the latest of each message and answers where the aircraft is.
+    """Keeps the latest message of each kind and estimates the state of the aircraft.
 
     Parameters
     ----------
     frame : LocalFrame
-        The mission file's frame.
+        Frame of the mission file.
     settings : OwnshipSettings, optional
-        Ages up to which telemetry is used.
+        Highest ages of telemetry.
 
     Attributes
     ----------
     counters : Counter of str
-        Events not used, by reason: ``not_finite``, ``out_of_order``.
+        Unused events by reason: ``not_finite``, ``out_of_order``.
     """
 
     def __init__(self, frame: LocalFrame, settings: OwnshipSettings | None = None) -> None:
@@ -103,10 +102,10 @@ class OwnshipEstimator:
         self.counters: Counter[str] = Counter()
 
     def observe(self, event: Event) -> None:
-        """Take in an event; those that say nothing of the own state are passed over."""
+        """Take an event; events that do not concern the own state are ignored."""
         if isinstance(event, EstimatorHealth):
             self._integrity.note_health(event)
-        if not isinstance(event, _HEARD):
+        if not isinstance(event, _OBSERVED):
             return
         if not _is_finite(event):
             self.counters["not_finite"] += 1
@@ -137,7 +136,7 @@ class OwnshipEstimator:
         self._note_own_wind(event)
 
     def _note_turn(self, before: GlobalPosition | None, event: GlobalPosition) -> None:
-        """Rate of turn between two positions, for want of a bank."""
+        """Compute the rate of turn from two positions, for use without a bank angle."""
         self._turn_rad_s = 0.0
         step_s = 0.0 if before is None else event.stamp_s - before.stamp_s
         if before is None or not 0.0 < step_s <= TURN_COMPARED_S:
@@ -147,7 +146,7 @@ class OwnshipEstimator:
         self._turn_rad_s = wrapped_angle(turned) / step_s
 
     def _note_own_wind(self, event: GlobalPosition) -> None:
-        """Velocity over the ground less that through the air, smoothed: it flies where it points."""
+        """Estimate the wind as smoothed difference of ground and air velocity, assuming no sideslip."""
         now_s, settings = event.stamp_s, self._settings
         air = _fresh(self._air, now_s, settings.airspeed_max_age_s)
         attitude = _fresh(self._attitude, now_s, settings.attitude_max_age_s)
@@ -169,12 +168,12 @@ class OwnshipEstimator:
             OWN_WIND_STD_M_S,
         )
 
-    def go_by(self, settings: OwnshipSettings) -> None:
-        """Go by other ages from now on."""
+    def set_settings(self, settings: OwnshipSettings) -> None:
+        """Use other settings from now on."""
         self._settings = settings
 
     def received_s(self) -> dict[str, float]:
-        """When each input was heard last, by the clock [s]; minus infinity for one that never was."""
+        """Return the time of the last message of each input [s]; minus infinity before the first."""
         kept = {
             "position": self._position, "attitude": self._attitude,
             "airspeed": self._air, "wind": self._wind,
@@ -182,15 +181,15 @@ class OwnshipEstimator:
         return {name: -math.inf if event is None else event.stamp_s for name, event in kept.items()}
 
     def doubt(self, now_s: float) -> str:
-        """Why positions, though they come, are not to be believed now; '' if they are."""
+        """Return why received positions are not trusted now; '' if they are."""
         return self._integrity.doubt(now_s, self._settings.jump_confirm_s)
 
     def state(self, now_s: float) -> Ownship | None:
-        """Return the state moved on to ``now_s``; None where no position is fresh and to be believed.
+        """Return the state extrapolated to ``now_s``; None without a fresh and trusted position.
 
-        ``stamp_s`` of the answer is the instant it was moved on to. What is not fresh is worked out:
-        airspeed as the length of ground velocity less wind, bank from the turn over ground, wind from
-        airspeed, yaw and ground velocity.
+        ``stamp_s`` of the result is the instant of extrapolation. Values that are not fresh are estimated:
+        the airspeed as the length of ground velocity minus wind, the bank from the turn over ground, and the
+        wind from airspeed, yaw and ground velocity.
         """
         heard = _fresh(self._position, now_s, self._settings.position_max_age_s)
         if heard is None or self.doubt(now_s):
@@ -224,7 +223,7 @@ class OwnshipEstimator:
         return math.atan2(east_m_s, north_m_s) % (2.0 * math.pi)
 
     def _wind_now(self, now_s: float) -> tuple[tuple[float, float], float]:
-        """The autopilot's while it is fresh, then that worked out here, then the last there was; how sure."""
+        """Return the autopilot's fresh wind, else our own, else the latest, with its deviation."""
         told, own, max_age_s = self._wind, self._own_wind, self._settings.wind_max_age_s
         wind = _fresh(told, now_s, max_age_s) or _fresh(own, now_s, max_age_s) or told or own
         if wind is None:
@@ -243,7 +242,7 @@ class OwnshipEstimator:
             return attitude.bank_rad
         if self._position is None:
             return 0.0
-        # The circle is flown through the air; over the ground its rate of turn is about the same.
+        # The circle is flown through the air, but the rate of turn over the ground is about the same.
         speed = math.hypot(*self._position.velocity_enu_m_s[:2])
         return math.atan(self._turn_rad_s * speed / GRAVITY_M_S2)
 
@@ -254,18 +253,18 @@ class OwnshipEstimator:
 
 
 def predicted(state: Ownship, ahead_s: float) -> Ownship:
-    """Return where a coordinated turn at the present bank, speed and wind leads.
+    """Return the state after a coordinated turn with the present bank, speed and wind.
 
-    The air-relative velocity turns at ``g·tan(bank)/v`` (v its horizontal part) while the wind
-    carries the circle along; the climb rate stays. Air slower than 1 m/s does not turn. Good for
-    a few seconds: no bank lasts longer.
+    The velocity through the air turns at ``g·tan(bank)/v`` (v is its horizontal part), the wind moves the
+    circle, and the climb rate stays constant. Below an airspeed of 1 m/s there is no turn. The prediction is
+    valid for a few seconds, since no bank lasts longer.
 
     Parameters
     ----------
     state : Ownship
-        State at which the turn starts.
+        State at the start of the turn.
     ahead_s : float
-        How long the turn is flown, at least 0 [s].
+        Duration of the turn, at least 0 [s].
 
     References
     ----------
@@ -306,13 +305,13 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     )
 
 
-def _fresh(heard: Heard | None, now_s: float, max_age_s: float) -> Heard | None:
-    """What was heard, if it is no older than that [s]."""
+def _fresh(heard: Observed | None, now_s: float, max_age_s: float) -> Observed | None:
+    """Return the message if it is not too old [s], else None."""
     return heard if heard is not None and now_s - heard.stamp_s <= max_age_s else None
 
 
 def _is_finite(event: Event) -> bool:
-    """Whether no number of an event, or of a tuple in it, is NaN or infinite."""
+    """Return whether all numbers of an event, also those in tuples, are finite."""
     numbers = [
         number
         for value in astuple(event)

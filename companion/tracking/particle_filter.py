@@ -1,19 +1,22 @@
 """Particle filter of a moving threat (paper 3.2.1).
 
-State ``[x, ẋ, y, ẏ]``: east [m], east speed [m/s], north [m], north speed [m/s]; constant velocity
-with white acceleration noise. Three points where the paper is silent or would fail on board:
+The state is ``[x, ẋ, y, ẏ]``: east [m], east speed [m/s], north [m], north speed [m/s]. The model is constant
+velocity with white acceleration noise. It differs from the paper in three points, where the paper is silent
+or would fail on board:
 
-- *Irregular times.* The printed noise (one acceleration held for the whole step τ) makes the spread
-  after 10 s depend on how many detections fell into them. The noise here is white in time, with the
-  spectral density that gives the paper's velocity variance after its step of 1 s; steps then add
-  up: predicting 3 s and 7 s is predicting 10 s.
-- *Sharp detections after a gap.* Drawing from the prediction leaves a handful of particles near the
-  detection. The prediction and the likelihood are both Gaussian given a particle, so each is drawn
-  from their product instead, and weighed by the detection's probability given where it came from
-  (the optimal importance density). Where even so few particles carry all the weight, the
-  cloud cannot tell its own spread, and its moments are updated in closed form and sampled anew.
-- *Copies.* Resampling repeats particles. Each is then moved by a small kernel and drawn towards the
-  mean by as much, which keeps mean and covariance.
+- *Irregular times.* With the printed noise (one acceleration held for the whole step τ) the spread after 10 s
+  depends on the number of detections in that time. Here the noise is white in time, with the spectral density
+  that gives the paper's velocity variance after its step of 1 s. Steps then add up: predicting 3 s and 7 s
+  gives the same as predicting 10 s.
+- *Accurate detections after a gap.* Sampling from the prediction leaves few particles near the detection.
+Given a
+  particle, prediction and likelihood are both Gaussian. Each particle is therefore drawn from their product
+  and weighted by the detection's probability given its origin (the optimal importance density). If even then
+  a few particles carry all the weight, the cloud does not represent its own spread; its moments are then
+  updated in closed form, and the cloud is sampled again.
+- *Copies.* Resampling duplicates particles. Each one is then moved by a small kernel and drawn towards the
+mean by
+  the same amount, which preserves mean and covariance.
 
 References
 ----------
@@ -39,41 +42,42 @@ from companion.tracking.resampling import systematic_resample
 
 POSITION_ROWS = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 STATE_ROWS = np.eye(4)
-# Keeps a covariance invertible when all particles agree; far below any sensor's accuracy.
+# Keeps a covariance invertible if all particles agree; far below the variance of any sensor.
 VARIANCE_FLOOR = 1e-6
-# Above rounding, so that filterpy's search never runs past the last cumulated weight.
+# Larger than rounding errors, so that filterpy's search stops at the last cumulated weight.
 WEIGHT_MARGIN = 1e-9
 
 _legacy_generator_lock = threading.Lock()
 
 
 class UpdateResult(Enum):
-    """What became of a detection that a filter was given."""
+    """Result of a detection."""
 
     APPLIED = "applied"
-    APPLIED_LATE = "applied_late"  # older than the filter: weighed after retrodiction
+    # The detection is older than the filter and was weighted after retrodiction.
+    APPLIED_LATE = "applied_late"
     TOO_LATE = "too_late"
 
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """How a cloud is made and moved.
+    """Settings of the particle filter.
 
     Parameters
     ----------
     num_particles : int
         Number of particles, N_s of the paper.
     acceleration_std_m_s2 : float
-        Acceleration noise σ_ω of the paper: velocity spreads by this much in the first second, and
-        with the root of time [m/s²].
+        Acceleration noise σ_ω of the paper: the deviation of the velocity after one second; it grows with the
+        square root of time [m/s²].
     velocity_std_m_s : float
-        One-sigma accuracy taken for a reported velocity, each axis [m/s].
+        Standard deviation of a reported velocity, each axis [m/s].
     use_reported_velocity : bool
-        Whether a reported velocity counts as observed; the paper observes positions only.
+        True to use reported velocities as observations; the paper observes positions only.
     late_max_s : float
-        How much older than the filter a detection may be [s].
+        Largest age of a detection relative to the filter [s].
     num_effective_min : float
-        Below this number of effective particles the moments are updated instead.
+        Number of effective particles below which the moments are updated instead.
     """
 
     num_particles: int = 500
@@ -91,22 +95,22 @@ class FilterSettings:
 
 
 def transition(elapsed_s: float) -> FloatArray:
-    """Transition matrix, shape (4, 4), over a time, negative for retrodiction."""
+    """Return the transition matrix, shape (4, 4), over a time, which is negative for retrodiction."""
     matrix = np.eye(4)
     matrix[0, 1] = matrix[2, 3] = elapsed_s
     return matrix
 
 
 def process_noise(elapsed_s: float, acceleration_std_m_s2: float) -> FloatArray:
-    """Covariance gathered over a time; over a negative one, that of the retrodicted state.
+    """Return the process noise over a time; for a negative time that of the retrodicted state.
 
-    A state in the past is ``x − v·lag`` less what noise did meanwhile: the same variances, and
-    position and velocity correlated with the other sign.
+    A past state is ``x − v·lag`` minus the noise since then: the variances are the same, and the correlation
+    of position and velocity has the opposite sign.
 
     Parameters
     ----------
     elapsed_s : float
-        The time; negative for retrodiction [s].
+        Time; negative for retrodiction [s].
     acceleration_std_m_s2 : float
         Acceleration noise, as in :class:`FilterSettings` [m/s²].
 
@@ -124,24 +128,25 @@ def process_noise(elapsed_s: float, acceleration_std_m_s2: float) -> FloatArray:
 
 
 class ParticleFilter:
-    """One vehicle's cloud of equally weighted particles.
+    """Cloud of equally weighted particles of one vehicle.
 
     Parameters
     ----------
     stamp_s : float
-        When the first detection was true [s].
+        Time of the first detection [s].
     position_m : ndarray, shape (2,)
         East and north of the first detection [m].
     position_std_m : float
-        One-sigma accuracy of that position, each axis [m].
+        Standard deviation of that position, each axis [m].
     velocity_m_s : ndarray, shape (2,), or None
-        Reported velocity east and north [m/s]; None: any up to the speed limit is as likely.
+        Reported velocity east and north [m/s]; with None all velocities up to the speed limit are equally
+        likely.
     speed_max_m_s : float
         Highest speed of the vehicle [m/s].
     settings : FilterSettings
-        How the cloud is made and moved.
+        Settings of the particle filter.
     generator : numpy.random.Generator
-        The only source of chance.
+        Source of all random numbers.
     """
 
     def __init__(
@@ -181,9 +186,9 @@ class ParticleFilter:
         return _covariance(self._particles, np.full(len(self._particles), 1.0 / len(self._particles)))
 
     def moments(self, instant_s: float) -> tuple[FloatArray, FloatArray]:
-        """Mean, shape (4,), and covariance, shape (4, 4), at an instant, before or after ``stamp_s``.
+        """Return mean, shape (4,), and covariance, shape (4, 4), at an instant before or after ``stamp_s``.
 
-        In closed form, without moving the cloud: asking changes nothing.
+        They are computed in closed form; the cloud does not change.
         """
         elapsed = instant_s - self.stamp_s
         step = transition(elapsed)
@@ -192,7 +197,7 @@ class ParticleFilter:
         return step @ self.mean, 0.5 * (covariance + covariance.T)
 
     def squared_distance(self, stamp_s: float, position_m: FloatArray, position_std_m: float) -> float:
-        """Squared Mahalanobis distance of a detected ``position_m`` (2,) [m] from the one expected then."""
+        """Return the squared Mahalanobis distance of a ``position_m`` (2,) [m] from the prediction."""
         mean, covariance = self.moments(stamp_s)
         innovation = position_m - POSITION_ROWS @ mean
         innovation_covariance = POSITION_ROWS @ covariance @ POSITION_ROWS.T + position_std_m**2 * np.eye(2)
@@ -205,16 +210,16 @@ class ParticleFilter:
         position_std_m: float,
         velocity_m_s: FloatArray | None = None,
     ) -> UpdateResult:
-        """Take in a detection.
+        """Update the cloud with a detection.
 
         Parameters
         ----------
         stamp_s : float
-            Clock reading at which the detection was true [s]; may lie before the filter's own time.
+            Clock reading at which the detection was true [s]; it may lie before the filter's time.
         position_m : ndarray, shape (2,)
             East and north of the detection [m].
         position_std_m : float
-            One-sigma accuracy of that position, each axis [m].
+            Standard deviation of that position, each axis [m].
         velocity_m_s : ndarray, shape (2,), optional
             Reported velocity east and north [m/s].
         """
@@ -244,10 +249,10 @@ class ParticleFilter:
     def _observation(
         self, position_m: FloatArray, position_std_m: float, velocity_m_s: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Observation matrix, shape (M, 4), what was observed and its variances, shape (M,) each.
+        """Return observation matrix, shape (M, 4), observed values and their variances, shape (M,) each.
 
-        ``position_m`` (2,) [m] and ``velocity_m_s`` (2,) [m/s] are east and north. M is 4 where a velocity
-        was reported and counts as observed, else 2.
+        ``position_m`` (2,) [m] and ``velocity_m_s`` (2,) [m/s] are east and north. M is 4 if a velocity is
+        reported and used, else 2.
         """
         if velocity_m_s is None or not self._settings.use_reported_velocity:
             return POSITION_ROWS, position_m, np.full(2, position_std_m**2)
@@ -256,7 +261,7 @@ class ParticleFilter:
         return STATE_ROWS, observed, stds**2
 
     def _resample(self, weights: FloatArray) -> None:
-        """Replace the cloud by as many drawn by ``weights``, shape (N,), each moved by the kernel."""
+        """Resample the cloud by ``weights``, shape (N,), and move each particle by the kernel."""
         num = len(weights)
         mean = weights @ self._particles
         root = _root(_covariance(self._particles, weights))
@@ -273,10 +278,10 @@ class ParticleFilter:
         observed: FloatArray,
         variances: FloatArray,
     ) -> None:
-        """Sample the cloud anew from its moments, updated in closed form and brought to ``instant_s``.
+        """Sample the cloud again from its moments, updated in closed form and moved to ``instant_s``.
 
-        ``rows``, shape (M, 4), is the observation matrix; ``observed``, shape (M,), and ``variances``,
-        shape (M,), what it saw.
+        ``rows``, shape (M, 4), is the observation matrix; ``observed``, shape (M,), are the observed values
+        and ``variances``, shape (M,), their variances.
         """
         mean, covariance = self.moments(stamp_s)
         innovation_covariance = rows @ covariance @ rows.T + np.diag(variances)
@@ -292,12 +297,10 @@ class ParticleFilter:
 
 
 def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Gaussian likelihood, shape (N,), of ``innovations`` (N, M), scaled to a sum of 1.
+    """Return Gaussian likelihoods, shape (N,), of ``innovations`` (N, M), scaled to a sum of 1.
 
-    ``covariance``, shape (M, M), is that of the innovations.
-
-    Logarithms are shifted by the largest, so that however far the detection lies, one weight is 1
-    before scaling and none is NaN.
+    ``covariance``, shape (M, M), is that of the innovations. The logarithms are shifted by the largest one,
+    so that one weight is 1 before scaling and none is NaN, however distant the detection.
     """
     distances = np.einsum("ni,ij,nj->n", innovations, np.linalg.inv(covariance), innovations)
     weights = np.exp(-0.5 * (distances - distances.min()))
@@ -305,14 +308,14 @@ def _normalised(innovations: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _covariance(particles: FloatArray, weights: FloatArray) -> FloatArray:
-    """Covariance (4, 4) of ``particles`` (N, 4) by ``weights`` (N,); the floor is added."""
+    """Return the covariance (4, 4) of ``particles`` (N, 4) by ``weights`` (N,), plus the floor."""
     away = particles - weights @ particles
     covariance = (weights[:, None] * away).T @ away
     return np.asarray(0.5 * (covariance + covariance.T) + VARIANCE_FLOOR * np.eye(4))
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Square root (4, 4) of a ``covariance`` (4, 4) that may be singular."""
+    """Return the square root (4, 4) of a ``covariance`` (4, 4) that may be singular."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
@@ -320,12 +323,12 @@ def _root(covariance: FloatArray) -> FloatArray:
 def _systematic(weights: FloatArray, generator: np.random.Generator) -> NDArray[np.intp]:
     """Return the indices (N,) of systematic resampling by ``weights`` (N,), drawn by filterpy.
 
-    filterpy draws from NumPy's process-wide generator. It is seeded for this one call and put back,
-    so that a track depends on its own seed alone and nobody else's numbers change.
+    filterpy draws from NumPy's global generator. It is seeded for this call and then restored, so that a
+    track depends on its own seed only and other random numbers do not change.
     """
     seed = int(generator.integers(2**32))
     with _legacy_generator_lock:
-        saved = np.random.get_state()  # noqa: NPY002 - the state filterpy draws from
+        saved = np.random.get_state()  # noqa: NPY002 - filterpy draws from this state.
         try:
             np.random.seed(seed)  # noqa: NPY002
             indices = systematic_resample(weights * (1.0 + WEIGHT_MARGIN))

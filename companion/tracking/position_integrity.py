@@ -1,9 +1,9 @@
-"""Whether the autopilot's positions can be believed: they go on from each other, and it stands by them.
+"""Plausibility of the autopilot's positions: they must be continuous, and its estimator must report no fault.
 
-Theory of operation. Between two positions the aircraft has moved by the mean of the velocities told with
-them; what is left over is a jump. Jumps add up: where they cancel, the position is back where it was, and is
-believed at once. Otherwise nobody here can tell a glitch from its correction, and the position is doubted
-until it has gone on without another jump for a while.
+Theory of operation. Between two positions the aircraft moves by the mean of the two reported velocities. Any
+remaining difference is a jump. Jumps are added: if the sum is zero, the position is back where it was and is
+trusted at once. Otherwise a glitch cannot be distinguished from its correction, and the position is not
+trusted until it has continued without another jump for a while.
 
 References
 ----------
@@ -19,33 +19,33 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.types.events import EstimatorHealth, GlobalPosition
 
-JUMP_M = 10.0  # estimators correct themselves by less all the time
-COMPARED_S = 2.0  # apart at most: over longer times the mean of two velocities tells too little
-RECOVERED_S = 3.0  # an estimator that found fault with itself is believed again, so long after
+JUMP_M = 10.0  # Estimators correct themselves by smaller amounts all the time.
+COMPARED_S = 2.0  # Over longer times the mean of two velocities is too inaccurate.
+RECOVERED_S = 3.0  # A position is trusted again this long after the estimator's last fault.
 
 Place = tuple[float, float, float]
 
 
 class PositionIntegrity:
-    """Doubts positions that jump, or that the autopilot's own estimator finds fault with."""
+    """Detects positions that jump, or that the autopilot's estimator reports as faulty."""
 
     def __init__(self) -> None:
         self._last: tuple[GlobalPosition, Place] | None = None
         self._offset_m: FloatArray = np.zeros(3)
         self._jumped_s = -math.inf
-        self._faults: dict[str, tuple[float, str]] = {}  # by message: when it was found last, and which
+        self._faults: dict[str, tuple[float, str]] = {}  # Time and text of the last fault, by message.
 
     def note_position(self, position: GlobalPosition, place_enu_m: Place, confirm_s: float) -> None:
-        """Compare a position with the one before.
+        """Compare a position with the previous one.
 
         Parameters
         ----------
         position : GlobalPosition
-            As it was told.
+            Position as reported.
         place_enu_m : tuple of float
-            The same, east, north, up [m].
+            The same position, east, north, up [m].
         confirm_s : float
-            How long positions have to go on from each other after a jump, until they are believed [s].
+            Time without another jump after which positions are trusted again [s].
         """
         before, self._last = self._last, (position, place_enu_m)
         if before is None:
@@ -64,12 +64,12 @@ class PositionIntegrity:
         self._jumped_s = -math.inf if is_back else position.stamp_s
 
     def note_health(self, health: EstimatorHealth) -> None:
-        """Take what the estimator, or the receiver, says of itself."""
+        """Take a health report of the estimator or of the GPS receiver."""
         if health.fault:
             self._faults[health.source] = (health.stamp_s, health.fault)
 
     def doubt(self, now_s: float, confirm_s: float) -> str:
-        """Why the position is not to be believed now; '' if it is. Times in seconds, as above."""
+        """Return why the position is not trusted now; '' if it is. Times are in seconds."""
         if now_s - self._jumped_s < confirm_s:
             return f"it jumped by {np.linalg.norm(self._offset_m):.0f} m"
         return next((fault for at, fault in self._faults.values() if now_s - at < RECOVERED_S), "")

@@ -1,9 +1,9 @@
-"""filterpy's systematic resampling, without what else ``import filterpy`` brings along.
+"""filterpy's systematic resampling, without importing the rest of filterpy.
 
-filterpy's ``__init__`` imports all its filters, and with them ``scipy.stats``: half a second and 71 MB at
-the start of a service that needs one function of them. Imported with the first track instead, it would
-hold up the loop in flight. This module therefore finds filterpy where it is installed and runs the one file
-with the function, which needs NumPy alone.
+filterpy's ``__init__`` imports all its filters, and with them ``scipy.stats``. That takes half a second and
+71 MB at the start of a service that needs one function. An import with the first track would delay the event
+loop in flight. This module therefore finds the installed filterpy and runs the one file with the function,
+which needs only NumPy.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from companion.frames import FloatArray
 _FILE = "monte_carlo/resampling.py"
 
 
-def _loaded() -> Callable[[FloatArray], NDArray[np.intp]]:
-    """The function that draws N indices, shape (N,), by normalised weights, shape (N,)."""
+def _load_function() -> Callable[[FloatArray], NDArray[np.intp]]:
+    """Return the function that draws N indices, shape (N,), by normalised weights, shape (N,)."""
     package = importlib.util.find_spec("filterpy")
     folders = [] if package is None else package.submodule_search_locations or []
     for folder in folders:
@@ -33,4 +33,4 @@ def _loaded() -> Callable[[FloatArray], NDArray[np.intp]]:
     raise ModuleNotFoundError(f"filterpy, or its {_FILE}, is not installed", name="filterpy")
 
 
-systematic_resample = _loaded()
+systematic_resample = _load_function()

@@ -1,7 +1,8 @@
-"""Which of the mission file's moving threats a tracked vehicle is.
+"""Assigns tracked vehicles to the moving threats of the mission file.
 
-It is told by what a vehicle is and where it is seen, never by who is seen first: nobody takes a named
-threat away from another. Where several fit, each is taken for it, which errs towards caution.
+The assignment depends on what a vehicle is and where it is seen, not on the order of sightings, so that
+nobody can take a threat away from another vehicle. If several vehicles match, each of them is assigned, which
+is the cautious choice.
 """
 
 from __future__ import annotations
@@ -13,26 +14,26 @@ from dataclasses import dataclass
 from companion.types.threat import DynamicThreat
 
 WELL_CLEAR_M = 610.0
-COOPERATIVE = frozenset({"icao", "callsign", "rid", "utm"})  # what aircraft tell of themselves by
-REMEMBERED_MAX = 1_000  # identities; more are forgotten, the oldest first
+COOPERATIVE = frozenset({"icao", "callsign", "rid", "utm"})  # Identities that an aircraft reports of itself.
+REMEMBERED_MAX = 1_000  # Of more identities the oldest are forgotten.
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleClass:
-    """What a tracked vehicle can do, as far as the mission file tells.
+    """Capabilities of a tracked vehicle, as far as the mission file gives them.
 
     Parameters
     ----------
     number : int or None
-        Place in the mission file's list; None for a vehicle that is not taken for one it names.
+        Index in the mission file's list; None for a vehicle that is not assigned.
     speed_m_s : float
         Highest ground speed [m/s].
     max_threat_radius_m : float
-        Distance within which it may harm the aircraft [m].
+        Distance within which it threatens the aircraft [m].
     turn_radius_m : float
-        Tightest turn it can make [m].
+        Radius of its tightest turn [m].
     flies_on : bool
-        Whether it is an aircraft that tells where it is and goes, and so hunts nobody.
+        True for an aircraft that reports its own position and velocity, and therefore is no pursuer.
     """
 
     number: int | None
@@ -42,7 +43,7 @@ class VehicleClass:
     flies_on: bool = False
 
     def at_least(self, other: VehicleClass) -> VehicleClass:
-        """A vehicle of no name that can do what either can."""
+        """Return an unassigned class with the larger capabilities of both."""
         return VehicleClass(
             None,
             max(self.speed_m_s, other.speed_m_s),
@@ -58,16 +59,15 @@ class VehicleClass:
 
 @dataclass(frozen=True, slots=True)
 class VehicleClassSettings:
-    """What is taken for vehicles that the mission file does not name.
+    """Assumptions about vehicles that the mission file does not name.
 
     Parameters
     ----------
     ground, air, cooperative : VehicleClass
-        What is assumed of a ground vehicle, of an aircraft that others report, and of one that tells of
-        itself, that the mission file does not name. From the last the well clear distance of ASTM F3442 is
-        kept, 2000 ft.
+        Classes of an unnamed ground vehicle, of an unnamed aircraft that others report, and of one that
+        reports itself. The radius of the last is the well clear distance of ASTM F3442, 2000 ft.
     match_distance_m : float
-        Within this distance of its start a vehicle is taken for the threat that the mission file names [m].
+        A vehicle within this distance of a threat's start is assigned to it [m].
     """
 
     ground: VehicleClass = VehicleClass(None, speed_m_s=25.0, max_threat_radius_m=250.0, turn_radius_m=15.0)
@@ -81,14 +81,14 @@ class VehicleClassSettings:
 
 
 class ThreatAssigner:
-    """Tells the kind of a vehicle that is seen.
+    """Determines the class of a vehicle.
 
     Parameters
     ----------
     threats : sequence of DynamicThreat
-        The threats the mission file names, in its order.
+        Threats of the mission file, in its order.
     settings : VehicleClassSettings
-        What is assumed of vehicles the mission file does not name.
+        Assumptions about vehicles that the mission file does not name.
     """
 
     def __init__(self, threats: Sequence[DynamicThreat], settings: VehicleClassSettings) -> None:
@@ -100,30 +100,31 @@ class ThreatAssigner:
     def kind_of(
         self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
     ) -> VehicleClass:
-        """The class of a vehicle that is seen for the first time, or again.
+        """Return the class of a vehicle at a sighting.
 
-        One that the mission file names by its identity is that threat wherever it is, and nobody else is. Of
-        those that fit by kind and sender the nearest is meant: near its start as it stands in the file, and
-        farther away with at least what is assumed of a stranger. A threat that does not move is taken for
-        one only near its place, and one vehicle only: a second is taken to move. An identity followed before
-        stays what it was, since where a vehicle reappears says less.
+        A vehicle whose identity is in the mission file is that threat wherever it is, and no other vehicle
+        is. Otherwise the nearest threat of matching kind and sender is considered. Near its start the vehicle
+        has the class of the file; farther away it has at least the class of an unknown vehicle. A threat that
+        does not move is assigned only near its position, and to one vehicle only; a second vehicle there is
+        assumed to move. An identity that was tracked before keeps its assignment, since the position of a
+        reappearance says less.
 
         Parameters
         ----------
         identity : str
-            As reported, for instance ``icao:00ABCD``.
+            Identity as reported, for instance ``icao:00ABCD``.
         east_m, north_m : float
-            Where it is seen [m].
+            Position of the sighting [m].
         is_airborne : bool
-            Whether it says that it flies, or does not say what it is.
+            True if the vehicle reports that it flies, or does not report its kind.
         system_id : int, optional
-            Who reports it.
+            System id of the sender.
         """
         unknown = self._settings.ground
         if is_airborne:
             is_reported = identity.partition(":")[0] in COOPERATIVE
             unknown = self._settings.cooperative if is_reported else self._settings.air
-        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        number, is_meant = self._matched(identity, east_m, north_m, system_id)
         if number < 0:
             return unknown
         kind = self._class_of(number)
@@ -135,9 +136,9 @@ class ThreatAssigner:
     def assigned(
         self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
     ) -> VehicleClass:
-        """The same of one that is followed from now on, and remembered."""
+        """Return the class of a vehicle that is tracked from now on, and remember its assignment."""
         kind = self.kind_of(identity, east_m, north_m, is_airborne=is_airborne, system_id=system_id)
-        number, is_meant = self._meant(identity, east_m, north_m, system_id)
+        number, is_meant = self._matched(identity, east_m, north_m, system_id)
         if is_meant:
             self._remembered.pop(identity, None)
             self._remembered[identity] = number
@@ -147,8 +148,10 @@ class ThreatAssigner:
             self._standing.setdefault(number, identity)
         return kind
 
-    def _meant(self, identity: str, east_m: float, north_m: float, system_id: int | None) -> tuple[int, bool]:
-        """Number of the threat that a vehicle may be, -1 for none, and whether it is taken for that one."""
+    def _matched(
+        self, identity: str, east_m: float, north_m: float, system_id: int | None
+    ) -> tuple[int, bool]:
+        """Return the number of the threat that a vehicle may be, -1 for none, and whether it is assigned."""
         by_name = next((n for n, threat in enumerate(self._threats) if threat.identity == identity), None)
         number = self._remembered.get(identity, by_name)
         if number is not None:
@@ -157,7 +160,7 @@ class ThreatAssigner:
         return number, distance <= self._settings.match_distance_m
 
     def _nearest(self, east_m: float, north_m: float, system_id: int | None) -> tuple[float, int]:
-        """Distance [m] and number of the threat that starts nearest of those that a sender's may be."""
+        """Return distance [m] and number of the nearest threat among those that the sender may report."""
         distances = (
             (math.hypot(threat.position_enu_m[0] - east_m, threat.position_enu_m[1] - north_m), number)
             for number, threat in enumerate(self._threats)
@@ -166,7 +169,7 @@ class ThreatAssigner:
         return min(distances, default=(math.inf, -1))
 
     def release(self, identity: str) -> None:
-        """A vehicle is followed no more; the next at its place may be the one that stands there."""
+        """End the tracking of a vehicle; the next one at its position may be that threat."""
         self._standing = {number: holder for number, holder in self._standing.items() if holder != identity}
 
     def _class_of(self, number: int) -> VehicleClass:

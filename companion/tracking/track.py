@@ -1,4 +1,4 @@
-"""One vehicle's track: gating, starting over, and telling a parked vehicle from a moving one."""
+"""The track of one vehicle: gating, restart, and the distinction of parked and moving vehicles."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from companion.tracking.threat_assigner import VehicleClass
 from companion.types.threat import TrackState
 
 SPEED_COLUMNS = np.array([1, 3])
-MEMORY = 16  # detections remembered to know a copy by
+MEMORY = 16  # Number of detections with which new ones are compared to find copies.
 
 
 def chi_square_quantile(probability: float) -> float:
-    """Quantile of chi-square with two degrees of freedom, where it is ``-2·ln(1 - p)``."""
+    """Return the quantile of chi-square with two degrees of freedom, ``-2·ln(1 - p)``."""
     return -2.0 * math.log1p(-probability)
 
 
@@ -39,45 +39,45 @@ class Detection:
 
     @property
     def velocity_m_s(self) -> FloatArray | None:
-        """East and north of the reported velocity, shape (2,) [m/s]; None where none was reported."""
+        """East and north of the reported velocity, shape (2,) [m/s]; None if it was not reported."""
         return None if self.velocity_enu_m_s is None else np.array(self.velocity_enu_m_s[:2])
 
 
 @dataclass(frozen=True, slots=True)
 class TrackSettings:
-    """When a detection belongs to a track, and when a vehicle moves.
+    """Thresholds of gating, restart and motion.
 
     Parameters
     ----------
     gate_probability : float
-        Share of true detections that passes the gate.
+        Share of true detections that pass the gate.
     gated_before_restart : int
-        So many detections in a row outside the gate, each within reach of the one before, and the
-        track starts over from them: it is the track that is wrong.
+        Number of successive detections outside the gate, each within reach of the one before, after which the
+        track starts again from them: then the track is wrong.
     reach_speed_min_m_s : float
-        No vehicle is held to be slower than this when it is asked whether it can have come so far: a
-        mission file may be wrong by more than a gate allows [m/s].
+        Lowest speed limit for the distance between two detections. The mission file may be wrong by more than
+        a gate allows [m/s].
     manoeuvre_share_per_s : float
-        Acceleration noise as a share of the vehicle class's speed: what is fast changes its velocity by
-        more. A vehicle that comes about at 25 m/s, sighted once a second to 8 m and 1 m/s, was followed to
-        10 m with 0.5 (NEES 4.7, ideally 4), to 14 m with 0.12 (NEES 20).
+        Acceleration noise as a share of the class's speed: fast vehicles change their velocity more. A
+        vehicle that turns round at 25 m/s, seen once per second with 8 m and 1 m/s, was tracked within 10 m
+        with 0.5 (NEES 4.7, ideally 4), and within 14 m with 0.12 (NEES 20).
     acceleration_std_min_m_s2, acceleration_std_max_m_s2 : float
         Bounds of the acceleration noise [m/s²].
     steady_acceleration_std_m_s2 : float
-        That of aircraft that fly on: of the nearly constant velocity model [m/s²].
+        Acceleration noise of aircraft that fly on, as in a nearly constant velocity model [m/s²].
     moving_probability : float
-        Confidence with which a vehicle that should be parked must have both speed and distance from
-        its place, to count as moving.
+        Confidence that speed and distance from its place must both have for a vehicle that should be parked
+        to count as moving.
     leaving_probability : float
-        Confidence with which distance alone is enough.
+        Confidence at which the distance alone suffices.
     moving_detections : int
-        Detections in a row in which it must seem to move, to count as moving.
+        Number of successive detections that must show motion for the vehicle to count as moving.
     copy_window_s : float
-        A detection of the very same place this close in time is a copy [s].
+        A detection of exactly the same position within this time is a copy [s].
     echo_window_s : float
-        The same for a vehicle that moves, and so cannot be there again [s].
+        The same window for a moving vehicle, which cannot be at the same position again [s].
     filter : FilterSettings
-        How the particle filter is made; its acceleration noise gives way to the vehicle class's.
+        Settings of the particle filter; the class's acceleration noise replaces its own.
     """
 
     gate_probability: float = 0.9999
@@ -104,7 +104,7 @@ class TrackSettings:
             raise ValueError("the least acceleration noise lies below the largest")
 
     def acceleration_std(self, kind: VehicleClass) -> float:
-        """Acceleration noise of such a vehicle [m/s²]."""
+        """Return the acceleration noise of a vehicle class [m/s²]."""
         if kind.flies_on:
             return self.steady_acceleration_std_m_s2
         share = self.manoeuvre_share_per_s * kind.speed_m_s
@@ -112,20 +112,20 @@ class TrackSettings:
 
 
 class Track:
-    """A particle filter with what belongs round it.
+    """A particle filter with gating and restart.
 
     Parameters
     ----------
     identity : str
-        Name under which the vehicle is reported.
+        Identity under which the vehicle is reported.
     vehicle_class : VehicleClass
-        What the vehicle can do: speed, turns, threat radius.
+        Capabilities of the vehicle: speed, turns, threat radius.
     first : Detection
-        The detection that the track begins with.
+        First detection of the track.
     settings : TrackSettings
-        Gates, and the particle filter's settings.
+        Thresholds, and settings of the particle filter.
     generator : numpy.random.Generator
-        Source of chance that no other identity draws from.
+        Source of random numbers for this identity only.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class Track:
         self._start(first, vehicle_class.speed_m_s)
 
     def _start(self, detection: Detection, speed_max_m_s: float) -> None:
-        """Begin from a detection, forgetting what was estimated."""
+        """Start from a detection, without earlier estimates."""
         self._filter = ParticleFilter(
             stamp_s=detection.stamp_s,
             position_m=detection.horizontal_m,
@@ -165,16 +165,16 @@ class Track:
 
     @property
     def is_parked(self) -> bool:
-        """Whether it should stand still by the mission file, and was not seen to move."""
+        """Whether it should not move by the mission file and has not been seen moving."""
         return self.vehicle_class.stands and self._moving_run < self._settings.moving_detections
 
     def observe(self, detection: Detection) -> str:
-        """Take in a detection; return what became of it.
+        """Update the track with a detection.
 
         Returns
         -------
         str
-            ``applied``, ``applied_late`` or ``restarted``; or why it was dropped: ``duplicate``,
+            ``applied``, ``applied_late`` or ``restarted``; or the reason for dropping it: ``duplicate``,
             ``too_late``, ``teleporting``.
         """
         if self._is_copy(detection):
@@ -185,7 +185,7 @@ class Track:
             detection.stamp_s, detection.horizontal_m, detection.position_std_m
         )
         is_outside = distance > chi_square_quantile(self._settings.gate_probability)
-        # After a gap the spread alone would let a vehicle have come from anywhere.
+        # After a gap the spread alone would accept a detection from anywhere.
         if is_outside or not self._is_within_reach(self._latest, detection):
             return self._gate_out(detection)
         result = self._filter.observe(
@@ -196,13 +196,13 @@ class Track:
         return result.value
 
     def state(self, now_s: float) -> TrackState:
-        """Return the estimate at an instant; between detections it moves on and its spread grows."""
+        """Return the estimate at an instant; between detections it is extrapolated and its spread grows."""
         instant = max(now_s, self._filter.stamp_s)
         mean, covariance = self._filter.moments(instant)
         velocity_up = 0.0
         if self.is_parked:
             mean = self._filter.mean * np.array([1.0, 0.0, 1.0, 0.0])
-        elif self._is_airborne and self._latest.velocity_enu_m_s is not None:
+        elif self._latest.is_airborne and self._latest.velocity_enu_m_s is not None:
             velocity_up = self._latest.velocity_enu_m_s[2]
         speed = math.hypot(mean[1], mean[3])
         return TrackState(
@@ -214,24 +214,20 @@ class Track:
             speed_max_m_s=0.0 if self.is_parked else max(self.vehicle_class.speed_m_s, speed),
             max_threat_radius_m=self.vehicle_class.max_threat_radius_m,
             turn_radius_m=self.vehicle_class.turn_radius_m,
-            is_airborne=self._is_airborne,
+            is_airborne=self._latest.is_airborne,
             observed_s=self.observed_s,
             flies_on=self.vehicle_class.flies_on,
         )
 
     @property
     def observed_s(self) -> float:
-        """When the newest accepted detection was true."""
+        """Time of the newest accepted detection [s]."""
         return self._latest.stamp_s
 
     @property
     def place_m(self) -> FloatArray:
-        """East and north, shape (2,), at the newest accepted detection [m]."""
+        """East and north, shape (2,), of the newest accepted detection [m]."""
         return self._latest.horizontal_m
-
-    @property
-    def _is_airborne(self) -> bool:
-        return self._latest.is_airborne
 
     def _accept(self, detection: Detection) -> None:
         self._seen.append((detection.stamp_s, detection.position_enu_m[:2]))
@@ -241,7 +237,7 @@ class Track:
             self._watch_parked(detection)
 
     def _is_copy(self, detection: Detection) -> bool:
-        """Whether the very same place was reported at this time, or too lately for a mover."""
+        """Return whether this position was reported at this time, or too recently for a moving vehicle."""
         ages = [
             abs(detection.stamp_s - stamp)
             for stamp, place in self._seen
@@ -255,13 +251,13 @@ class Track:
         return min(ages) <= window
 
     def _gate_out(self, detection: Detection) -> str:
-        """Count a detection outside the gate; start over when enough of them agree."""
+        """Count a detection outside the gate; restart if enough of them agree."""
         if self._gated and not self._is_within_reach(self._gated[-1], detection):
             self._gated.clear()
         self._gated.append(detection)
         if len(self._gated) < self._settings.gated_before_restart:
             return "teleporting"
-        self._moving_run = self._settings.moving_detections  # it is elsewhere, so it moves
+        self._moving_run = self._settings.moving_detections  # It is at another place, so it moves.
         first = self._gated[0]
         went = float(np.linalg.norm(detection.horizontal_m - first.horizontal_m))
         took = max(abs(detection.stamp_s - first.stamp_s), 1.0)
@@ -279,18 +275,17 @@ class Track:
         return bool(np.linalg.norm(later.horizontal_m - earlier.horizontal_m) <= reach)
 
     def _speed_is_significant(self) -> bool:
-        """Whether the estimated velocity differs from zero beyond its own spread."""
+        """Return whether the estimated velocity is significantly different from zero."""
         velocity = self._filter.mean[SPEED_COLUMNS]
         covariance = self._filter.covariance[np.ix_(SPEED_COLUMNS, SPEED_COLUMNS)]
         distance = float(velocity @ np.linalg.solve(covariance, velocity))
         return distance > chi_square_quantile(self._settings.moving_probability)
 
     def _watch_parked(self, detection: Detection) -> None:
-        """Count detections in a row in which it moves; learn its place from the others.
+        """Count successive detections that show motion; learn the vehicle's place from the others.
 
-        Speed alone is a poor witness: over hours its noise passes any threshold, and without a
-        reported velocity it is so uncertain that a slow start never does. A vehicle that drives
-        leaves its place.
+        The speed alone is not reliable. Over hours its noise exceeds any threshold, and without a reported
+        velocity it is too uncertain to show a slow start. A vehicle that drives leaves its place.
         """
         position = self._filter.mean[::2]
         innovation_covariance = self._filter.covariance[::2, ::2] + self._place_variance * np.eye(2)

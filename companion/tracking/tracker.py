@@ -1,4 +1,4 @@
-"""All tracked vehicles: what is believed, who is followed, and for how long."""
+"""Tracker of all vehicles: which reports are accepted, which vehicles are tracked, and for how long."""
 
 from __future__ import annotations
 
@@ -16,45 +16,46 @@ from companion.tracking.track import Detection, Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
 from companion.types.threat import DynamicThreat, TrackState
 
-TWIN_DISTANCE = 13.28  # squared, of four degrees of freedom: 99 % of the pairs that are one
-TWIN_HEIGHT_M = 100.0  # by which a barometer may be off from a receiver
-_NEWCOMER = ""  # no identity is empty
-_Danger = tuple[tuple[bool, float], tuple[bool, float]]  # whether stale, and metres; the same, and seconds
+TWIN_DISTANCE = 13.28  # Squared distance that 99 % of true pairs do not exceed, with four degrees of freedom.
+TWIN_HEIGHT_M = 100.0  # A barometer may differ from a GPS receiver by this much.
+_NEWCOMER = ""  # No identity is empty.
+# Staleness and distance [m]; staleness and time to the aircraft [s].
+_Danger = tuple[tuple[bool, float], tuple[bool, float]]
 
 
 @dataclass(frozen=True, slots=True)
 class TrackerSettings:
-    """What is believed and how much is followed.
+    """Which reports are accepted, and how many vehicles are tracked.
 
     Parameters
     ----------
     drop_after_s : float
         Age of the newest detection at which a track ends [s].
     stale_after_s : float
-        Age from which a track gives way first when there are too many [s].
+        Age from which a track is replaced first if there are too many [s].
     num_tracks_max : int
-        As many are followed at once.
+        Maximum number of tracks.
     sender_share : float
-        Share of them that one sender's vehicles keep when others' come.
+        Share of the tracks that one sender's vehicles keep when others arrive.
     seniority : float
-        A newcomer takes the place of one that is followed only if it is nearer by this factor, or could be
-        at the aircraft sooner by it.
+        A new vehicle replaces a tracked one only if its distance or its time to the aircraft is smaller by
+        this factor.
     future_tolerance_s : float
-        How far ahead of the clock a detection may be dated [s].
+        Largest time by which a detection may be ahead of the clock [s].
     range_max_m : float
-        Farthest believable distance from the frame's origin; the frame itself reaches no farther [m].
+        Largest plausible distance from the frame's origin, which is also the limit of the frame [m].
     altitude_max_m : float
-        Largest believable magnitude of the altitude above mean sea level [m].
+        Largest plausible magnitude of the altitude above mean sea level [m].
     speed_max_m_s : float
-        Largest believable reported speed [m/s].
+        Largest plausible reported speed [m/s].
     twin_sightings : int
-        So many times in a row two tracks of one aircraft must agree, to be one.
+        Number of successive sightings at which two tracks must agree to be merged.
     position_std_m, position_std_min_m : float
-        Accuracy taken where a detection states none, and the best that is believed [m].
+        Standard deviation of a detection that states none, and the smallest one that is accepted [m].
     track : TrackSettings
-        Gating and starting over of each track.
+        Settings of each track.
     classes : VehicleClassSettings
-        What is assumed of vehicles that the mission file does not name.
+        Assumptions about vehicles that the mission file does not name.
     """
 
     drop_after_s: float = 60.0
@@ -80,27 +81,26 @@ class TrackerSettings:
 
 
 class Tracker:
-    """Follows every vehicle that is reported.
+    """Tracks every vehicle that is reported.
 
     Parameters
     ----------
     frame : LocalFrame
-        The mission file's frame.
+        Frame of the mission file.
     dynamic_threats : sequence of DynamicThreat
-        The threats the mission file names; unknown vehicles get the settings' classes.
+        Threats of the mission file; unknown vehicles get the classes of the settings.
     settings : TrackerSettings, optional
-        What is believed, and how many vehicles are followed.
+        Which reports are accepted, and how many vehicles are tracked.
     seed : int
-        Each identity draws from a generator of its own, made from this seed and its name, so that
-        its estimates do not depend on whom else is seen.
+        Each identity has its own random generator, made from this seed and the identity, so that its
+        estimates do not depend on other vehicles.
 
     Attributes
     ----------
     counters : Counter of str
-        Reports by what became of them: ``applied``, ``applied_late``, ``initiated``, ``restarted``;
-        dropped ones as ``not_finite``, ``out_of_range``, ``future``, ``old``, ``too_late``,
-        ``duplicate``, ``teleporting``, ``crowded``. Ended tracks as ``aged_out``, ``evicted`` and
-        ``same_as_another``.
+        Reports by result: ``applied``, ``applied_late``, ``initiated``, ``restarted``; dropped reports as
+        ``not_finite``, ``out_of_range``, ``future``, ``old``, ``too_late``, ``duplicate``, ``teleporting``,
+        ``crowded``. Ended tracks as ``aged_out``, ``evicted`` and ``same_as_another``.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Tracker:
         self._assigner = ThreatAssigner(dynamic_threats, self._settings.classes)
         self._tracks: dict[str, Track] = {}
         self._senders: dict[str, str] = {}
-        self._also: dict[str, str] = {}  # other names of those that are followed
+        self._merged: dict[str, str] = {}  # Identity of the track of each merged identity.
         self._seen_as_one: Counter[tuple[str, str]] = Counter()
         self._centre_m = self._velocity_m_s = (0.0, 0.0)
         self.counters: Counter[str] = Counter()
@@ -127,24 +127,24 @@ class Tracker:
     def note_ownship(
         self, east_m: float, north_m: float, velocity_m_s: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        """Tell where the aircraft is and goes: with too many vehicles, the dangerous are followed."""
+        """Set the aircraft's position and velocity: of too many vehicles the most dangerous are tracked."""
         if all(map(math.isfinite, (east_m, north_m, *velocity_m_s))):
             self._centre_m, self._velocity_m_s = (east_m, north_m), velocity_m_s
 
     def observe(self, report: TrackReport, now_s: float) -> None:
-        """Take in a report; what cannot be true is dropped and counted, never raised."""
+        """Take a report; impossible reports are dropped and counted, and never raise."""
         self._end_old(now_s)
-        detection = self._believed(report, now_s)
+        detection = self._detection(report, now_s)
         if isinstance(detection, str):
             self.counters[detection] += 1
             return
-        identity = self._also.get(report.identity, report.identity)
+        identity = self._merged.get(report.identity, report.identity)
         track = self._tracks.get(identity)
         if track is not None:
             outcome = track.observe(detection)
             self.counters[outcome] += 1
             if identity != report.identity and outcome == "teleporting":
-                del self._also[report.identity]  # they have parted
+                del self._merged[report.identity]  # The two vehicles have separated.
             elif track.vehicle_class.flies_on:
                 self._note_twin(identity, detection.stamp_s)
         elif self._has_room(report, detection, now_s):
@@ -156,17 +156,17 @@ class Tracker:
         return tuple(self._tracks[identity].state(now_s) for identity in sorted(self._tracks))
 
     def track(self, identity: str, now_s: float) -> TrackState | None:
-        """Return one vehicle as estimated at an instant; None of one that is not tracked. It ends none."""
+        """Return the estimate of one vehicle; None if it is not tracked. Old tracks are not ended."""
         found = self._tracks.get(identity)
         return None if found is None else found.state(now_s)
 
     def received_s(self, now_s: float) -> dict[str, float]:
-        """When each vehicle was seen last [s], by identity in their order; without estimating anything."""
+        """Return the time of each vehicle's last sighting [s], by identity in sorted order."""
         self._end_old(now_s)
         return {identity: self._tracks[identity].observed_s for identity in sorted(self._tracks)}
 
-    def _believed(self, report: TrackReport, now_s: float) -> Detection | str:
-        """Bring a report to the local frame, or say why it cannot be true."""
+    def _detection(self, report: TrackReport, now_s: float) -> Detection | str:
+        """Convert a report to the local frame, or return why it is refused."""
         settings = self._settings
         velocity, std = report.velocity_enu_m_s, report.position_std_m
         numbers = [report.stamp_s, report.latitude_deg, report.longitude_deg, report.altitude_amsl_m]
@@ -216,18 +216,18 @@ class Tracker:
         self.counters["initiated"] += 1
 
     def _has_room(self, report: TrackReport, detection: Detection, now_s: float) -> bool:
-        """Whether a new track fits.
+        """Return whether a new track fits; ends another track for it if necessary.
 
-        One sender's vehicles cannot crowd out those of another: up to its share a sender gets room from one
-        that has more than that. Beyond, the least dangerous gives way to what is clearly more so. What the
-        mission file names keeps its place, one vehicle for each name.
+        One sender's vehicles cannot displace those of another: a sender below its share gets room from one
+        above it. Otherwise the least dangerous vehicle gives way to a clearly more dangerous one. Vehicles
+        assigned to threats of the mission file are kept, one for each threat.
         """
         if len(self._tracks) < self._settings.num_tracks_max:
             return True
         sender = report.sender
         share = max(1, int(self._settings.sender_share * self._settings.num_tracks_max))
         held = Counter(self._senders.values())
-        kept = self._claimants()
+        kept = self._kept_identities()
         danger = {name: self._danger(name, now_s) for name in self._tracks if name not in kept}
         crowding = {name: key for name, key in danger.items() if held[self._senders[name]] > share}
         if held[sender] >= share:
@@ -249,8 +249,8 @@ class Tracker:
         self._end(least, "evicted")
         return True
 
-    def _claimants(self) -> set[str]:
-        """Identities that are kept: of each threat in the mission file the one followed longest."""
+    def _kept_identities(self) -> set[str]:
+        """Return the identities that are kept: for each threat of the mission file the oldest track."""
         longest: dict[int, str] = {}
         for identity, track in self._tracks.items():
             if track.vehicle_class.number is not None:
@@ -264,9 +264,9 @@ class Tracker:
         return (is_stale, near_m), (is_stale, ahead_s)
 
     def _approach(self, place_m: np.ndarray, kind: VehicleClass) -> tuple[float, float]:
-        """How far ``place_m``, shape (2,), is [m], and when a vehicle there could harm the aircraft [s].
+        """Return distance [m] and time to the threat [s] of a vehicle at ``place_m``, shape (2,).
 
-        The aircraft flies on as it does; what lies behind it cannot, as far as this tells.
+        The aircraft is assumed to keep its velocity; a vehicle behind it never becomes a threat.
         """
         east, north = float(place_m[0]) - self._centre_m[0], float(place_m[1]) - self._centre_m[1]
         distance = math.hypot(east, north)
@@ -276,9 +276,9 @@ class Tracker:
         return distance, max(0.0, distance - kind.max_threat_radius_m) / max(own + kind.speed_m_s, 1.0)
 
     def _note_twin(self, identity: str, now_s: float) -> None:
-        """An aircraft that tells of itself in two ways, by ADS-B and Remote ID say, is followed once.
+        """Merge the tracks of an aircraft that reports itself in two ways, such as ADS-B and Remote ID.
 
-        What is told in another way, and was at the same place as fast for so many sightings, is the same.
+        Two tracks of different kinds of identity that agree at enough successive sightings are one aircraft.
         """
         own = self._tracks[identity].state(now_s)
         for other, track in self._tracks.items():
@@ -291,7 +291,7 @@ class Tracker:
                 del self._seen_as_one[pair]
                 kept, ended = sorted((identity, other), key=lambda name: list(self._tracks).index(name))
                 self._end(ended, "same_as_another")
-                self._also[ended] = kept
+                self._merged[ended] = kept
                 return
 
     def _end_old(self, now_s: float) -> None:
@@ -301,7 +301,7 @@ class Tracker:
 
     def _end(self, identity: str, reason: str) -> None:
         self._assigner.release(identity)
-        self._also = {name: kept for name, kept in self._also.items() if kept != identity}
+        self._merged = {name: kept for name, kept in self._merged.items() if kept != identity}
         for pair in [pair for pair in self._seen_as_one if identity in pair]:
             del self._seen_as_one[pair]
         del self._tracks[identity], self._senders[identity]
@@ -309,7 +309,7 @@ class Tracker:
 
 
 def _is_same(one: TrackState, other: TrackState) -> bool:
-    """Whether two tracks may be of one aircraft: places, velocities and heights agree as far as known."""
+    """Return whether two tracks may be one aircraft: position, velocity and height agree."""
     difference = _state_of(one) - _state_of(other)
     spread = np.asarray(one.covariance) + np.asarray(other.covariance)
     is_near = float(difference @ np.linalg.solve(spread, difference)) <= TWIN_DISTANCE
@@ -317,13 +317,13 @@ def _is_same(one: TrackState, other: TrackState) -> bool:
 
 
 def _state_of(track: TrackState) -> FloatArray:
-    """East, east speed, north, north speed (4,)."""
+    """Return east, east speed, north, north speed (4,)."""
     place, velocity = track.position_enu_m, track.velocity_enu_m_s
     return np.array([place[0], velocity[0], place[1], velocity[1]])
 
 
 def _least_dangerous(danger: Mapping[str, _Danger]) -> str:
-    """The vehicle that is least in both orders, by distance and by time: each keeps its first."""
+    """Return the vehicle that is last in both orders, by distance and by time; each order keeps its first."""
     by_distance = sorted(danger, key=lambda identity: danger[identity][0])
     by_time = sorted(danger, key=lambda identity: (danger[identity][1], danger[identity][0]))
     place = {identity: index for index, identity in enumerate(by_distance)}

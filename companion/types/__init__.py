@@ -1,5 +1,5 @@
-"""The data that folders hand to each other: frozen classes with units in their names, and MAVLink's numbers.
+"""Data that packages pass to each other: frozen classes with units in their names, and numbers of MAVLink.
 
-Imports nothing of the program but ``frames`` and ``errors``, computes no more than properties, and touches
-nothing outside.
+These modules import only ``frames`` and ``errors`` from the program. They compute nothing but properties, and
+do no I/O.
 """

@@ -1,4 +1,4 @@
-"""What an aircraft and one threat were to each other over a flight."""
+"""The geometry of one flight and one threat over time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Closest:
     Parameters
     ----------
     stamp_s : float
-        When it was [s].
+        Time of the closest approach [s].
     distance_m : float
         Slant distance [m].
     own_enu_m, other_enu_m : tuple of float
@@ -29,27 +29,27 @@ class Closest:
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """One threat over a flight: how near it came, and when it had the aircraft in reach and in sight.
+    """One threat over a flight: its distances, and when the aircraft was in its reach and in its sight.
 
     Parameters
     ----------
     name : str
-        The threat's.
+        Name of the threat.
     reach_m : float
         Slant distance up to which it is a threat: RD_max, or a radar's R_max [m].
     is_moving : bool
-        Whether it is a dynamic threat, and no radar.
+        True for a dynamic threat, false for a radar.
     times_s : ndarray, shape (N,)
         Instants between the first and the last that both paths share [s].
     distances_m : ndarray, shape (N,)
-        Slant distances then; NaN where a path has a gap [m].
+        Slant distances at these instants; NaN where a path has a gap [m].
     levels : ndarray, shape (S,)
-        Membership (1) at the flown path's waypoints, one a second, and at ten points between each two; the
-        same instants for all threats of a flight.
+        Membership (1) at the flown path's waypoints, one per second, and at ten points between each two. The
+        instants are the same for all threats of a flight.
     in_reach_s, in_sight_s : ndarray, shape (K, 2)
-        Stretches of time, from and to: in reach, and in reach and in sight [s].
+        Start and end of the periods in reach, and of those in reach and in sight [s].
     closest : Closest or None
-        None where the two share no time.
+        None if the two paths share no time.
     """
 
     name: str

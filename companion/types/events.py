@@ -1,7 +1,7 @@
-"""What the link tells the rest of the program: one frozen event a decoded message.
+"""Events of the link: one frozen class per kind of decoded message.
 
-Stamps are the receiving clock's monotonic seconds. Angles are radians, courses clockwise from
-north, positions WGS84 as the message carries them: the world's frame is applied later.
+Time stamps are monotonic seconds of the receiving clock. Angles are in radians and courses clockwise from
+north. Positions are WGS84 as in the message; they are converted to the local frame later.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-WIND_STD_M_S = 1.0  # of an autopilot's estimate that comes without
+WIND_STD_M_S = 1.0  # Standard deviation of a wind estimate that comes without one.
 
 
 class Dialect(Enum):
-    """Whose mission semantics the autopilot has, and what follows from it."""
+    """Mission semantics of the autopilot, and their consequences."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
@@ -25,7 +25,7 @@ class Dialect(Enum):
 
     @property
     def num_home_items(self) -> int:
-        """Items at a list's beginning that it does not count: ArduPlane's home slot."""
+        """Number of leading items that MISSION_CURRENT does not count: ArduPlane's home item."""
         return 1 if self is Dialect.ARDUPILOT else 0
 
     @property
@@ -35,38 +35,38 @@ class Dialect(Enum):
 
     @property
     def sets_current_by_command(self) -> bool:
-        """Whether DO_SET_MISSION_CURRENT is understood; else the message MISSION_SET_CURRENT is."""
+        """Whether it understands DO_SET_MISSION_CURRENT; else it understands MISSION_SET_CURRENT."""
         return self is Dialect.ARDUPILOT
 
     @property
     def stays_busy(self) -> bool:
-        """Whether a transfer broken off must be cancelled: a PX4 would be busy for 5 s."""
+        """Whether an aborted transfer must be cancelled: a PX4 would stay busy for 5 s."""
         return self is Dialect.PX4
 
     @property
-    def tells_covariances(self) -> bool:
+    def sends_covariances(self) -> bool:
         """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND and EKF_STATUS_REPORT."""
         return self is Dialect.PX4
 
     @property
     def tells_mission_slowly(self) -> bool:
-        """Whether MISSION_CURRENT comes at its own rate whatever is asked for."""
+        """Whether MISSION_CURRENT has a fixed rate, whatever rate is requested."""
         return self is Dialect.PX4
 
     @property
     def parameter_names(self) -> dict[str, str]:
-        """Names of the parameters that say how it flies, by the field of ``AutopilotSettings``."""
+        """Names of the parameters that determine its flight, by field of ``AutopilotSettings``."""
         return _PARAMETER_NAMES[self]
 
     @property
     def packs_parameters_bytewise(self) -> bool:
-        """Whether whole-number parameters lie in PARAM_VALUE as in memory; else they are cast to a float."""
+        """Whether PARAM_VALUE holds the bytes of an integer parameter; else it holds the value as a float."""
         return self is Dialect.PX4
 
 
 _PARAMETER_NAMES = {
     Dialect.ARDUPILOT: {
-        "fence_enable": "FENCE_ENABLE",  # first: without it the others mean nothing
+        "fence_enable": "FENCE_ENABLE",  # Requested first: the other fence parameters depend on it.
         "fence_types": "FENCE_TYPE",
         "acceptance_radius_m": "WP_RADIUS",
         "guidance_period_s": "NAVL1_PERIOD",
@@ -108,7 +108,7 @@ _PARAMETER_NAMES = {
 
 
 class Emitter(Enum):
-    """What a track says it is."""
+    """Kind of a reported vehicle."""
 
     GROUND = "ground"
     AIR = "air"
@@ -118,10 +118,10 @@ class Emitter(Enum):
 class Heartbeat:
     """HEARTBEAT of the autopilot.
 
-    ``mode`` is the flight mode's name in the autopilot's own words (``AUTO``, ``RTL``, ``MISSION``…);
-    ``is_mission_mode`` tells whether it is the mode in which missions are flown. ``is_contradicted``:
-    heartbeats under the vehicle's ids say what cannot all be true; it is in no mission mode then, and
-    dialect and ``is_armed`` are those believed last.
+    ``mode`` is the autopilot's name of the flight mode (``AUTO``, ``RTL``, ``MISSION``…). ``is_mission_mode``
+    is true in the mode that flies missions. ``is_contradicted`` is true if heartbeats under the vehicle's ids
+    contradict each other; then ``is_mission_mode`` is false, and dialect and ``is_armed`` are the last
+    accepted.
     """
 
     stamp_s: float
@@ -136,7 +136,7 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True)
 class GlobalPosition:
-    """GLOBAL_POSITION_INT of the own autopilot: position, ground velocity east, north, up."""
+    """GLOBAL_POSITION_INT of the vehicle's autopilot: position, and ground velocity east, north, up."""
 
     stamp_s: float
     boot_s: float
@@ -178,7 +178,7 @@ class WindEstimate:
 
 @dataclass(frozen=True, slots=True)
 class EstimatorAccuracy:
-    """ESTIMATOR_STATUS: one-sigma horizontal and vertical position accuracy."""
+    """ESTIMATOR_STATUS: standard deviation of the horizontal and of the vertical position."""
 
     stamp_s: float
     position_horizontal_std_m: float
@@ -187,7 +187,7 @@ class EstimatorAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class EstimatorHealth:
-    """EKF_STATUS_REPORT, ESTIMATOR_STATUS or GPS_RAW_INT: which of them, and the fault found, '' for none."""
+    """EKF_STATUS_REPORT, ESTIMATOR_STATUS or GPS_RAW_INT: the message's name and its fault, '' if none."""
 
     stamp_s: float
     source: str
@@ -198,9 +198,9 @@ class EstimatorHealth:
 class MissionCurrent:
     """MISSION_CURRENT.
 
-    ``mission_id`` is 0 where the autopilot gives none (ArduPlane), and so are ``rally_id`` and ``fence_id``,
-    the names of its rally points and fences. ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not
-    started, 3 active, 4 paused, 5 complete.
+    ``mission_id``, ``rally_id`` and ``fence_id`` identify the lists; they are 0 if the autopilot sends none,
+    as ArduPlane. ``state`` is MAVLink's MISSION_STATE: 1 no mission, 2 not started, 3 active, 4 paused, 5
+    complete.
     """
 
     stamp_s: float
@@ -222,7 +222,7 @@ class MissionItemReached:
 
 @dataclass(frozen=True, slots=True)
 class LandedReported:
-    """EXTENDED_SYS_STATE: MAV_LANDED_STATE, by its number."""
+    """EXTENDED_SYS_STATE: the number of MAV_LANDED_STATE."""
 
     stamp_s: float
     landed_state: int
@@ -249,20 +249,20 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class TrackReport:
-    """One detection of another vehicle, by whatever message it came.
+    """One report of another vehicle, from any message.
 
     Parameters
     ----------
     stamp_s : float
-        Clock reading at which the position was true: receipt less the age the message states [s].
+        Clock reading at which the position was true: time of receipt less the age in the message [s].
     source : str
         Message and sender, for instance ``ADSB_VEHICLE 200/156``.
     identity : str
-        Stable over the track's life: ``icao:00ABCD`` or ``system:42``.
+        Identity that does not change during the track: ``icao:00ABCD`` or ``system:42``.
     position_std_m : float or None
-        One-sigma horizontal accuracy where the message carries it.
+        Standard deviation of the horizontal position, if the message has it [m].
     velocity_enu_m_s : tuple of float or None
-        Velocity over the ground where the message carries it.
+        Velocity over the ground, if the message has it [m/s].
     """
 
     stamp_s: float
@@ -277,7 +277,7 @@ class TrackReport:
 
     @property
     def sender(self) -> str:
-        """System and component, ``200/156``."""
+        """System and component of the sender, ``200/156``."""
         return self.source.rpartition(" ")[2]
 
     @property
@@ -289,7 +289,7 @@ class TrackReport:
 
 @dataclass(frozen=True, slots=True)
 class Rebooted:
-    """The autopilot's boot time went back: streams and missions must be asked for again."""
+    """The autopilot's boot time decreased: streams and missions must be requested again."""
 
     stamp_s: float
 

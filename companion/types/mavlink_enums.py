@@ -1,7 +1,7 @@
-"""MAVLink's numbers that the program sends or tells apart, each under its name in the dialect.
+"""Numbers of MAVLink that the program sends or distinguishes, with their names in the dialect.
 
-Where a number is met on the wire it may be one that no member has, of a younger dialect or of a sender
-gone wrong: fields that are received therefore stay whole numbers, which compare equal to the members.
+A received number may have no member here, if it comes from a newer dialect or a faulty sender. Fields of
+received messages therefore are integers, which compare equal to the members.
 
 References
 ----------
@@ -14,7 +14,7 @@ from enum import IntEnum, IntFlag
 
 
 def name_of(kind: type[IntEnum], number: int) -> str:
-    """Name of a number on the wire, in words that say so where it has none."""
+    """Return the name of a number; a number without a member gives ``result`` and the number."""
     try:
         return kind(number).name
     except ValueError:
@@ -85,7 +85,7 @@ class Command(IntEnum):
 
 
 class MavFrame(IntEnum):
-    """MAV_FRAME: what a mission item's altitude counts from, and how its place is written."""
+    """MAV_FRAME: reference of a mission item's altitude, and encoding of its position."""
 
     GLOBAL = 0
     MISSION = 2
@@ -95,7 +95,7 @@ class MavFrame(IntEnum):
 
 
 class CommandResult(IntEnum):
-    """MAV_RESULT: what became of a command."""
+    """MAV_RESULT: result of a command."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1
@@ -107,7 +107,7 @@ class CommandResult(IntEnum):
 
 
 class MissionResult(IntEnum):
-    """MAV_MISSION_RESULT: what became of a transfer."""
+    """MAV_MISSION_RESULT: result of a transfer."""
 
     ACCEPTED = 0
     ERROR = 1
@@ -128,7 +128,7 @@ class MissionResult(IntEnum):
 
 
 class MissionState(IntEnum):
-    """MISSION_STATE: what MISSION_CURRENT tells of the mission; 0 where an autopilot does not tell."""
+    """MISSION_STATE: the state of the mission in MISSION_CURRENT; 0 if the autopilot does not report it."""
 
     UNKNOWN = 0
     NOT_STARTED = 2
@@ -136,7 +136,7 @@ class MissionState(IntEnum):
 
 
 class LandedState(IntEnum):
-    """MAV_LANDED_STATE of EXTENDED_SYS_STATE; UNDEFINED where an autopilot does not tell."""
+    """MAV_LANDED_STATE of EXTENDED_SYS_STATE; UNDEFINED if the autopilot does not report it."""
 
     UNDEFINED = 0
     ON_GROUND = 1
@@ -204,7 +204,7 @@ class SystemState(IntEnum):
 
 
 class EstimatorStatusFlag(IntFlag):
-    """ESTIMATOR_STATUS_FLAGS, what says whether there is a position; PX4's."""
+    """ESTIMATOR_STATUS_FLAGS of PX4 that concern the position."""
 
     POS_HORIZ_ABS = 16
     CONST_POS_MODE = 128
@@ -212,7 +212,7 @@ class EstimatorStatusFlag(IntFlag):
 
 
 class EkfStatusFlag(IntFlag):
-    """EKF_STATUS_FLAGS, the same of ArduPilot's."""
+    """EKF_STATUS_FLAGS of ArduPilot that concern the position."""
 
     POS_HORIZ_ABS = 16
     CONST_POS_MODE = 128
@@ -220,7 +220,7 @@ class EkfStatusFlag(IntFlag):
 
 
 class GpsFix(IntEnum):
-    """GPS_FIX_TYPE: the least that is a fix in space."""
+    """GPS_FIX_TYPE: the least type with a three-dimensional position."""
 
     TYPE_3D_FIX = 3
 
@@ -252,7 +252,7 @@ class AdsbAltitudeType(IntEnum):
 
 
 class EmitterType(IntEnum):
-    """ADSB_EMITTER_TYPE, of what moves on the ground."""
+    """ADSB_EMITTER_TYPE of vehicles on the ground."""
 
     EMERGENCY_SURFACE = 17
     SERVICE_SURFACE = 18

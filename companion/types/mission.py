@@ -11,9 +11,9 @@ __all__ = ["Command", "MavFrame", "Mission", "MissionItem"]
 
 @dataclass(frozen=True, slots=True)
 class MissionItem:
-    """MISSION_ITEM_INT: latitude and longitude in 1e-7 degrees, altitude in metres of its frame.
+    """MISSION_ITEM_INT: latitude and longitude in 1e-7 degrees, altitude in metres in the item's frame.
 
-    ``None`` is a parameter that is not set (NaN on the wire).
+    A parameter of ``None`` is not set (NaN on the wire).
     """
 
     sequence: int
@@ -29,16 +29,16 @@ class MissionItem:
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """A whole mission list as uploaded, and the item at which it is entered.
+    """A whole mission list as uploaded, and the item at which the autopilot joins it.
 
     Parameters
     ----------
     items : tuple of MissionItem
-        The list's items in order; on ArduPlane item 0 is the home slot.
+        Items of the list in order; on ArduPlane item 0 is the home item.
     entry : int
-        Sequence at which flying it starts.
+        Sequence number of the entry.
     plan_number : int
-        Number of the plan that it carries out, as the service counts them.
+        Number of the plan that the mission carries out, as the service counts plans.
     """
 
     items: tuple[MissionItem, ...]

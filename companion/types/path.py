@@ -3,41 +3,42 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from companion.frames import FloatArray, speed_made_good
 
-SLOWS_M_S2 = 1.0  # with the throttle closed, in the simulator 1.3
+SLOWS_M_S2 = 1.0  # Deceleration with the throttle closed; the simulated aircraft has 1.3.
 RUN_ON_STEP_M = 25.0
-FASTER_M_S = 0.5  # less is how a path settles
+FASTER_M_S = 0.5  # A smaller excess of airspeed decays by itself.
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Waypoints with time stamps, as the planner's tree holds them.
+    """Waypoints with times, as the planner's tree holds them.
 
     Parameters
     ----------
     times_s : ndarray, shape (N,)
-        Clock reading of arrival at each [s].
+        Clock reading of arrival at each waypoint [s].
     positions_enu_m : ndarray, shape (N, 3)
         East, north, up [m].
     courses_rad : ndarray, shape (N,)
-        Clockwise from north, in [0, 2π) [rad].
+        Course clockwise from north, in [0, 2π) [rad].
     climb_angles_rad : ndarray, shape (N,)
         Flight-path angle, positive up [rad].
     speeds_m_s : ndarray, shape (N,)
         Airspeed [m/s].
     position_covariances_m2 : ndarray, shape (N, 3, 3)
-        Covariance of the true position about the waypoint, LQG-MP [m²].
+        Covariance of the true position about the waypoint, by LQG-MP [m²].
     collision_free : ndarray, shape (N,)
-        p_c of each, a lower bound.
+        Lower bound of p_c at each waypoint.
     threat_levels : ndarray, shape (N,)
-        TI of each, in [0, 1].
+        TI at each waypoint, in [0, 1].
     wind_enu_m_s : tuple of float
-        Velocity of the air, east and north, that the time stamps are of [m/s].
+        Velocity of the air, east and north, for which the times are computed [m/s].
     """
 
     times_s: FloatArray
@@ -70,49 +71,34 @@ class Path:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def until(self, row: int) -> Path:
-        """Rows up to one, that one included."""
-        end = row + 1
-        return Path(
-            self.times_s[:end],
-            self.positions_enu_m[:end],
-            self.courses_rad[:end],
-            self.climb_angles_rad[:end],
-            self.speeds_m_s[:end],
-            self.position_covariances_m2[:end],
-            self.collision_free[:end],
-            self.threat_levels[:end],
-            self.wind_enu_m_s,
-        )
+        """Return the path up to a row, including that row."""
+        return replace(self, **{name: getattr(self, name)[: row + 1] for name in _ROWS})
 
     def followed_by(self, path: Path) -> Path:
-        """The path with another behind it, which begins with the row that this one ends with."""
-        return Path(
-            _joined(self.times_s, path.times_s),
-            _joined(self.positions_enu_m, path.positions_enu_m),
-            _joined(self.courses_rad, path.courses_rad),
-            _joined(self.climb_angles_rad, path.climb_angles_rad),
-            _joined(self.speeds_m_s, path.speeds_m_s),
-            _joined(self.position_covariances_m2, path.position_covariances_m2),
-            _joined(self.collision_free, path.collision_free),
-            _joined(self.threat_levels, path.threat_levels),
-            path.wind_enu_m_s,
-        )
+        """Return this path and another, whose first row is the last row of this path."""
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(path, name)[1:]]) for name in _ROWS
+        }
+        return replace(path, **joined)
 
     def rows(self) -> list[list[float]]:
-        """Rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
+        """Return rows ``[t_s, east_m, north_m, up_m, course_rad, climb_rad, speed_m_s]`` for JSON."""
         table = np.column_stack(
             [self.times_s, self.positions_enu_m, self.courses_rad, self.climb_angles_rad, self.speeds_m_s]
         )
         return [[round(float(value), 6) for value in row] for row in table]
 
 
+_ROWS = tuple(entry.name for entry in fields(Path) if entry.name != "wind_enu_m_s")
+
+
 def slowed_path(path: Path, airspeed_m_s: float) -> Path:
-    """The same way no faster than an airspeed that is commanded at its beginning; itself if it is not.
+    """Return the path flown no faster than an airspeed commanded at its beginning.
 
     Parameters
     ----------
     path : Path
-        As planned; its threat levels are kept, though it will be everywhere later.
+        Planned path. Its threat levels are kept, although the aircraft arrives later everywhere.
     airspeed_m_s : float
         True airspeed to which the aircraft slows down [m/s].
     """
@@ -137,24 +123,24 @@ def straight_path(
     after_s: FloatArray, begin_s: float, begin_enu_m: FloatArray, course_rad: float, airspeed_m_s: float, *,
     covariance_m2: FloatArray, threat_level: float, wind_enu_m_s: tuple[float, float],
 ) -> Path:  # fmt: skip
-    """Level flight straight on, over the ground, at an airspeed in the wind.
+    """Return straight and level flight at an airspeed in wind.
 
     Parameters
     ----------
     after_s : ndarray, shape (N,)
-        Seconds after the beginning, of each row.
+        Time of each row after the beginning [s].
     begin_s : float
-        Clock reading there [s].
+        Clock reading at the beginning [s].
     begin_enu_m : ndarray, shape (3,)
-        Where it begins [m].
+        Position at the beginning [m].
     course_rad : float
-        Clockwise from north [rad].
+        Course clockwise from north [rad].
     airspeed_m_s : float
-        Kept all along.
+        Airspeed of all rows [m/s].
     covariance_m2 : ndarray, shape (3, 3)
-        Covariance of the position, the same all along [m²].
+        Covariance of the position of all rows [m²].
     threat_level : float
-        The same all along.
+        Threat level of all rows.
     wind_enu_m_s : tuple of float
         Velocity of the air, east and north [m/s].
     """
@@ -174,14 +160,14 @@ def straight_path(
 
 
 def run_on(path: Path, metres: float) -> Path:
-    """The path and straight and level flight behind it.
+    """Return the path followed by straight and level flight.
 
     Parameters
     ----------
     path : Path
-        As planned.
+        Planned path.
     metres : float
-        Length of what is added, up to a step of 25 m more [m].
+        Length of the straight flight, rounded up to a multiple of 25 m [m].
     """
     course, airspeed = float(path.courses_rad[-1]), float(path.speeds_m_s[-1])
     made_good = speed_made_good(course, airspeed, path.wind_enu_m_s)
@@ -192,8 +178,3 @@ def run_on(path: Path, metres: float) -> Path:
         wind_enu_m_s=path.wind_enu_m_s,
     )  # fmt: skip
     return path.followed_by(ahead)
-
-
-def _joined(before: FloatArray, behind: FloatArray) -> FloatArray:
-    """(L, …) rows ``before`` (N, …), and all but the first of those ``behind`` (M, …)."""
-    return np.concatenate([before, behind[1:]])

@@ -1,7 +1,7 @@
 """Every text that the pilot reads, with its cause and what the pilot can do.
 
-A text tells only what changes what the pilot would do: whether the flight is safe, what changes, where the
-next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
+A text reports only what matters for the pilot's decisions: whether the flight is safe, what changes, where
+the next turn is, when the aircraft arrives. Nothing is sent while nothing changes. A STATUSTEXT carries 50
 characters. A longer text is sent in chunks (MAVLink ``common.xml``, STATUSTEXT).
 """
 
@@ -20,7 +20,7 @@ class PilotText:
     Parameters
     ----------
     kind : str
-        The kind of decision that it tells of.
+        Kind of decision that it reports.
     severity : Severity
         MAV_SEVERITY.
     template : str
@@ -40,9 +40,9 @@ class PilotText:
 
 @dataclass(frozen=True, slots=True)
 class PilotMessage:
-    """A text to be sent, and the subject that it is about.
+    """A text to send, and its subject.
 
-    A text is not repeated within a while, unless another one about the same subject was sent in between.
+    A text is not repeated for a while unless another text about the same subject was sent in between.
     """
 
     severity: Severity
@@ -323,16 +323,16 @@ SUBJECTS = {
 
 
 def pilot_message(key: str, subject: str = "", /, **values: object) -> PilotMessage:
-    """A text of :data:`TEXTS` with its values.
+    """Return a text of :data:`TEXTS` with its values.
 
     Parameters
     ----------
     key : str
-        Which text.
+        Key of the text.
     subject : str
-        What it is about, where one text is about several things; by default that of the table.
+        Subject, for a text that is used for several subjects; by default that of the table.
     **values : object
-        Replace the names in braces.
+        Values for the names in braces.
     """
     row = TEXTS[key]
     return PilotMessage(row.severity, row.template.format(**values), subject or SUBJECTS.get(key, key))
@@ -344,5 +344,5 @@ _PATTERNS = {
 
 
 def kind_of(text: str) -> str | None:
-    """The kind of decision that a text tells of; None for a text that is not of :data:`TEXTS`."""
+    """Return the kind of decision that a text reports; None if the text is not in :data:`TEXTS`."""
     return next((kind for pattern, kind in _PATTERNS.items() if pattern.fullmatch(text)), None)

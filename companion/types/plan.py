@@ -1,4 +1,4 @@
-"""What the planner answers."""
+"""The planner's answer."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from companion.types.threat import ThreatTree
 
 
 class PlanStatus(Enum):
-    """How a solve ended."""
+    """Result of a search."""
 
-    EXACT = "exact"  # the goal is reached
-    APPROXIMATE = "approximate"  # a path towards the goal that does not reach it
-    INVALID_START = "invalid_start"  # the start state breaks a constraint
+    EXACT = "exact"  # The path reaches the goal.
+    APPROXIMATE = "approximate"  # The path leads towards the goal and does not reach it.
+    INVALID_START = "invalid_start"  # The start state violates a constraint.
 
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """The measures of the paper's tables for one plan (its section 5.3)."""
+    """Measures of one plan in the paper's tables (section 5.3)."""
 
     path_search_time_s: float = 0.0  # PST
     num_collision_checks: int = 0  # NCDC
@@ -36,29 +36,29 @@ class Measures:
 
     @property
     def extension_success_rate(self) -> float:
-        """ESR: tree nodes a collision check."""
+        """ESR: tree nodes per collision check."""
         return self.num_tree_nodes / self.num_collision_checks if self.num_collision_checks else 0.0
 
     @property
     def search_iteration_time_s(self) -> float:
-        """TSI: search time a collision check [s]."""
+        """TSI: search time per collision check [s]."""
         return self.path_search_time_s / self.num_collision_checks if self.num_collision_checks else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class SearchTrace:
-    """What the search looked like, for pictures; nothing decides on it.
+    """The search as drawn in pictures; no decision depends on it.
 
     Parameters
     ----------
     tree_enu_m : ndarray, shape (N, 3)
-        Tree nodes [m]; ``tree_parents`` (N,) their parents, -1 at roots.
+        Tree nodes [m]; ``tree_parents`` (N,) are their parents, -1 at roots.
     threat_tree_enu_m : ndarray, shape (M, 2)
-        Nodes of all DT trees [m]; ``threat_tree_parents`` (M,) likewise.
+        Nodes of all trees of dynamic threats [m]; ``threat_tree_parents`` (M,) likewise.
     reach_circles_enu_m : ndarray, shape (K, 3)
-        East, north, radius of each directly reachable node's circle [m].
+        East, north and radius of each directly reachable node's circle [m].
     sub_goals_enu_m, horizon_centres_enu_m : ndarray, shape (S, 3)
-        Sub goals and the centres of the sensing horizons they were chosen on [m].
+        Sub goals, and the centres of the sensing horizons on which they were chosen [m].
     """
 
     tree_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
@@ -76,15 +76,15 @@ class SearchTrace:
 
 @dataclass(frozen=True, slots=True)
 class PursuitRisk:
-    """What moving threats that knew the whole path could do (paper 2.3).
+    """The risk from moving threats that know the whole path (paper 2.3).
 
     Parameters
     ----------
     first_s : float
-        t_f, the earliest moment at which one could threaten the aircraft, by the clock; infinite where none
-        ever could: such a path is safe whatever they do [s].
+        t_f, the earliest clock reading at which a threat could threaten the aircraft; infinite if none ever
+        could, so that the path is safe whatever they do [s].
     total_s : float
-        For how long in all one could [s].
+        Total time during which a threat could [s].
     """
 
     first_s: float = float("inf")
@@ -93,14 +93,13 @@ class PursuitRisk:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The planner's answer: a status, and a path where there is one.
+    """The planner's answer: a status, and a path if there is one.
 
-    ``flown_cost`` and ``flown_threat`` are the :attr:`cost` and the largest threat level of what is left
-    of the path being flown, seen in the same world as the new path, where one was given.
-    ``objective_s`` is J of the path, ``seen_s`` the integral of radars' membership over it, and ``bound_s``
-    the least J that a path could have, where the search went by J [s].
-    ``pursuit`` and ``flown_pursuit`` say what moving threats could do to either.
-    ``threat_trees`` are the DTs' trees as grown, for the next plan's snapshot.
+    ``flown_cost`` and ``flown_threat`` are the :attr:`cost` and the highest threat level of the rest of the
+    flown path in the same world as the new path, if a flown path was given. ``objective_s`` is J of the path,
+    ``seen_s`` the integral of radars' membership over it, and ``bound_s`` a lower bound of J, if the search
+    minimises J [s]. ``pursuit`` and ``flown_pursuit`` are the risk from moving threats on the two paths.
+    ``threat_trees`` are the trees of dynamic threats, for the next plan's snapshot.
     """
 
     status: PlanStatus
@@ -122,12 +121,12 @@ class Plan:
 
     @property
     def cost(self) -> float:
-        """What the plan is compared by: J where the search went by it, else the sum of (9)."""
+        """Value by which plans are compared: J if the search minimises it, else the sum of (9)."""
         return self.measures.path_cost if self.bound_s is None else self.objective_s
 
     @property
     def gap(self) -> float | None:
-        """By what share of the lower bound the path costs more at most; None where no bound is known."""
+        """Largest relative excess of the cost over the lower bound; None if no bound is known."""
         if self.bound_s is None or not 0.0 < self.bound_s < float("inf"):
             return None
         return self.objective_s / self.bound_s - 1.0

@@ -1,4 +1,4 @@
-"""A flight as it is reported: what was flown, decided and uploaded."""
+"""A flight as reported: the flown path, the decisions and the uploaded missions."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from companion.types.plan import Plan
 class Decision:
     """One line of the decision table.
 
-    ``plan_ms`` is the computing time of the plan behind it, ``track_to_mission_ms`` the time from the
-    newest track to the mission that answers it being flown. ``why`` has the numbers that led to it, and
-    ``told`` is what the pilot read, '' if nothing.
+    ``plan_ms`` is the computing time of the plan that led to it. ``track_to_mission_ms`` is the time from the
+    newest track until the mission that reacts to it is flown. ``why`` holds the values that led to it, and
+    ``told`` is the text sent to the pilot, '' if none.
     """
 
     stamp_s: float
@@ -31,7 +31,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class UploadedMission:
-    """A mission that was flown: ``positions_enu_m`` (K, 3) are its waypoints [m]."""
+    """A flown mission; ``positions_enu_m`` (K, 3) are its waypoints [m]."""
 
     stamp_s: float
     positions_enu_m: FloatArray
@@ -40,33 +40,32 @@ class UploadedMission:
 
 @dataclass(frozen=True, slots=True)
 class PlanRecord:
-    """A plan as it was made.
+    """A plan and how it was made.
 
     Parameters
     ----------
     number : int
-        Counts the plans of a flight from 1.
+        Number of the plan in the flight, from 1.
     occasion : str
-        Why it was made now.
+        Why the plan was made at this time.
     purpose : str
         ``plan``, or ``least threat`` in an emergency.
     start : mapping
-        Where it begins, and from where the aircraft was when it was made.
+        Start of the plan, and the position of the aircraft when it was made.
     plan : Plan
         The planner's answer.
     asked : int
         How often the search asked whether to stop.
     is_stopped : bool
-        Whether it was told to: a wall clock decided, not the iteration budget.
+        True if the wall clock stopped the search, not the iteration budget.
     due_s, seen_s : float
-        Clock readings at which it was found to be due, and at which the world that it was made in was
-        seen [s].
+        Clock readings at which the plan was found to be due, and of its snapshot of the world [s].
     begun_s, took_s : float
-        Clock reading at which the plan was begun, and how long it took by the same clock [s].
+        Clock reading at which the plan was begun, and its duration on the same clock [s].
     plan_ms : float
-        Time that the computer took [ms].
+        Computing time [ms].
     is_broken_off : bool
-        Whether a surprise made it useless before it was made.
+        True if a surprise made it useless before it was finished.
     """
 
     number: int
@@ -86,9 +85,9 @@ class PlanRecord:
 
 @dataclass(frozen=True, slots=True)
 class SwapRecord:
-    """A mission handed to the autopilot: how that ended, and when it began and ended by the clock.
+    """A mission transfer to the autopilot: its result, and its start and end on the clock.
 
-    ``waypoints_enu_m`` (K, 3) are its waypoints [m].
+    ``waypoints_enu_m`` (K, 3) are the waypoints of the mission [m].
     """
 
     outcome: str
@@ -102,16 +101,16 @@ class SwapRecord:
 
 @dataclass(frozen=True, slots=True)
 class FlightRecord:
-    """Everything a report shows.
+    """All data of a report.
 
     Parameters
     ----------
     flown : ndarray, shape (N, 7)
         Time [s], east, north, up [m], course and climb angle [rad], speed [m/s].
     dt_paths, dt_tracks : tuple of ndarray, shape (M, 3)
-        Time [s], east, north [m] of each moving threat: as it was, and as it was tracked.
+        Time [s], east, north [m] of each moving threat: true, and as tracked.
     missions : tuple of UploadedMission
-        Missions that were uploaded, in order.
+        Uploaded missions, in order.
     decisions : tuple of Decision
         Decisions of the flight, in order.
     threat : ndarray, shape (N, 2)
@@ -119,15 +118,15 @@ class FlightRecord:
     plan_ms : tuple of float
         Computing time of every plan [ms].
     summary : dict
-        Figures that are shown as a table.
+        Values shown as a table.
     epoch_s : float, optional
         UTC at time 0 [s].
     note : str
-        What is to be known of where the record comes from.
+        Remark on the source of the record.
     begin_s : float, optional
-        What counts as 00:00 [s]; left out, the first of the flown path.
+        Time shown as 00:00 [s]; by default that of the first row of ``flown``.
     encounters : tuple of Encounter
-        What each threat was to it, by the paths that are known best.
+        Encounter with each threat, by the most accurate paths known.
     """
 
     flown: FloatArray

@@ -8,28 +8,28 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Ownship:
-    """Where the aircraft is and how it moves, in the local frame.
+    """Position and motion of the aircraft in the local frame.
 
     Parameters
     ----------
     stamp_s : float
-        Clock reading at which it was true.
+        Clock reading of the state [s].
     position_enu_m : tuple of float
         East, north, up [m].
     course_rad : float
         Course over the ground, clockwise from north [rad].
     flight_path_angle_rad : float
-        Positive up [rad].
+        Flight-path angle, positive up [rad].
     airspeed_m_s, ground_speed_m_s : float
         True airspeed and horizontal ground speed [m/s].
     wind_enu_m_s : tuple of float
         Velocity of the air over the ground, east and north [m/s].
     position_std_m : tuple of float
-        One-sigma horizontal and vertical position accuracy [m].
+        Standard deviation of the horizontal and of the vertical position [m].
     bank_rad : float
-        Positive right wing down [rad].
+        Bank angle, positive with the right wing down [rad].
     wind_std_m_s : float
-        How well the wind is known [m/s].
+        Standard deviation of the wind [m/s].
     """
 
     stamp_s: float
@@ -52,9 +52,9 @@ class Ownship:
 
 @dataclass(frozen=True, slots=True)
 class AutopilotSettings:
-    """Parameters by what they mean; None where the autopilot has not told, or has no such parameter.
+    """Parameters of the autopilot by their meaning; None if not reported or not existing.
 
-    Their names are :attr:`companion.types.events.Dialect.parameter_names`.
+    Their names are in :attr:`companion.types.events.Dialect.parameter_names`.
 
     Parameters
     ----------
@@ -63,35 +63,35 @@ class AutopilotSettings:
     guidance_period_s : float or None
         Period of the lateral guidance [s].
     guidance_damping : float or None
-        Damping of the same.
+        Damping of the lateral guidance.
     bank_max_deg : float or None
         Largest bank [deg].
     loiter_radius_m : float or None
-        Radius of circles that name none, negative anticlockwise [m].
+        Default radius of circles, negative anticlockwise [m].
     airspeed_min_m_s, airspeed_max_m_s, airspeed_cruise_m_s : float or None
         Equivalent airspeeds [m/s].
     climb_max_m_s, sink_max_m_s : float or None
         Largest rates of climb and descent [m/s].
     fence_height_m : float or None
-        Height above home that a fence ends the flight at, 0 without one [m].
+        Height limit of the fence above home, 0 without one [m].
     fence_radius_m : float or None
-        Distance from home that a fence ends the flight at, 0 without one [m].
+        Distance limit of the fence from home, 0 without one [m].
     fence_enable : float or None
-        Whether ArduPilot's fences are watched.
+        Whether ArduPilot's fences are enabled.
     fence_types : float or None
-        Which of them: 1 the height, 2 the circle, 4 the polygons.
+        Enabled types: 1 the height, 2 the circle, 4 the polygons.
     return_height_m : float or None
-        Height above home of a return to launch; an ArduPlane's is negative where it keeps its own [m].
+        Height of return to launch above home; negative on an ArduPlane that keeps its height [m].
     return_radius_m : float or None
-        Radius of the circle at its end, 0 for that of other circles [m].
+        Radius of the circle at the end of return to launch, 0 for the default radius [m].
     return_kind : float or None
-        Where it leads: ArduPlane's RTL_AUTOLAND, PX4's RTL_TYPE.
+        Destination of return to launch: ArduPlane's RTL_AUTOLAND, PX4's RTL_TYPE.
     num_rally_points : float or None
-        How many an ArduPlane holds.
+        Number of rally points of an ArduPlane.
     rally_limit_km : float or None
-        How far an ArduPlane flies to a rally point, 0 for any distance [km].
+        Largest distance to a rally point on an ArduPlane, 0 for any distance [km].
     rally_includes_home : float or None
-        Whether it returns home where that is nearer.
+        Whether an ArduPlane returns home if home is nearer.
     """
 
     acceptance_radius_m: float | None = None
@@ -116,14 +116,14 @@ class AutopilotSettings:
     rally_includes_home: float | None = None
 
     def fence_limit_m(self, value_m: float | None, kind: int) -> float | None:
-        """A limit of a fence that is watched [m]; None without.
+        """Return the limit of an enabled fence [m]; None without one.
 
         Parameters
         ----------
         value_m : float or None
-            What the parameter says [m].
+            Value of the parameter [m].
         kind : int
-            The fence's bit in ``fence_types``.
+            Bit of the fence in ``fence_types``.
         """
         is_off = self.fence_enable == 0.0 or (
             self.fence_types is not None and not int(self.fence_types) & kind

@@ -1,4 +1,4 @@
-"""Obstacles and threats as the mission file or the link gives them, in the local frame."""
+"""Obstacles and threats from the mission file and from the link, in the local frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Obstacle:
     polygon_enu_m : ndarray, shape (N, 2)
         Simple polygon, east and north [m], not closed.
     base_m, top_m : float
-        Up coordinates between which it stands [m].
+        Up coordinates of bottom and top [m].
     """
 
     name: str
@@ -41,11 +41,11 @@ class Radar:
     position_enu_m : tuple of float
         East, north, up [m].
     max_threat_radius_m : float
-        R_max, slant [m].
+        R_max, a slant distance [m].
     boundary_coefficient_per_m : float
-        K_R of the detection boundary h_B = K_R·L² [1/m]; 0 in the plane.
+        K_R of the detection boundary h_B = K_R·L² [1/m]; 0 in two dimensions.
     is_listed : bool
-        Whether it is known before it is sensed.
+        True if it is known before it is sensed.
     """
 
     name: str
@@ -57,22 +57,22 @@ class Radar:
 
 @dataclass(frozen=True, slots=True)
 class DynamicThreat:
-    """A moving threat as the mission file describes its kind.
+    """A kind of moving threat from the mission file.
 
     Parameters
     ----------
     position_enu_m : tuple of float
-        East, north and up of its start [m]; up is the ground's height.
+        East, north and up of its start [m]; up is the height of the ground.
     speed_m_s : float
-        v_D; 0 is a parked one.
+        v_D; 0 for a parked vehicle [m/s].
     max_threat_radius_m : float
         RD_max [m].
     turn_radius_m : float
         Smallest turn radius [m].
     identity : str
-        As it is reported, for instance ``icao:00ABCD``; '' where it is told by its place.
+        Identity in reports, for instance ``icao:00ABCD``; '' if it is recognised by its position.
     system_id : int or None
-        Who reports it; None: whoever does.
+        System that reports it; None for any.
     """
 
     name: str
@@ -86,20 +86,20 @@ class DynamicThreat:
 
 @dataclass(frozen=True, slots=True)
 class TrackState:
-    """A moving threat as it is tracked: the particle cloud's moments and where it is going.
+    """A tracked vehicle: the moments of the particle cloud and its properties.
 
     Parameters
     ----------
     stamp_s : float
-        Clock reading at which the estimate is true.
+        Clock reading of the estimate [s].
     position_enu_m, velocity_enu_m_s : tuple of float
-        Mean, east, north, up; the up part is the reported one.
+        Mean east, north, up; the up part is as reported [m, m/s].
     covariance : ndarray, shape (4, 4)
         Covariance of [east, east speed, north, north speed], shape (4, 4) [m², m²/s, m²/s²].
     is_airborne : bool
-        Ground vehicles are bound by obstacles, airborne ones are not.
+        True for an airborne vehicle; obstacles bound the motion of ground vehicles only.
     flies_on : bool
-        Whether it hunts nobody, and is taken to fly on as it does.
+        True if it is no pursuer and is assumed to fly on as it does.
     """
 
     stamp_s: float
@@ -117,14 +117,14 @@ class TrackState:
 
 @dataclass(frozen=True, slots=True)
 class ThreatPicture:
-    """What was sighted by now.
+    """Threats sighted so far.
 
     Parameters
     ----------
     radars : tuple of Radar
         Static threats that were sensed.
     tracks : tuple of TrackState
-        Moving ones.
+        Moving threats.
     """
 
     radars: tuple[Radar, ...] = ()
@@ -133,18 +133,18 @@ class ThreatPicture:
 
 @dataclass(frozen=True, slots=True)
 class ThreatTree:
-    """The tree of ways that a plan's RS estimator grew for a moving threat, for the next plan to carry on.
+    """The tree of motions that a plan's RS estimator grew for a moving threat; the next plan extends it.
 
     Parameters
     ----------
     position_enu_m : ndarray, shape (N, 3)
-        Places; row 0 is the root [m].
+        Positions; row 0 is the root [m].
     heading_rad : ndarray, shape (N,)
-        Counter-clockwise from east on arrival [rad].
+        Heading on arrival, counter-clockwise from east [rad].
     parent : ndarray of int64, shape (N,)
-        Parents come before their children; -1 at the root.
+        Row of the parent, which precedes its children; -1 at the root.
     time_s : ndarray, shape (N,)
-        TS: earliest arrival, clock reading.
+        TS: clock reading of the earliest arrival [s].
     """
 
     identity: str

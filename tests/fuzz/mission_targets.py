@@ -9,14 +9,19 @@ from companion.errors import ConfigError
 from companion.link.missions.mission_sniffer import MissionSniffer
 from companion.link.missions.mission_transfer import (
     OPENING,
-    PATIENCE_S,
     REPEAT_MAX_S,
     REPEAT_MIN_S,
+    TRANSFER_TIMEOUT_S,
     MissionDownload,
     RoundTrip,
     Upload,
 )
-from companion.link.wire.decoded_frame import MissionAck, MissionCount, MissionQuestion, MissionTold
+from companion.link.wire.decoded_frame import (
+    MissionAck,
+    MissionCount,
+    MissionItemReceived,
+    MissionItemRequest,
+)
 from companion.link.wire.framing import raw_frame
 from companion.types.events import Dialect
 from companion.types.mission import MissionItem
@@ -54,9 +59,9 @@ class UploadRun:
             kind = reader.number() % 6
             if kind == ANSWER:
                 number, mission = reader.number(), reader.number() % 8 if reader.number() % 8 == 0 else 0
-                yield "note_question", MissionQuestion(number, mission), 16
+                yield "note_request", MissionItemRequest(number, mission), 16
             elif kind == AGAIN:
-                yield "note_question", MissionQuestion(reader.number(2), 0), 16
+                yield "note_request", MissionItemRequest(reader.number(2), 0), 16
             elif kind == REFUSAL:
                 yield "note_ack", MissionAck(self.now_s, reader.number() % 18, 0, reader.number(4)), 20
             elif kind == TELLING:
@@ -69,7 +74,7 @@ class UploadRun:
     def finish(self):
         """Nothing more comes: it ends."""
         for _ in range(4):
-            self.now_s += PATIENCE_S
+            self.now_s += TRANSFER_TIMEOUT_S
             self.ask()
         promise(self.upload.failure is not None, "an upload that nobody answers goes on for ever")
 
@@ -121,9 +126,9 @@ class DownloadRun:
             kind = reader.number() % 6
             if kind == ANSWER:
                 item = item_numbered(reader.number(), reader.number())
-                yield "note_item", MissionTold(item, 0 if reader.number() % 8 else 1), 50
+                yield "note_item", MissionItemReceived(item, 0 if reader.number() % 8 else 1), 50
             elif kind == AGAIN:
-                yield "note_item", MissionTold(item_numbered(reader.number(2)), 0), 50
+                yield "note_item", MissionItemReceived(item_numbered(reader.number(2)), 0), 50
             elif kind == TELLING:
                 number = reader.number() if reader.number() % 4 else reader.number(2)
                 yield "note_count", MissionCount(number, 0 if reader.number() % 8 else 1), 17
@@ -166,7 +171,7 @@ def check_download(data):
         promise(REPEAT_MIN_S <= run.round_trip.repeat_s <= REPEAT_MAX_S, "repeated too soon or too late")
         run.ask()
     for _ in range(4):
-        run.now_s += PATIENCE_S
+        run.now_s += TRANSFER_TIMEOUT_S
         run.ask()
     promise(run.download.failure is not None, "a reading that nobody answers goes on for ever")
 
@@ -205,7 +210,7 @@ DIALECTS = (None, Dialect.ARDUPILOT, Dialect.PX4)
 def _sniffer_input(data):
     reader = Reader(data)
     sniffer = MissionSniffer()
-    sniffer.speaks(DIALECTS[reader.number() % 3])
+    sniffer.set_dialect(DIALECTS[reader.number() % 3])
     return sniffer, pieces_of(reader, EXCHANGED)
 
 
@@ -259,7 +264,7 @@ def work_sniffer(data):
 
     def start():
         sniffer = MissionSniffer()
-        sniffer.speaks(dialect)
+        sniffer.set_dialect(dialect)
 
         def run():
             for frame in frames:

@@ -69,7 +69,7 @@ def test_what_is_safe_at_cruise_is_flown_at_cruise():
 def test_no_faster_than_the_mission_file_and_the_autopilot_allow():
     allowed = mission_of(6, airspeed_fast_m_s=25)
     assert planned(allowed).path.speeds_m_s.max() == pytest.approx(25.0)
-    told = rules_of(mission_of(6), told=AutopilotSettings(airspeed_max_m_s=30.0))
+    told = rules_of(mission_of(6), reported=AutopilotSettings(airspeed_max_m_s=30.0))
     assert told.vehicle.faster_m_s == pytest.approx((27.5, 30.0))
     assert rules_of(mission_of(6)).vehicle.faster_m_s == pytest.approx((31.25, 37.5))
     with pytest.raises(

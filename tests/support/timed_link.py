@@ -55,13 +55,13 @@ class TimedLink(AutopilotLink):
         return await self._read("rally points", 2)
 
     async def _read(self, operation, kind):
-        async with self._turn:
+        async with self._transfer_lock:
             self._require_autopilot()
             self._inbox = asyncio.Queue()
             try:
                 return await self._download(operation, kind)
             except TransferError:
-                self._free()
+                self._cancel_on_autopilot()
                 raise
             finally:
                 self._inbox = None

@@ -8,7 +8,7 @@ from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
 from companion.link.messages.file_server import FileServer
 from companion.link.wire.decoded_frame import DecodedFrame
-from companion.token_bucket import TokenBucket, kept_for
+from companion.token_bucket import TokenBucket, get_or_create
 
 # Both are a share of what the line carries, where that is known, and never more than this.
 ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
@@ -51,7 +51,7 @@ class Speech:
         if frame.request is None:
             return b""
         asker = frame.system_id, frame.component_id
-        budget = kept_for(self._answers_to, asker, self._share, SOURCES_MAX)
+        budget = get_or_create(self._answers_to, asker, self._share, SOURCES_MAX)
         is_change = frame.request.kind == "parameter_set"
         if not (budget.has_any(now_s) and self._answers.has_any(now_s)) or (
             is_change and not self._changes.takes(now_s)

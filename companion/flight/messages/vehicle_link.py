@@ -16,7 +16,7 @@ from companion.link.wire.framing import frames_in
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.source_limits import SourceLimits
-from companion.link.wire.transport import Address, Transport
+from companion.link.wire.transport import Address, Transport, dropped
 from companion.recording.recorder import Recorder
 from companion.types.events import Event
 
@@ -123,7 +123,7 @@ class VehicleLink:
     def send(self, data: bytes) -> None:
         """Send packed frames, signed where there is a key, and record them."""
         if self.transport.is_open and data:
-            data = self.codec.on_the_wire(data)
+            data = self.codec.signed(data)
             self.transport.send(data)
             for raw in frames_in(data):
                 self._recorder.frame(self._clock.now_s(), raw)
@@ -150,9 +150,9 @@ class VehicleLink:
         }
 
     async def close(self) -> None:
-        """End the calls under way, and the transport."""
+        """End the calls under way, and take nothing more from the transport, which its owner closes."""
         await self.autopilot.close()
-        await self.transport.close()
+        self.transport.set_receiver(dropped)
 
 
 def _ignore(event: Event, now_s: float) -> None:

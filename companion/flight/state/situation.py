@@ -77,7 +77,7 @@ class Situation:
         before, known = self._rules.mission.radars, self._snapshot.threats.known
         sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
         self._read(rules)
-        self.ownship.go_by(_ages_of(rules.mission))
+        self.ownship.set_settings(_ages_of(rules.mission))
         kept = np.array([radar in sensed for radar in rules.mission.radars], dtype=np.int64)
         self._snapshot = self._snapshot.with_known(np.maximum(self._snapshot.threats.known, kept))
 

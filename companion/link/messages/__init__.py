@@ -1,5 +1,5 @@
-"""Messages as events, requests as bytes: codec, telemetry, detections of others, streams, our answers.
+"""MAVLink messages: decoding into events, encoding of requests, track messages, streams and our own answers.
 
-Without input or output: bytes and clock readings are passed in, events and bytes are returned. The codec is
-the only place that knows pymavlink.
+These modules do no I/O: callers pass in bytes and clock readings and get events and bytes back. Only the
+codec imports pymavlink.
 """

@@ -1,7 +1,7 @@
-"""MAVLink bytes in, events out; messages out as bytes. The only place that knows pymavlink.
+"""Decodes MAVLink bytes into events and encodes messages into bytes. Only this module imports pymavlink.
 
-Nothing that arrives raises: what is damaged, unknown or cannot be true is counted under its
-reason in ``Codec.counters`` and left out.
+Received data never raises an exception. Damaged, unknown and impossible data is dropped and counted by its
+reason in ``Codec.counters``.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from companion.link.messages.vehicle_identity import VehicleIdentity
 from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
 from companion.link.missions.mission_items import item_from_payload
 from companion.link.wire.decoded_frame import (
+    AutopilotVersion,
     CommandAck,
     DecodedFrame,
     MissionAck,
     MissionCount,
-    MissionQuestion,
-    MissionTold,
-    ParameterTold,
+    MissionItemReceived,
+    MissionItemRequest,
+    ParameterValue,
     Reply,
     Request,
-    VersionTold,
 )
 from companion.link.wire.framing import (
     MAGIC_V2,
@@ -52,7 +52,7 @@ COMPONENT_ID = ComponentId.PATHPLANNER
 STATUSTEXT_CHARACTERS = 50
 
 _EXTRAS = {number: kind.crc_extra for number, kind in mavlink.mavlink_map.items()}
-# COMPONENT_METADATA, which pymavlink's dialects lack, is sent only; its fields give this extra byte.
+# COMPONENT_METADATA is missing from pymavlink's dialects. It is only sent; its fields give this extra byte.
 _SENT_EXTRAS = _EXTRAS | {MessageId.COMPONENT_METADATA: 182}
 _LENGTHS_MAX = {number: kind.unpacker.size for number, kind in mavlink.mavlink_map.items()}
 _OWN_SYSTEM_UNTIL_KNOWN = 1
@@ -66,12 +66,12 @@ def signer_of(
     *,
     allow_mavlink1: bool = False,
 ) -> Signer:
-    """Signer that knows the checksums of all messages of the dialect."""
+    """Return a signer that knows the CRC extra bytes of the dialect."""
     return Signer(key, link_id, timestamps, _SENT_EXTRAS, allow_unsigned, allow_mavlink1=allow_mavlink1)
 
 
 def is_intact(raw: bytes) -> bool:
-    """Whether a frame's checksum fits; of messages that the dialect does not know it cannot be told."""
+    """Return whether a frame's checksum is correct; true for messages that the dialect does not know."""
     extra = _SENT_EXTRAS.get(raw_frame(raw).message_id)
     if extra is None:
         return True
@@ -80,19 +80,19 @@ def is_intact(raw: bytes) -> bool:
 
 
 class Codec:
-    """Both directions of one link.
+    """Decodes and encodes the messages of one link.
 
     Parameters
     ----------
     vehicle_system_id : int, optional
-        The vehicle's system id; left out, that of the first autopilot heard for a while. Messages are
-        sent under the same system id, component 195.
+        System id of the vehicle; by default that of the first autopilot that sends for a while. Messages are
+        sent with the same system id and component id 195.
     track_sources : collection of int, optional
-        System ids whose sightings of others are believed; left out, all.
+        System ids whose track messages are accepted; by default all.
     signer : Signer, optional
-        Verifies what comes in; left out, everything is believed unsigned.
+        Verifies received frames and signs sent ones; by default unsigned frames are accepted.
     limits : SourceLimits, optional
-        On what is taken from others than the own autopilot.
+        Rate limits for senders other than the vehicle's autopilot.
     """
 
     def __init__(
@@ -118,35 +118,35 @@ class Codec:
 
     @property
     def vehicle_system_id(self) -> int | None:
-        """System id of the vehicle, None until it is known."""
+        """System id of the vehicle; None until it is known."""
         return self.identity.system_id
 
     @property
     def home_altitude_amsl_m(self) -> float | None:
-        """Height that the autopilot's relative altitudes count from, None until it is heard."""
+        """Altitude that the autopilot's relative altitudes refer to; None until the autopilot reports it."""
         return self._telemetry.home_altitude_amsl_m
 
     @property
     def own_ids(self) -> tuple[int, int]:
-        """System and component id under which messages go out."""
+        """System id and component id of sent messages."""
         return self.identity.system_id or _OWN_SYSTEM_UNTIL_KNOWN, COMPONENT_ID
 
     def feed(self, data: bytes, stamp_s: float, address: Address | None = None) -> list[DecodedFrame]:
-        """Take received bytes, in any portions.
+        """Decode received bytes.
 
         Parameters
         ----------
         data : bytes
-            As they came.
+            Received bytes, in arbitrary portions.
         stamp_s : float
-            Clock reading of their arrival.
+            Time of arrival on the service's clock [s].
         address : tuple of str and int, optional
-            Where they come from; left out, from a line, which has one end.
+            Sender of the bytes; left out on a line, which has one sender.
 
         Returns
         -------
         list of DecodedFrame
-            Those that became complete, in order, without the own ones that came back.
+            Frames that became complete, in order, without echoes of our own.
         """
         frames = []
         is_peer = address in (None, self.identity.peer)
@@ -163,14 +163,16 @@ class Codec:
         return frames
 
     def _is_taken(self, raw: RawFrame, stamp_s: float, address: Address | None) -> bool:
-        """Whether a frame is signed as it must be, and its source is listened to."""
+        """Return whether a frame is signed as required and its sender may send it."""
         if raw.message_id == SETUP_SIGNING:
-            self.counters["setup_signing"] += 1  # a key: neither taken, nor passed on, nor recorded
+            self.counters["setup_signing"] += 1  # It holds a key, so it is not forwarded or recorded either.
             return False
         if self._signer is not None and not self._signer.accepts(raw):
             return False
         is_vehicle = self.identity.is_autopilot(raw.system_id, raw.component_id)
-        if is_vehicle and not self.identity.is_at_its_place(stamp_s, address, is_verified=raw.is_verified):
+        if is_vehicle and not self.identity.is_from_vehicle_address(
+            stamp_s, address, is_verified=raw.is_verified
+        ):
             self.counters["other_address"] += 1
             return False
         if self._limits is None:
@@ -180,13 +182,13 @@ class Codec:
             self.counters[refusal] += 1
         return not refusal
 
-    def on_the_wire(self, data: bytes) -> bytes:
-        """What leaves for frames of ours: signed, where there is a key."""
+    def signed(self, data: bytes) -> bytes:
+        """Return packed frames as they are sent: signed if there is a key."""
         return data if self._signer is None else self._signer.signed(data)
 
     @staticmethod
     def unsigned(raw: bytes) -> bytes:
-        """A received frame without its signature, for a reader that has no key."""
+        """Return a received frame without its signature, for a reader that has no key."""
         return without_signature(raw, _SENT_EXTRAS)
 
     def _decoded(self, raw: RawFrame, stamp_s: float, address: Address | None) -> DecodedFrame:
@@ -207,7 +209,7 @@ class Codec:
         events: list[Event] = []
         try:
             for event in self._telemetry.events(kind, message, raw, stamp_s):
-                events.append(event)  # noqa: PERF402 - those before one that is refused count
+                events.append(event)  # noqa: PERF402 - A later refusal must keep the events before it.
             report = self._tracks.report(kind, message, raw, stamp_s)
             if report is not None:
                 events.append(report)
@@ -224,7 +226,7 @@ class Codec:
         )
 
     def renumbered(self, raw: bytes) -> bytes:
-        """Put a frame packed elsewhere under our ids into our sequence, or receivers count losses."""
+        """Give a frame that MAVSDK packed with our ids the next sequence number, so that no gap appears."""
         data = renumbered(raw, self._writer.seq, _EXTRAS[raw_frame(raw).message_id])
         self._writer.seq = (self._writer.seq + 1) % 256
         return data
@@ -236,12 +238,12 @@ class Codec:
         return data
 
     def heartbeat(self, state: int = SystemState.ACTIVE) -> bytes:
-        """HEARTBEAT of an onboard controller."""
+        """Pack a HEARTBEAT of an onboard controller."""
         self._state = state
-        return self.heartbeat_again()
+        return self.repeat_heartbeat()
 
-    def heartbeat_again(self) -> bytes:
-        """HEARTBEAT with the state that was told last; until one was, that it is starting."""
+    def repeat_heartbeat(self) -> bytes:
+        """Pack a HEARTBEAT with the state of the last one, or "starting" before the first."""
         return self._packed(
             mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, self._state, 3
@@ -249,9 +251,10 @@ class Codec:
         )
 
     def status_text(self, severity: int, text: str) -> bytes:
-        """STATUSTEXT, in as many chunks as the text needs; characters beyond ASCII become '?'.
+        """Pack a STATUSTEXT in as many chunks as needed; characters beyond ASCII become '?'.
 
-        A station takes the first chunk that is not full for the last: where all are, an empty one follows.
+        A ground station takes the first chunk that is not full for the last. If all chunks are full, an empty
+        chunk follows.
         """
         encoded = text.encode("ascii", "replace")
         chunks = [
@@ -268,7 +271,7 @@ class Codec:
         )
 
     def named_value(self, boot_s: float, name: str, value: float) -> bytes:
-        """NAMED_VALUE_FLOAT; the name is cut to ten characters."""
+        """Pack a NAMED_VALUE_FLOAT; the name is cut to ten characters."""
         milliseconds = int(boot_s * 1e3) % 2**32
         encoded = name.encode("ascii", "replace")[:10]
         return self._packed(mavlink.MAVLink_named_value_float_message(milliseconds, encoded, value))
@@ -281,7 +284,7 @@ class Codec:
         memory_mb: tuple[float, float],
         disk_mb: tuple[float, float],
     ) -> bytes:
-        """ONBOARD_COMPUTER_STATUS: up to eight cores, memory and disk as used and total [MiB]."""
+        """Pack an ONBOARD_COMPUTER_STATUS: up to eight cores; memory and disk as used and total [MiB]."""
         cores = [round(min(max(load, 0.0), 100.0)) for load in cores_percent[:8]]
         celsius = 127 if temperature_c is None else round(min(max(temperature_c, -127.0), 126.0))
         unknown, no_load, no_link = [2**32 - 1] * 3, [255] * 10, [2**32 - 1] * 6
@@ -310,50 +313,50 @@ class Codec:
         return self._packed(message)
 
     def command_long(self, command: int, parameters: tuple[float, ...] = (), confirmation: int = 0) -> bytes:
-        """COMMAND_LONG to the autopilot; parameters left out are 0."""
+        """Pack a COMMAND_LONG to the autopilot; missing parameters are 0."""
         filled = (*parameters, *(0.0,) * 7)[:7]
         return self._packed(
             mavlink.MAVLink_command_long_message(self.own_ids[0], 1, command, confirmation, *filled)
         )
 
     def set_message_interval(self, message_id: int, rate_hz: float) -> bytes:
-        """Ask the autopilot for a message at a rate."""
+        """Pack a request for a message at a rate."""
         return self.command_long(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz))
 
     def request_message(self, message_id: int) -> bytes:
-        """Ask the autopilot for a message once."""
+        """Pack a request for one message."""
         return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
 
     def set_current_command(self, sequence: int, confirmation: int = 0) -> bytes:
-        """Make DO_SET_MISSION_CURRENT, which ArduPlane acknowledges and PX4 does not know."""
+        """Pack DO_SET_MISSION_CURRENT, which ArduPlane acknowledges and PX4 does not know."""
         return self.command_long(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, (float(sequence),), confirmation)
 
     def set_current_message(self, sequence: int) -> bytes:
-        """Make MISSION_SET_CURRENT, which is answered by MISSION_CURRENT only."""
+        """Pack MISSION_SET_CURRENT, which is answered by MISSION_CURRENT only."""
         return self._packed(mavlink.MAVLink_mission_set_current_message(self.own_ids[0], 1, sequence))
 
     def set_mode(self, custom_mode: int) -> bytes:
-        """Make DO_SET_MODE with a custom_mode as HEARTBEAT has it.
+        """Pack DO_SET_MODE with a ``custom_mode`` as in HEARTBEAT.
 
-        PX4 takes main and sub mode as two parameters, ArduPilot the number: on ArduPilot the
-        upper bits are empty, on PX4 the lower ones, so the number tells which is meant.
+        PX4 takes main mode and sub mode as two parameters, ArduPilot takes the number. The upper bits are
+        zero on ArduPilot and the lower bits are zero on PX4, so the number shows which encoding applies.
         """
         main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
         chosen = (float(main), float(sub)) if main else (float(custom_mode),)
         return self.command_long(mavlink.MAV_CMD_DO_SET_MODE, (1.0, *chosen))
 
     def command_ack(self, command: int, result: int, target_system: int, target_component: int) -> bytes:
-        """COMMAND_ACK with a MAV_RESULT: 0 accepted, 3 unsupported."""
+        """Pack a COMMAND_ACK with a MAV_RESULT."""
         return self._packed(
             mavlink.MAVLink_command_ack_message(command, result, 0, 0, target_system, target_component)
         )
 
     def ping_answer(self, time_us: int, sequence: int, target_system: int, target_component: int) -> bytes:
-        """Answer a PING with its own time and number."""
+        """Pack the answer to a PING, with the time and number of the PING."""
         return self._packed(mavlink.MAVLink_ping_message(time_us, sequence, target_system, target_component))
 
     def mission_opening(self, first: int, count: int, *, is_part: bool) -> bytes:
-        """MISSION_COUNT, or MISSION_WRITE_PARTIAL_LIST for a part of a list."""
+        """Pack a MISSION_COUNT, or a MISSION_WRITE_PARTIAL_LIST for a part of a list."""
         if is_part:
             last = first + count - 1
             return self._packed(
@@ -362,7 +365,7 @@ class Codec:
         return self._packed(mavlink.MAVLink_mission_count_message(self.own_ids[0], 1, count))
 
     def mission_item(self, item: MissionItem) -> bytes:
-        """MISSION_ITEM_INT of an upload."""
+        """Pack a MISSION_ITEM_INT of an upload."""
         values = (math.nan if value is None else value for value in item.parameters)
         return self._packed(
             mavlink.MAVLink_mission_item_int_message(
@@ -371,43 +374,43 @@ class Codec:
             )
         )  # fmt: skip
 
-    def mission_question(self, sequence: int | None, mission_type: int = MissionType.MISSION) -> bytes:
-        """MISSION_REQUEST_INT for an item of a list of the autopilot's; MISSION_REQUEST_LIST without one."""
+    def mission_request(self, sequence: int | None, mission_type: int = MissionType.MISSION) -> bytes:
+        """Pack a MISSION_REQUEST_INT for an item of the autopilot's list, or a MISSION_REQUEST_LIST."""
         target = self.own_ids[0], 1
         if sequence is None:
             return self._packed(mavlink.MAVLink_mission_request_list_message(*target, mission_type))
         return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence, mission_type))
 
     def mission_accepted(self, mission_type: int = MissionType.MISSION) -> bytes:
-        """MISSION_ACK accepted: the end of a reading."""
+        """Pack the MISSION_ACK that ends a download."""
         accepted = mavlink.MAV_MISSION_ACCEPTED
         return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted, mission_type))
 
     def mission_refusal(self, target_system: int, target_component: int) -> bytes:
-        """MISSION_ACK unsupported: this component stores no missions."""
+        """Pack a MISSION_ACK "unsupported": this component stores no missions."""
         unsupported = mavlink.MAV_MISSION_UNSUPPORTED
         return self._packed(mavlink.MAVLink_mission_ack_message(target_system, target_component, unsupported))
 
     def mission_cancel(self, mission_type: int = MissionType.MISSION) -> bytes:
-        """MISSION_ACK cancelled, to the autopilot: frees a PX4 from a transfer that was broken off."""
+        """Pack a MISSION_ACK "cancelled", which ends an aborted transfer on PX4."""
         cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled, mission_type))
 
-    def parameter_question(self, name: str) -> bytes:
-        """PARAM_REQUEST_READ of a parameter of the autopilot's, by its name."""
+    def parameter_request(self, name: str) -> bytes:
+        """Pack a PARAM_REQUEST_READ of an autopilot parameter, by name."""
         return self._packed(
             mavlink.MAVLink_param_request_read_message(self.own_ids[0], 1, name.encode("ascii"), -1)
         )
 
     def parameter_value(self, name: str, value: float, index: int, count: int) -> bytes:
-        """PARAM_VALUE of a parameter of ours; the name has at most 16 characters."""
+        """Pack a PARAM_VALUE of one of our parameters; the name has at most 16 characters."""
         kind = mavlink.MAV_PARAM_TYPE_REAL32
         return self._packed(
             mavlink.MAVLink_param_value_message(name.encode("ascii"), value, kind, count, index)
         )
 
     def autopilot_version(self, version: int) -> bytes:
-        """AUTOPILOT_VERSION of this component: MAVLink 2, parameters, files, and a version as 0xMMmmpptt."""
+        """Pack an AUTOPILOT_VERSION of this component, with its version encoded as 0xMMmmpptt."""
         nothing = [0] * 8
         able = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
         able |= mavlink.MAV_PROTOCOL_CAPABILITY_FTP
@@ -418,14 +421,14 @@ class Codec:
         )
 
     def component_metadata(self, boot_s: float, file_crc: int, uri: str) -> bytes:
-        """COMPONENT_METADATA: where the general document is, in fewer than 100 characters, and its CRC-32."""
+        """Pack a COMPONENT_METADATA: CRC-32 and URI, below 100 characters, of the general document."""
         payload = struct.pack("<II100s", int(boot_s * 1e3) % 2**32, file_crc, uri.encode("ascii"))
         number, sequence = MessageId.COMPONENT_METADATA, self._writer.seq
         self._writer.seq = (sequence + 1) % 256
         return packed_frame(number, payload, sequence, self.own_ids, _SENT_EXTRAS[number])
 
     def file_transfer(self, payload: bytes, target_system: int, target_component: int) -> bytes:
-        """FILE_TRANSFER_PROTOCOL with a payload of 251 bytes."""
+        """Pack a FILE_TRANSFER_PROTOCOL with a payload of 251 bytes."""
         return self._packed(
             mavlink.MAVLink_file_transfer_protocol_message(0, target_system, target_component, list(payload))
         )
@@ -435,26 +438,26 @@ def _reply(kind: str, message: Any, raw: RawFrame, stamp_s: float) -> Reply | No
     if kind == "COMMAND_ACK":
         return CommandAck(stamp_s, message.command, message.result)
     if kind == "MISSION_ACK":
-        payload = raw.payload.ljust(8, b"\0")  # opaque_id is younger than the dialect
+        payload = raw.payload.ljust(8, b"\0")  # The dialect does not know opaque_id yet.
         opaque = int.from_bytes(payload[4:8], "little")
         return MissionAck(stamp_s, message.type, message.mission_type, opaque)
     if kind == "PARAM_VALUE":
         bits = int.from_bytes(raw.payload[:4].ljust(4, b"\0"), "little", signed=True)
         is_whole = message.param_type <= mavlink.MAV_PARAM_TYPE_INT32
-        return ParameterTold(message.param_id, message.param_value, bits, is_whole)
+        return ParameterValue(message.param_id, message.param_value, bits, is_whole)
     if kind == "AUTOPILOT_VERSION":
         major, minor, patch, release = message.flight_sw_version.to_bytes(4, "big")
-        return VersionTold((major, minor, patch), release)
+        return AutopilotVersion((major, minor, patch), release)
     if kind not in _TRANSFERS or message.target_component not in (0, COMPONENT_ID):
         return None
     return _TRANSFERS[kind](message, raw)
 
 
 _TRANSFERS: dict[str, Callable[[Any, RawFrame], Reply]] = {
-    "MISSION_REQUEST": lambda m, _: MissionQuestion(m.seq, m.mission_type),
-    "MISSION_REQUEST_INT": lambda m, _: MissionQuestion(m.seq, m.mission_type),
+    "MISSION_REQUEST": lambda m, _: MissionItemRequest(m.seq, m.mission_type),
+    "MISSION_REQUEST_INT": lambda m, _: MissionItemRequest(m.seq, m.mission_type),
     "MISSION_COUNT": lambda m, _: MissionCount(m.count, m.mission_type),
-    "MISSION_ITEM_INT": lambda _, raw: MissionTold(*item_from_payload(raw.message_id, raw.payload)),
+    "MISSION_ITEM_INT": lambda _, raw: MissionItemReceived(*item_from_payload(raw.message_id, raw.payload)),
 }
 
 

@@ -1,7 +1,7 @@
-"""A few files to read over the link, by MAVLink FTP: nothing is written, and no disk is looked at.
+"""Serves a few files in memory by MAVLink FTP, for reading only; the disk is not accessed.
 
-Files are named by the mapping alone, so that no path leads elsewhere. Each asker has one session, which
-ends when it is not used; what does not fit the protocol is counted as ``refused_file``.
+Files are found by exact path in a mapping, so that no path leads elsewhere. Each client has one session,
+which expires if it is not used. Requests that violate the protocol are counted as ``refused_file``.
 
 References
 ----------
@@ -17,18 +17,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
-Asker = tuple[int, int]  # system, component
+Client = tuple[int, int]  # System id and component id.
 
-DATA_MAX = 239  # bytes of data in a payload
+DATA_MAX = 239  # Bytes of data in a payload.
 SESSIONS_MAX = 4
-SESSION_S = 30.0  # after which a session that nobody used makes room
-BURST_MAX = 4  # answers to one request; who wants more asks again
-_HEADER = struct.Struct("<HBBBBBBI")  # number, session, operation, size, answered operation, end, 0, offset
+SESSION_S = 30.0  # A session that is not used for this time expires.
+BURST_MAX = 4  # Payloads that answer one burst request. The client requests the rest again.
+# Sequence number, session, operation, size, answered operation, end of burst, padding, offset.
+_HEADER = struct.Struct("<HBBBBBBI")
 _ALL_BITS = 0xFFFFFFFF
 
 
 class FileOperation(IntEnum):
-    """Operations that are carried out, and the two answers."""
+    """Supported operations, and the two kinds of answer."""
 
     TERMINATE_SESSION = 1
     RESET_SESSIONS = 2
@@ -42,7 +43,7 @@ class FileOperation(IntEnum):
 
 
 class FileError(IntEnum):
-    """First byte of a refusal's data."""
+    """Error code: the first data byte of a NAK."""
 
     INVALID_DATA_SIZE = 3
     INVALID_SESSION = 4
@@ -53,7 +54,7 @@ class FileError(IntEnum):
 
 
 def file_checksum(data: bytes) -> int:
-    """The CRC-32 that MAVLink FTP tells: zlib's polynomial, begun at 0 and not inverted."""
+    """Return the CRC-32 of MAVLink FTP: zlib's polynomial, with initial value 0 and without inversion."""
     return zlib.crc32(data, _ALL_BITS) ^ _ALL_BITS
 
 
@@ -65,7 +66,7 @@ class _Session:
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _Request:
     number: int
     session: int
     operation: int
@@ -81,114 +82,109 @@ class _Refused(Exception):
 
 
 class FileServer:
-    """Answers to MAVLink FTP.
+    """Answers requests of MAVLink FTP.
 
     Parameters
     ----------
     files : callable
-        Returns what there is now, by path; a file that is open stays what it was.
+        Returns the present files by path; an open file keeps the content that it had.
     counters : Counter
         Counts ``refused_file``.
     """
 
     def __init__(self, files: Callable[[], Mapping[str, bytes]], counters: Counter[str]) -> None:
-        self._files = files
+        self.files = files
         self._counters = counters
-        self._sessions: dict[Asker, _Session] = {}
+        self._sessions: dict[Client, _Session] = {}
 
-    @property
-    def files(self) -> Mapping[str, bytes]:
-        """What there is now, by path."""
-        return self._files()
-
-    def answers(self, payload: bytes, asker: Asker, now_s: float) -> list[bytes]:
-        """Payloads that answer one.
+    def answers(self, payload: bytes, client: Client, now_s: float) -> list[bytes]:
+        """Return the payloads that answer a payload.
 
         Parameters
         ----------
         payload : bytes
-            What a FILE_TRANSFER_PROTOCOL message carries.
-        asker : tuple of int
-            System and component that sent it.
+            Payload of the received FILE_TRANSFER_PROTOCOL message.
+        client : tuple of int
+            System id and component id of the sender.
         now_s : float
             Clock reading [s].
         """
-        asked = _asked(payload)
-        if asked is None:
+        request = _request(payload)
+        if request is None:
             self._counters["refused_file"] += 1
             return []
-        if asked.size > DATA_MAX or (len(asked.data) < asked.size and asked.operation in _NAMED):
-            return [self._refusal(asked, FileError.INVALID_DATA_SIZE)]
+        if request.size > DATA_MAX or (len(request.data) < request.size and request.operation in _NAMED):
+            return [self._refusal(request, FileError.INVALID_DATA_SIZE)]
         try:
-            return self._carried_out(asked, asker, now_s)
+            return self._carried_out(request, client, now_s)
         except _Refused as refused:
-            return [self._refusal(asked, refused.error)]
+            return [self._refusal(request, refused.error)]
 
-    def _carried_out(self, asked: _Asked, asker: Asker, now_s: float) -> list[bytes]:
-        match asked.operation:
+    def _carried_out(self, request: _Request, client: Client, now_s: float) -> list[bytes]:
+        match request.operation:
             case FileOperation.OPEN_FILE_RO:
-                return [self._opened(asked, asker, now_s)]
+                return [self._opened(request, client, now_s)]
             case FileOperation.READ_FILE:
-                return self._read(asked, self._session(asked, asker, now_s), 1)
+                return self._read(request, self._session(request, client, now_s), 1)
             case FileOperation.BURST_READ_FILE:
-                return self._read(asked, self._session(asked, asker, now_s), BURST_MAX)
+                return self._read(request, self._session(request, client, now_s), BURST_MAX)
             case FileOperation.CALC_FILE_CRC32:
-                return [_ack(asked, struct.pack("<I", file_checksum(self._file(asked))))]
+                return [_packed(request, struct.pack("<I", file_checksum(self._file(request))))]
             case FileOperation.LIST_DIRECTORY:
-                return [_ack(asked, self._listed(asked))]
+                return [_packed(request, self._listed(request))]
             case FileOperation.TERMINATE_SESSION:
-                self._session(asked, asker, now_s)
-                del self._sessions[asker]
-                return [_ack(asked)]
-            case FileOperation.RESET_SESSIONS:  # the asker's: others may be reading
-                self._sessions.pop(asker, None)
-                return [_ack(asked)]
+                self._session(request, client, now_s)
+                del self._sessions[client]
+                return [_packed(request)]
+            case FileOperation.RESET_SESSIONS:  # Only the client's own session: others may be reading.
+                self._sessions.pop(client, None)
+                return [_packed(request)]
         raise _Refused(FileError.UNKNOWN_COMMAND)
 
-    def _refusal(self, asked: _Asked, error: FileError) -> bytes:
-        if error != FileError.END_OF_FILE:  # by which every reading ends
+    def _refusal(self, request: _Request, error: FileError) -> bytes:
+        if error != FileError.END_OF_FILE:  # Every download ends with this error.
             self._counters["refused_file"] += 1
-        return _packed(asked, FileOperation.NAK, bytes((error,)))
+        return _packed(request, bytes((error,)), FileOperation.NAK)
 
-    def _file(self, asked: _Asked) -> bytes:
-        files, path = self._files(), _path_in(asked)
+    def _file(self, request: _Request) -> bytes:
+        files, path = self.files(), _path_in(request)
         if path not in files:
             raise _Refused(FileError.FILE_NOT_FOUND)
         return files[path]
 
-    def _opened(self, asked: _Asked, asker: Asker, now_s: float) -> bytes:
-        """Open a file in the asker's session, so that a question that is repeated opens no second one."""
-        data = self._file(asked)
+    def _opened(self, request: _Request, client: Client, now_s: float) -> bytes:
+        """Open a file in the client's only session, so that a repeated request opens no second one."""
+        data = self._file(request)
         for other, session in list(self._sessions.items()):
             if abs(now_s - session.used_s) > SESSION_S:
                 del self._sessions[other]
-        session_now = self._sessions.get(asker)
+        session_now = self._sessions.get(client)
         if session_now is None:
             taken = {session.number for session in self._sessions.values()}
             free = next((number for number in range(SESSIONS_MAX) if number not in taken), None)
             if free is None:
                 raise _Refused(FileError.NO_SESSIONS_AVAILABLE)
             session_now = _Session(free, data, now_s)
-        self._sessions[asker] = _Session(session_now.number, data, now_s)
-        return _ack(asked, struct.pack("<I", len(data)), session=session_now.number)
+        self._sessions[client] = _Session(session_now.number, data, now_s)
+        return _packed(request, struct.pack("<I", len(data)), session=session_now.number)
 
-    def _session(self, asked: _Asked, asker: Asker, now_s: float) -> _Session:
-        session = self._sessions.get(asker)
-        if session is None or session.number != asked.session or abs(now_s - session.used_s) > SESSION_S:
+    def _session(self, request: _Request, client: Client, now_s: float) -> _Session:
+        session = self._sessions.get(client)
+        if session is None or session.number != request.session or abs(now_s - session.used_s) > SESSION_S:
             raise _Refused(FileError.INVALID_SESSION)
         renewed = _Session(session.number, session.data, now_s)
-        self._sessions[asker] = renewed
+        self._sessions[client] = renewed
         return renewed
 
-    def _read(self, asked: _Asked, session: _Session, most: int) -> list[bytes]:
-        """Read in as many answers as there may be, each with its own number; the last says that it is."""
-        if asked.offset >= len(session.data):
+    def _read(self, request: _Request, session: _Session, most: int) -> list[bytes]:
+        """Read up to ``most`` payloads, each with its own sequence number; the last is marked."""
+        if request.offset >= len(session.data):
             raise _Refused(FileError.END_OF_FILE)
-        step = asked.size or DATA_MAX
-        starts = range(asked.offset, len(session.data), step)[:most]
+        step = request.size or DATA_MAX
+        starts = range(request.offset, len(session.data), step)[:most]
         return [
-            _ack(
-                asked,
+            _packed(
+                request,
                 session.data[start : start + step],
                 offset=start,
                 ahead=index,
@@ -197,16 +193,16 @@ class FileServer:
             for index, start in enumerate(starts)
         ]
 
-    def _listed(self, asked: _Asked) -> bytes:
-        """List what stands in the one folder there is: kind, name, size, each ended by a zero byte."""
-        if _path_in(asked) != "/":
+    def _listed(self, request: _Request) -> bytes:
+        """List the only folder: type, name and size of each file, each entry ended by a zero byte."""
+        if _path_in(request) != "/":
             raise _Refused(FileError.FILE_NOT_FOUND)
-        files = self._files()
+        files = self.files()
         entries = [f"F{path.removeprefix('/')}\t{len(files[path])}\0".encode("ascii") for path in files]
-        if asked.offset >= len(entries):
+        if request.offset >= len(entries):
             raise _Refused(FileError.END_OF_FILE)
         listed = b""
-        for entry in entries[asked.offset :]:
+        for entry in entries[request.offset :]:
             if len(listed) + len(entry) > DATA_MAX:
                 break
             listed += entry
@@ -216,40 +212,26 @@ class FileServer:
 _NAMED = frozenset({FileOperation.OPEN_FILE_RO, FileOperation.LIST_DIRECTORY, FileOperation.CALC_FILE_CRC32})
 
 
-def _asked(payload: bytes) -> _Asked | None:
-    """Read a payload; None for an answer, which is not answered, and for one cut short."""
+def _request(payload: bytes) -> _Request | None:
+    """Parse a payload; None for an answer and for a truncated payload."""
     if len(payload) < _HEADER.size:
         return None
     number, session, operation, size, _, _, _, offset = _HEADER.unpack_from(payload)
     if operation in (FileOperation.ACK, FileOperation.NAK):
         return None
-    return _Asked(number, session, operation, size, offset, payload[_HEADER.size : _HEADER.size + size])
+    return _Request(number, session, operation, size, offset, payload[_HEADER.size : _HEADER.size + size])
 
 
-def _path_in(asked: _Asked) -> str:
-    """The path that is asked for, with the folder it is in; '' for what is no path."""
-    name = asked.data.split(b"\0", 1)[0]
+def _path_in(request: _Request) -> str:
+    """Return the requested path with a leading slash; '' for an invalid path."""
+    name = request.data.split(b"\0", 1)[0]
     return "/" + name.decode("ascii").removeprefix("/") if name.isascii() else ""
 
 
-def _ack(
-    asked: _Asked,
-    data: bytes = b"",
-    *,
-    session: int | None = None,
-    offset: int | None = None,
-    ahead: int = 0,
-    is_last: bool = False,
-) -> bytes:
-    return _packed(
-        asked, FileOperation.ACK, data, session=session, offset=offset, ahead=ahead, is_last=is_last
-    )
-
-
 def _packed(
-    asked: _Asked,
-    operation: FileOperation,
-    data: bytes,
+    request: _Request,
+    data: bytes = b"",
+    operation: FileOperation = FileOperation.ACK,
     *,
     session: int | None = None,
     offset: int | None = None,
@@ -257,13 +239,13 @@ def _packed(
     is_last: bool = False,
 ) -> bytes:
     header = _HEADER.pack(
-        (asked.number + 1 + ahead) % 2**16,
-        asked.session if session is None else session,
+        (request.number + 1 + ahead) % 2**16,
+        request.session if session is None else session,
         operation,
         len(data),
-        asked.operation,
+        request.operation,
         int(is_last),
         0,
-        asked.offset if offset is None else offset,
+        request.offset if offset is None else offset,
     )
     return header + data.ljust(DATA_MAX, b"\0")

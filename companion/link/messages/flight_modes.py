@@ -1,4 +1,4 @@
-"""Names of flight modes, and which of them flies missions.
+"""Names of flight modes, and the mode of each autopilot that flies missions.
 
 References
 ----------
@@ -60,7 +60,7 @@ PX4_AUTO_MODES = {
     9: "PRECLAND",
     10: "VTOL_TAKEOFF",
 }
-# Fixed wing, and the kinds of VTOL that ArduPlane flies; a copter numbers its modes differently.
+# Fixed wings, and the kinds of VTOL that ArduPlane flies. A copter numbers its modes differently.
 _PLANE_TYPES = frozenset(
     {VehicleType.FIXED_WING, VehicleType.PARAFOIL}
     | {kind for kind in VehicleType if kind.name.startswith("VTOL_")}
@@ -70,9 +70,9 @@ MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
 
 
 def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode: int) -> tuple[str, bool]:
-    """Name of the mode in a HEARTBEAT, and whether missions are flown in it.
+    """Return the name of the mode in a HEARTBEAT, and whether it flies missions.
 
-    A mode that is not known has its number for a name and is never the mission mode.
+    An unknown mode is named by its number and is never the mission mode.
     """
     name = None
     if base_mode & ModeFlag.CUSTOM_MODE_ENABLED:

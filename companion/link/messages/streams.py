@@ -1,7 +1,8 @@
-"""Which messages and parameters the autopilot is asked for, at which rate, and when it is asked again.
+"""Requests of messages and parameters from the autopilot, at their rates, repeated where needed.
 
-A request may be lost, refused, or forgotten by an autopilot that rebooted; so what counts is what
-arrives. Without any I/O: the caller passes frames and time in, and sends what ``due`` returns.
+A request may be lost, refused or forgotten by a rebooted autopilot. Therefore a request is repeated if the
+message does not arrive. There is no I/O: the caller passes in frames and time, and sends what ``due``
+returns.
 """
 
 from __future__ import annotations
@@ -25,29 +26,29 @@ class _Stream:
     rate_hz: float
     is_vital: bool
     received_s: float
-    asked_s: float | None = None
+    requested_s: float | None = None
 
-    def ask(self, now_s: float) -> None:
-        self.asked_s = now_s
+    def note_requested(self, now_s: float) -> None:
+        self.requested_s = now_s
 
-    def hear(self, now_s: float) -> None:
+    def note_received(self, now_s: float) -> None:
         self.received_s = now_s
 
     def is_due(self, now_s: float) -> bool:
-        if self.asked_s is None:
+        if self.requested_s is None:
             return True
-        if not self.is_vital or now_s - self.asked_s < _ASK_AGAIN_S:
+        if not self.is_vital or now_s - self.requested_s < _ASK_AGAIN_S:
             return False
         return now_s - self.received_s > max(_LATE_PERIODS / self.rate_hz, _FIRST_WAIT_S)
 
 
 class Streams:
-    """Keeps the wanted messages coming.
+    """Keeps the required messages arriving.
 
     Parameters
     ----------
     rate_hz : float
-        Rate at which positions are asked for [Hz]; what changes slower is asked for more rarely.
+        Requested rate of positions [Hz]; messages that change more slowly are requested at lower rates.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -58,25 +59,25 @@ class Streams:
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """Vital messages asked for and not heard since, for the health report."""
+        """Vital messages that were requested and have not arrived since, for the health report."""
         return tuple(
             number
             for number, stream in self._streams.items()
-            if stream.is_vital and stream.asked_s is not None and stream.received_s <= stream.asked_s
+            if stream.is_vital and stream.requested_s is not None and stream.received_s <= stream.requested_s
         )
 
     @property
     def settings(self) -> AutopilotSettings:
-        """What the autopilot has told of how it flies."""
+        """Autopilot settings received so far."""
         return self._reader.settings
 
     @property
     def wanted(self) -> dict[int, float]:
-        """Rates that the vital messages are asked for at [Hz]."""
+        """Requested rates of the vital messages [Hz]."""
         return {number: stream.rate_hz for number, stream in self._streams.items() if stream.is_vital}
 
     def note(self, frame: DecodedFrame, stamp_s: float) -> None:
-        """Take note of a frame of the vehicle's; what others send says nothing of its streams."""
+        """Take a frame of the vehicle; only frames of its autopilot count."""
         for event in frame.events:
             if isinstance(event, Heartbeat) and event.dialect is not self._autopilot:
                 self._autopilot = event.dialect
@@ -89,24 +90,24 @@ class Streams:
             return
         self._reader.note(frame)
         if stream is not None:
-            stream.hear(stamp_s)
+            stream.note_received(stamp_s)
 
     def due(self, codec: Codec, now_s: float) -> bytes:
         """Return the requests to send now; call it about once a second."""
         requests = []
         for number, stream in self._streams.items():
             if stream.is_due(now_s):
-                stream.ask(now_s)
+                stream.note_requested(now_s)
                 requests.append(codec.set_message_interval(number, stream.rate_hz))
                 if (
                     number == MessageId.HOME_POSITION
-                ):  # sent on change only: the interval alone may never bring it
+                ):  # It is sent on change only, so an interval is not enough.
                     requests.append(codec.request_message(MessageId.HOME_POSITION))
         return b"".join(requests) + self._reader.due(codec)
 
     def _wanted(self, dialect: Dialect, now_s: float) -> dict[int, _Stream]:
         fast, slow = self._rate_hz, 1.0
-        wind = MessageId.WIND_COV if dialect.tells_covariances else MessageId.WIND
+        wind = MessageId.WIND_COV if dialect.sends_covariances else MessageId.WIND
         rates = {
             MessageId.GLOBAL_POSITION_INT: (fast, True),
             MessageId.ATTITUDE: (fast, False),
@@ -119,6 +120,6 @@ class Streams:
             MessageId.HOME_POSITION: (0.5, False),
             MessageId.ADSB_VEHICLE: (min(fast, 5.0), False),
         }
-        health = MessageId.ESTIMATOR_STATUS if dialect.tells_covariances else MessageId.EKF_STATUS_REPORT
+        health = MessageId.ESTIMATOR_STATUS if dialect.sends_covariances else MessageId.EKF_STATUS_REPORT
         rates[health] = (slow, False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

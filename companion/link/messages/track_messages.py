@@ -1,9 +1,8 @@
-"""Sightings of other vehicles, in whatever message they come.
+"""Decoding of the messages that report other vehicles.
 
-One vehicle may be seen by several messages and through several links; the identity says which
-sightings belong together. Sources differ in what their altitude counts from (pressure, ellipsoid
-or mean sea level): that is kept apart by type, and each is brought to mean sea level
-(:mod:`companion.link.messages.heights`).
+One vehicle may be reported by several messages and over several links; the identity shows which reports
+belong together. Sources differ in the reference of their altitude (pressure, ellipsoid or mean sea level).
+Each altitude is converted to mean sea level (:mod:`companion.link.messages.heights`).
 
 References
 ----------
@@ -32,7 +31,7 @@ from companion.types.events import Emitter, TrackReport
 from companion.types.mavlink_enums import AdsbAltitudeType, ComponentId, EmitterType, VehicleType
 
 _ECHO_MEMORY_S = 10.0
-ECHO_IDENTITIES_MAX = 10_000  # more are forgotten, the longest unheard first
+ECHO_IDENTITIES_MAX = 10_000  # Of more identities, those that were received longest ago are forgotten.
 _AGE_MAX_S = 60.0
 _STD_MAX_M = 10_000.0
 _SURFACE_EMITTERS = frozenset(EmitterType)
@@ -49,7 +48,7 @@ _UNKNOWN_SPEED = 0xFFFF
 _RID_UNKNOWN_SPEED_CM_S = 25_500
 _RID_UNKNOWN_COURSE_CDEG = 36_100
 _RID_UNKNOWN_CLIMB_CM_S = 6_300
-# MAV_ODID_HOR_ACC bounds 95 % of the errors; of a circular normal distribution 95 % lie in 2.45 σ.
+# MAV_ODID_HOR_ACC bounds 95 % of the errors. Of a circular normal distribution, 95 % lies within 2.45 σ.
 _RID_BOUNDS_M = (None, 18_520, 7_408, 3_704, 1_852, 926, 555.6, 185.2, 92.6, 30, 10, 3, 1)
 _RID_UNKNOWN_ALTITUDE_M = -1_000.0
 _ADSB_DATUMS = {
@@ -59,13 +58,13 @@ _ADSB_DATUMS = {
 _SIGMAS_95 = 2.4477
 
 ReportParts = tuple[
-    str,  # identity
+    str,  # Identity.
     Emitter,
-    float,  # age [s]
-    tuple[float, float],  # latitude, longitude [deg]
+    float,  # Age [s].
+    tuple[float, float],  # Latitude and longitude [deg].
     Height,
-    tuple[float, float, float] | None,  # velocity east, north, up [m/s]
-    float | None,  # one-sigma position accuracy [m]
+    tuple[float, float, float] | None,  # Velocity east, north, up [m/s].
+    float | None,  # Standard deviation of the position [m].
 ]
 
 
@@ -74,7 +73,7 @@ def _above_sea(value_m: float) -> Height:
 
 
 def _remote_id_height(message: Message) -> Height:
-    """The ellipsoidal altitude, else the pressure's; -1000 m stands for unknown."""
+    """Return the ellipsoidal altitude, else the pressure altitude; -1000 m means unknown."""
     for value_m, datum in (
         (message.altitude_geodetic, Datum.ELLIPSOID), (message.altitude_barometric, Datum.PRESSURE),
     ):  # fmt: skip
@@ -94,9 +93,9 @@ class Tracks:
     Parameters
     ----------
     telemetry : Telemetry
-        Knows the own system id and the height of home.
+        Knows our own system id and the altitude of home.
     sources : collection of int, optional
-        System ids that are believed; None: all.
+        Accepted system ids; None accepts all.
     """
 
     def __init__(self, telemetry: Telemetry, sources: Collection[int] | None) -> None:
@@ -114,30 +113,37 @@ class Tracks:
         }
 
     def note_heartbeat(self, message: Message, frame: RawFrame) -> None:
-        """Remember what kind of vehicle a system is."""
-        if message.type not in (18, 26, 27, 30):  # onboard controller, gimbal, ADS-B, camera: parts of one
+        """Record the vehicle type of a system."""
+        if message.type not in (
+            18,
+            26,
+            27,
+            30,
+        ):  # Onboard controller, gimbal, ADS-B, camera: parts of a vehicle.
             self._types[frame.system_id] = message.type
 
     def report(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> TrackReport | None:
-        """Decode a sighting; None for other messages and for the own position.
+        """Decode a track message; None for other messages and for our own position.
 
         Raises
         ------
         RefusedError
-            For values that cannot be true, unlisted sources and echoes.
+            For impossible values, sources that are not listed, and echoes.
         """
         decoder = self._decoders.get(kind)
-        # Until it is known which vehicle is the own one, none may be taken for another.
+        # Until our own vehicle is known, no position may be taken for that of another.
         is_own = self._telemetry.vehicle_system_id in (None, frame.system_id)
         if decoder is None or (
             is_own and kind in ("GLOBAL_POSITION_INT", "UTM_GLOBAL_POSITION", "FOLLOW_TARGET")
         ):
             return None
         if kind == "OPEN_DRONE_ID_LOCATION" and not any(message.id_or_mac):
-            return None  # what a vehicle says of itself; of others it would name them
+            return None  # Without an id it describes the sender itself.
         if self._sources is not None and frame.system_id not in self._sources:
             raise RefusedError("track_unlisted")
-        identity, emitter, age_s, (latitude, longitude), height, moving, std = decoder(message, frame)
+        identity, emitter, age_s, (latitude, longitude), height, velocity_enu_m_s, std = decoder(
+            message, frame
+        )
         self._check_echo(identity, frame, stamp_s)
         if age_s > _AGE_MAX_S:
             raise RefusedError("track_old")
@@ -149,30 +155,30 @@ class Tracks:
             latitude_deg=latitude,
             longitude_deg=longitude,
             altitude_amsl_m=altitude(self._telemetry.heights.above_sea_m(height), "track_altitude"),
-            velocity_enu_m_s=moving,
+            velocity_enu_m_s=velocity_enu_m_s,
             position_std_m=std,
         )
 
     def _check_echo(self, identity: str, frame: RawFrame, stamp_s: float) -> None:
-        """Refuse what the autopilot repeats of others under its own ids.
+        """Refuse a report that the autopilot repeats under its own ids.
 
-        A receiver wired to the autopilot speaks under the same ids, so it is an echo only when
-        the same vehicle was lately heard from somebody else as well.
+        A receiver wired to the autopilot uses the same ids. The report is therefore an echo only if the same
+        vehicle was recently reported by another sender as well.
         """
         autopilot = (self._telemetry.vehicle_system_id, ComponentId.AUTOPILOT1)
         if (frame.system_id, frame.component_id) != autopilot:
-            self._seen_elsewhere_s.pop(identity, None)  # to the end: the dict is in the order of hearing
+            self._seen_elsewhere_s.pop(identity, None)  # Keeps the dictionary ordered by time.
             self._seen_elsewhere_s[identity] = stamp_s
         elif stamp_s - self._seen_elsewhere_s.get(identity, -math.inf) <= _ECHO_MEMORY_S:
             raise RefusedError("track_echo")
-        # Two go for each that comes: what a flood left shrinks again, at a bounded cost a frame.
+        # Removing two per report lets the dictionary shrink after a flood, at a bounded cost per frame.
         for oldest, seen in list(itertools.islice(self._seen_elsewhere_s.items(), 2)):
             is_crowded = len(self._seen_elsewhere_s) > ECHO_IDENTITIES_MAX
             if is_crowded or stamp_s - seen > _ECHO_MEMORY_S:
                 del self._seen_elsewhere_s[oldest]
 
     def _emitter(self, system_id: int) -> Emitter:
-        """Ground if the system says so: of one unknown the worse is assumed, obstacles do not stop it."""
+        """Return ground if the system says so; an unknown system counts as air, the worse case."""
         return Emitter.GROUND if self._types.get(system_id) in _SURFACE_TYPES else Emitter.AIR
 
     def _adsb(self, message: Message, _frame: RawFrame) -> ReportParts:
@@ -182,18 +188,18 @@ class Tracks:
         if not has_place:
             raise RefusedError("track_position")
         emitter = Emitter.GROUND if message.emitter_type in _SURFACE_EMITTERS else Emitter.AIR
-        moving = None
+        velocity_enu_m_s = None
         speed = message.hor_velocity
         if has_velocity and speed != _UNKNOWN_SPEED and (has_course or speed == 0):
             climb = message.ver_velocity * 1e-2 if emitter is Emitter.AIR else 0.0
-            moving = _along_course(message.heading, speed * 1e-2, climb)
+            velocity_enu_m_s = _along_course(message.heading, speed * 1e-2, climb)
         return (
             self._adsb_identity(message),
             emitter,
             float(message.tslc),
             place(message.lat, message.lon, "track_position"),
             self._adsb_height(message, emitter, is_reported=has_altitude),
-            moving,
+            velocity_enu_m_s,
             None,
         )
 
@@ -206,20 +212,20 @@ class Tracks:
         return f"callsign:{callsign}"
 
     def _adsb_height(self, message: Message, emitter: Emitter, *, is_reported: bool) -> Height:
-        """Transponders tell the pressure's, whatever the QNH; what is geometric is the receiver's."""
+        """Return the altitude; transponders report pressure altitude, whatever the QNH."""
         if is_reported:
             datum = _ADSB_DATUMS.get(message.altitude_type, Datum.PRESSURE)
             return Height(altitude(message.altitude * 1e-3, "track_altitude"), datum)
         if emitter is Emitter.AIR or self._telemetry.home_altitude_amsl_m is None:
             raise RefusedError("track_altitude")
-        return _above_sea(self._telemetry.home_altitude_amsl_m)  # the ground's height near here
+        return _above_sea(self._telemetry.home_altitude_amsl_m)  # The ground is about as high as home.
 
     def _ais(self, message: Message, _frame: RawFrame) -> ReportParts:
         if not message.MMSI:
             raise RefusedError("track_identity")
-        moving = None
+        velocity_enu_m_s = None
         if message.flags & 0x02 and message.flags & 0x04:
-            moving = _along_course(message.COG, message.velocity * 1e-2, 0.0)
+            velocity_enu_m_s = _along_course(message.COG, message.velocity * 1e-2, 0.0)
         where = place(message.lat, message.lon, "track_position")
         std = 10.0 / _SIGMAS_95 if message.flags & 0x01 else None
         return (
@@ -228,20 +234,20 @@ class Tracks:
             float(message.tslc),
             where,
             _above_sea(0.0),
-            moving,
+            velocity_enu_m_s,
             std,
         )
 
     def _remote_id(self, message: Message, _frame: RawFrame) -> ReportParts:
         identity = bytes(message.id_or_mac).rstrip(b"\0").hex()
-        moving = None
+        velocity_enu_m_s = None
         if (
             message.speed_horizontal < _RID_UNKNOWN_SPEED_CM_S
             and message.direction < _RID_UNKNOWN_COURSE_CDEG
         ):
             climb = message.speed_vertical
             climb_m_s = 0.0 if climb >= _RID_UNKNOWN_CLIMB_CM_S else climb * 1e-2
-            moving = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
+            velocity_enu_m_s = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
         accuracy = message.horizontal_accuracy
         bound = _RID_BOUNDS_M[accuracy] if accuracy < len(_RID_BOUNDS_M) else None
         return (
@@ -250,7 +256,7 @@ class Tracks:
             0.0,
             place(message.latitude, message.longitude, "track_position"),
             _remote_id_height(message),
-            moving,
+            velocity_enu_m_s,
             None if bound is None else bound / _SIGMAS_95,
         )
 
@@ -270,10 +276,10 @@ class Tracks:
             raise RefusedError("track_position")
         if not message.flags & 0x08:
             raise RefusedError("track_altitude")
-        moving = None
+        velocity_enu_m_s = None
         if message.flags & 0x20:
             up = -message.vz * 1e-2 if message.flags & 0x40 else 0.0
-            moving = velocity(message.vy * 1e-2, message.vx * 1e-2, up, "track_velocity")
+            velocity_enu_m_s = velocity(message.vy * 1e-2, message.vx * 1e-2, up, "track_velocity")
         named = bytes(message.uas_id).rstrip(b"\0").hex() if message.flags & 0x02 else ""
         return (
             f"utm:{named}" if named else f"system:{frame.system_id}",
@@ -281,15 +287,15 @@ class Tracks:
             0.0,
             place(message.lat, message.lon, "track_position"),
             Height(altitude(message.alt * 1e-3, "track_altitude"), Datum.ELLIPSOID),
-            moving,
+            velocity_enu_m_s,
             message.h_acc * 1e-3 or None,
         )
 
     def _follow(self, message: Message, frame: RawFrame) -> ReportParts:
-        moving = None
+        velocity_enu_m_s = None
         if message.est_capabilities & 0x02:
             north, east, down = (finite(value, SPEED_MAX_M_S, "track_velocity") for value in message.vel)
-            moving = velocity(east, north, -down, "track_velocity")
+            velocity_enu_m_s = velocity(east, north, -down, "track_velocity")
         std = finite(message.position_cov[0], _STD_MAX_M, "track_accuracy")
         return (
             f"system:{frame.system_id}",
@@ -297,6 +303,6 @@ class Tracks:
             0.0,
             place(message.lat, message.lon, "track_position"),
             _above_sea(message.alt),
-            moving,
+            velocity_enu_m_s,
             std if std > 0.0 else None,
         )

@@ -1,8 +1,8 @@
-"""Who the vehicle is: its system, the address it speaks from, and whether its heartbeats can all be true.
+"""Identifies the vehicle: its system id, its address, and whether its heartbeats are consistent.
 
-Without signatures anybody can say anything under any ids. What can be done is done: nobody becomes the
-vehicle by being first, nobody takes its place while it speaks, and where two say contradictory things
-under its ids, neither is acted on.
+Without signatures anybody can send under any ids. Therefore nobody becomes the vehicle by being first, and
+nobody replaces the vehicle while it sends. If two senders contradict each other under its ids, the service
+acts on neither.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from companion.link.wire.transport import Address
 from companion.types.events import Dialect
 from companion.types.mavlink_enums import ComponentId
 
-SETTLED_S = 0.9  # from the first heartbeat of a candidate to one that makes it the vehicle
-HEARTBEATS_ALONE = 5  # of a candidate that sends nothing else until it is asked
-PEER_SILENT_S = 5.0  # after which the vehicle may speak from another address
-DIALECT_SILENT_S = 5.0  # after which it may be another autopilot, on the ground
+CANDIDATE_MIN_S = 0.9  # A candidate becomes the vehicle only this long after its first heartbeat.
+HEARTBEATS_SUFFICIENT = (
+    5  # Heartbeats that suffice from a candidate that sends nothing else until it is asked.
+)
+PEER_TIMEOUT_S = 5.0  # After this silence the vehicle may send from another address.
+DIALECT_TIMEOUT_S = 5.0  # After this silence a disarmed vehicle may be another autopilot.
 CHANGES_S = 4.0
-ARMED_CHANGES_MAX, MODE_CHANGES_MAX = 1, 2  # within that time; more come from two senders
-DISBELIEVED_S = 5.0  # after a contradiction
+ARMED_CHANGES_MAX, MODE_CHANGES_MAX = 1, 2  # More changes within CHANGES_S come from two senders.
+DISTRUST_S = 5.0  # Heartbeats are not trusted for this time after a contradiction.
 CANDIDATES_MAX = OTHERS_MAX = 16
 
 
@@ -31,19 +33,19 @@ class _Candidate:
     num_others: int = 0
 
     def note(self, *, is_heartbeat: bool) -> None:
-        """Count a frame of it."""
+        """Count a frame of the candidate."""
         self.num_heartbeats += is_heartbeat
         self.num_others += not is_heartbeat
 
     def is_settled(self, stamp_s: float) -> bool:
-        """Whether it has sent what an autopilot sends, for a while."""
-        enough = self.num_heartbeats >= (2 if self.num_others else HEARTBEATS_ALONE)
-        return enough and stamp_s - self.first_s >= SETTLED_S
+        """Return whether it has sent for a while what an autopilot sends."""
+        enough = self.num_heartbeats >= (2 if self.num_others else HEARTBEATS_SUFFICIENT)
+        return enough and stamp_s - self.first_s >= CANDIDATE_MIN_S
 
 
 @dataclass(slots=True)
-class _Told:
-    """What the vehicle's heartbeats say, and when that changed."""
+class _ReportedState:
+    """The state reported by the vehicle's heartbeats, and the times of its changes."""
 
     dialect: Dialect
     stamp_s: float
@@ -54,22 +56,22 @@ class _Told:
 
 
 class VehicleIdentity:
-    """Knows the vehicle.
+    """Identifies the vehicle.
 
     Parameters
     ----------
     named : int or None
-        System id that the mission file names; None: the first autopilot that is heard for a while and
-        sends what an autopilot sends.
+        System id from the mission file; None selects the first autopilot that sends for a while what an
+        autopilot sends.
 
     Attributes
     ----------
     system_id : int or None
-        The vehicle's, None until it is known.
+        System id of the vehicle; None until it is known.
     peer : Address or None
-        Where it speaks from; None where a line has no addresses, or before it was heard.
+        Address of the vehicle; None on a line without addresses, and before the first frame.
     others : list of int
-        Systems of other autopilots on the link, sixteen at most.
+        System ids of other autopilots on the link, at most 16.
     """
 
     def __init__(self, named: int | None) -> None:
@@ -78,22 +80,23 @@ class VehicleIdentity:
         self.others: list[int] = []
         self._peer_heard_s = -math.inf
         self._candidates: dict[tuple[int, Address | None], _Candidate] = {}
-        self._told: _Told | None = None
-        self._disbelieved_until_s = -math.inf
+        self._reported: _ReportedState | None = None
+        self._distrusted_until_s = -math.inf
 
     def is_autopilot(self, system_id: int, component_id: int) -> bool:
-        """Whether a frame has the ids of the vehicle's autopilot."""
+        """Return whether these are the ids of the vehicle's autopilot."""
         return system_id == self.system_id and component_id == ComponentId.AUTOPILOT1
 
-    def is_at_its_place(self, stamp_s: float, address: Address | None, *, is_verified: bool) -> bool:
-        """Whether a frame with the vehicle's ids comes from where the vehicle speaks.
+    def is_from_vehicle_address(self, stamp_s: float, address: Address | None, *, is_verified: bool) -> bool:
+        """Return whether a frame with the vehicle's ids comes from the vehicle's address.
 
-        Another address becomes that by a verified frame, once the former was silent for five seconds.
+        A verified frame from another address changes the vehicle's address if the former one has been silent
+        for five seconds.
         """
         if address is None:
             return True
         if address != self.peer:
-            if not is_verified or stamp_s - self._peer_heard_s <= PEER_SILENT_S:
+            if not is_verified or stamp_s - self._peer_heard_s <= PEER_TIMEOUT_S:
                 return False
             self.peer = address
         if is_verified:
@@ -101,14 +104,14 @@ class VehicleIdentity:
         return True
 
     def note_frame(self, system_id: int, stamp_s: float, address: Address | None) -> None:
-        """Take note of what an autopilot's component sends besides heartbeats, until the vehicle is known."""
+        """Record a frame other than a heartbeat of an autopilot component, until the vehicle is known."""
         candidate = self._candidates.get((system_id, address))
         if self.system_id is None and candidate is not None:
             candidate.note(is_heartbeat=False)
             self._settle(system_id, candidate, stamp_s, address)
 
     def note_heartbeat(self, system_id: int, stamp_s: float, address: Address | None) -> None:
-        """Take note of an autopilot's heartbeat; it may be that by which the vehicle is known."""
+        """Record a heartbeat of an autopilot, which may identify the vehicle."""
         if self.system_id is None:
             key = system_id, address
             if key not in self._candidates:
@@ -127,42 +130,47 @@ class VehicleIdentity:
         self.others = sorted({system for system, _ in self._candidates} - {system_id})
         self._candidates.clear()
 
-    def believed(
+    def accept_heartbeat(
         self, dialect: Dialect, mode: str, stamp_s: float, *, is_armed: bool
     ) -> tuple[Dialect, bool, bool]:
-        """What is believed of a heartbeat of the vehicle's.
+        """Return what is accepted of a heartbeat of the vehicle.
 
         Parameters
         ----------
         dialect, mode, is_armed
-            What it says.
+            Contents of the heartbeat.
         stamp_s : float
-            When it came [s].
+            Time of arrival [s].
 
         Returns
         -------
         tuple
-            Dialect, whether the aircraft is armed, and whether heartbeats contradict each other. The dialect
-            is fixed while the aircraft is armed, and for as long as heartbeats of it come.
+            The dialect, whether the aircraft is armed, and whether heartbeats contradict each other. The
+            dialect does not change while the aircraft is armed, or while heartbeats of that dialect arrive.
         """
-        told = self._told
-        if told is None or (
-            dialect is not told.dialect and not told.is_armed and stamp_s - told.stamp_s > DIALECT_SILENT_S
+        reported = self._reported
+        if reported is None or (
+            dialect is not reported.dialect
+            and not reported.is_armed
+            and stamp_s - reported.stamp_s > DIALECT_TIMEOUT_S
         ):
-            told = self._told = _Told(dialect, stamp_s, is_armed, mode)
-        if dialect is not told.dialect:
-            self._disbelieved_until_s = stamp_s + DISBELIEVED_S
-            return told.dialect, told.is_armed, True
-        _note_change(told.armed_changes_s, stamp_s, is_change=is_armed is not told.is_armed)
-        _note_change(told.mode_changes_s, stamp_s, is_change=mode != told.mode)
-        told.stamp_s, told.is_armed, told.mode = stamp_s, is_armed, mode
-        if len(told.armed_changes_s) > ARMED_CHANGES_MAX or len(told.mode_changes_s) > MODE_CHANGES_MAX:
-            self._disbelieved_until_s = stamp_s + DISBELIEVED_S
-        return dialect, is_armed, stamp_s < self._disbelieved_until_s
+            reported = self._reported = _ReportedState(dialect, stamp_s, is_armed, mode)
+        if dialect is not reported.dialect:
+            self._distrusted_until_s = stamp_s + DISTRUST_S
+            return reported.dialect, reported.is_armed, True
+        _note_change(reported.armed_changes_s, stamp_s, is_change=is_armed is not reported.is_armed)
+        _note_change(reported.mode_changes_s, stamp_s, is_change=mode != reported.mode)
+        reported.stamp_s, reported.is_armed, reported.mode = stamp_s, is_armed, mode
+        if (
+            len(reported.armed_changes_s) > ARMED_CHANGES_MAX
+            or len(reported.mode_changes_s) > MODE_CHANGES_MAX
+        ):
+            self._distrusted_until_s = stamp_s + DISTRUST_S
+        return dialect, is_armed, stamp_s < self._distrusted_until_s
 
 
 def _note_change(changes_s: list[float], stamp_s: float, *, is_change: bool) -> None:
-    """Keep the changes of the last seconds, as many as are needed to tell."""
+    """Keep the times of recent changes, at most as many as the decision needs."""
     changes_s[:] = [at for at in changes_s if stamp_s - at <= CHANGES_S][-MODE_CHANGES_MAX - 1 :]
     if is_change:
         changes_s.append(stamp_s)

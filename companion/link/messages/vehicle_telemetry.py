@@ -1,4 +1,4 @@
-"""The autopilot's own messages as events, each value checked before it is believed."""
+"""Decoding of the vehicle's messages into events; every value is checked for plausibility."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from companion.types.mavlink_enums import EkfStatusFlag, EstimatorStatusFlag, Gp
 
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
-NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, is one from before the first fix.
+NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, was sent before the first fix.
 
 _NO_MISSION = 0xFFFF
-_REORDERED_MS = 2_000  # a frame this late on one link is the clock having gone back, not a detour
+_REORDERED_MS = 2_000  # A frame that is older than this shows a restarted clock, not a late frame.
 _STD_MAX_M = 10_000.0
 
-Message = Any  # a pymavlink message; its fields are set at run time
+Message = Any  # A pymavlink message, whose fields are set at run time.
 
 
 class RefusedError(Exception):
-    """A value that cannot be true; ``reason`` is what it is counted under."""
+    """An impossible value; ``reason`` is the name of its counter."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -49,16 +49,16 @@ class RefusedError(Exception):
 
 
 def finite(value: float, limit: float, reason: str) -> float:
-    """Return the value if it is finite and within ± limit."""
+    """Return the value if it is finite and within ± limit, else raise RefusedError."""
     if not (math.isfinite(value) and abs(value) <= limit):
         raise RefusedError(reason)
     return float(value)
 
 
 def place(latitude_e7: int, longitude_e7: int, reason: str) -> tuple[float, float]:
-    """Latitude and longitude [deg] of 1e-7 degrees.
+    """Convert latitude and longitude from 1e-7 degrees to degrees; raise RefusedError if impossible.
 
-    An autopilot without a fix reports (0, 0), or drifts about it: ArduPlane's filter integrates from there.
+    An autopilot without a fix reports (0, 0), or a position that drifts from there: ArduPlane's filter does.
     """
     latitude, longitude = latitude_e7 * 1e-7, longitude_e7 * 1e-7
     is_on_earth = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
@@ -68,7 +68,7 @@ def place(latitude_e7: int, longitude_e7: int, reason: str) -> tuple[float, floa
 
 
 def altitude(value_m: float, reason: str) -> float:
-    """Return the altitude [m] if it is one that an aircraft can have."""
+    """Return the altitude [m] if an aircraft can have it, else raise RefusedError."""
     low, high = ALTITUDE_RANGE_M
     if not (math.isfinite(value_m) and low <= value_m <= high):
         raise RefusedError(reason)
@@ -76,19 +76,19 @@ def altitude(value_m: float, reason: str) -> float:
 
 
 def velocity(east_m_s: float, north_m_s: float, up_m_s: float, reason: str) -> tuple[float, float, float]:
-    """Return east, north and up [m/s] if an aircraft can be that fast."""
+    """Return east, north and up [m/s] if an aircraft can be that fast, else raise RefusedError."""
     if not (math.hypot(east_m_s, north_m_s, up_m_s) <= SPEED_MAX_M_S):  # NaN compares false
         raise RefusedError(reason)
     return float(east_m_s), float(north_m_s), float(up_m_s)
 
 
 class Telemetry:
-    """Decodes what the own autopilot sends.
+    """Decodes the messages of the vehicle's autopilot.
 
     Parameters
     ----------
     identity : VehicleIdentity
-        Knows which system is the vehicle, and what is believed of its heartbeats.
+        Knows the vehicle's system id and what is accepted of its heartbeats.
     """
 
     def __init__(self, identity: VehicleIdentity) -> None:
@@ -105,24 +105,24 @@ class Telemetry:
             "EKF_STATUS_REPORT": self._health,
             "GPS_RAW_INT": self._fix,
             "MISSION_CURRENT": self._mission_current,
-            "MISSION_ITEM_REACHED": self._reached,
-            "EXTENDED_SYS_STATE": self._landed,
+            "MISSION_ITEM_REACHED": lambda m, _frame, stamp_s: MissionItemReached(stamp_s, m.seq),
+            "EXTENDED_SYS_STATE": lambda m, _frame, stamp_s: LandedReported(stamp_s, m.landed_state),
             "HOME_POSITION": self._home,
             "STATUSTEXT": self._text,
         }
 
     @property
     def vehicle_system_id(self) -> int | None:
-        """System id of the vehicle, None until it is known."""
+        """System id of the vehicle; None until it is known."""
         return self._identity.system_id
 
     def events(self, kind: str, message: Message, frame: RawFrame, stamp_s: float) -> Iterator[Event]:
-        """Decode a message, by whoever sent it; what it tells before a value that cannot be true, is told.
+        """Decode a message of any sender; events before an impossible value are kept.
 
         Raises
         ------
         RefusedError
-            For values that cannot be true.
+            For impossible values.
         """
         if kind == "HEARTBEAT":
             yield from self._heartbeat(message, frame, stamp_s)
@@ -144,7 +144,7 @@ class Telemetry:
             return []
         mode, is_mission = flight_mode(dialect, message.type, message.base_mode, message.custom_mode)
         is_armed = bool(message.base_mode & ModeFlag.SAFETY_ARMED)
-        dialect, is_armed, is_contradicted = self._identity.believed(
+        dialect, is_armed, is_contradicted = self._identity.accept_heartbeat(
             dialect, mode, stamp_s, is_armed=is_armed
         )
         return [
@@ -170,7 +170,7 @@ class Telemetry:
             yield self._attitude(message, stamp_s)
 
     def _has_rebooted(self, boot_ms: int) -> bool:
-        """Tell a reboot from a frame that comes late: after a reboot the clock goes on from low."""
+        """Distinguish a reboot from a late frame: after a reboot the clock continues from a low value."""
         if self._boot_ms is None or boot_ms > self._boot_ms - _REORDERED_MS:
             self._boot_ms = max(boot_ms, self._boot_ms or 0)
             self._suspect_boot_ms = None
@@ -190,7 +190,7 @@ class Telemetry:
         moving = velocity(message.vy * 1e-2, message.vx * 1e-2, -message.vz * 1e-2, "velocity")
         self._position_boot_ms = message.time_boot_ms
         self.home_altitude_amsl_m = above_sea - above_home
-        self.heights.note_own(above_sea)
+        self.heights.note_altitude(above_sea)
         return GlobalPosition(
             stamp_s=stamp_s,
             boot_s=message.time_boot_ms * 1e-3,
@@ -210,13 +210,13 @@ class Telemetry:
         return AirData(stamp_s, airspeed, finite(message.groundspeed, SPEED_MAX_M_S, "ground_speed"))
 
     def _wind(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
-        """WIND of ArduPilot: the direction it comes from."""
+        """Decode WIND of ArduPilot, which gives the direction that the wind comes from."""
         direction = math.radians(finite(message.direction, 720.0, "wind"))
         speed = finite(message.speed, 150.0, "wind")
         return WindEstimate(stamp_s, -speed * math.sin(direction), -speed * math.cos(direction))
 
     def _wind_cov(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
-        """WIND_COV of PX4: north and east velocity of the air; an accuracy of 0 or NaN is none."""
+        """Decode WIND_COV of PX4: the air's velocity north and east; an accuracy of 0 or NaN is unknown."""
         east, north = finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
         told = message.horiz_accuracy
         return WindEstimate(stamp_s, east, north, told if 0.0 < told < SPEED_MAX_M_S else WIND_STD_M_S)
@@ -229,10 +229,10 @@ class Telemetry:
         return EstimatorAccuracy(stamp_s, horizontal, vertical)
 
     def _health(self, message: Message, frame: RawFrame, stamp_s: float) -> EstimatorHealth:
-        """EKF_STATUS_REPORT and ESTIMATOR_STATUS: whether the estimator has a position at all."""
+        """Decode EKF_STATUS_REPORT and ESTIMATOR_STATUS: whether the estimator has a position."""
         is_px4 = frame.message_id == MessageId.ESTIMATOR_STATUS
         glitch = EstimatorStatusFlag.GPS_GLITCH if is_px4 else EkfStatusFlag.GPS_GLITCHING
-        fault = ""  # the other two bits are the same in both
+        fault = ""  # The other two bits are the same in both messages.
         if not message.flags & EkfStatusFlag.POS_HORIZ_ABS:
             fault = "the autopilot has no position"
         elif message.flags & EkfStatusFlag.CONST_POS_MODE:
@@ -248,7 +248,7 @@ class Telemetry:
         return EstimatorHealth(stamp_s, "GPS_RAW_INT", fault)
 
     def _mission_current(self, message: Message, frame: RawFrame, stamp_s: float) -> MissionCurrent:
-        payload = frame.payload.ljust(18, b"\0")  # the lists' names are younger than the dialect
+        payload = frame.payload.ljust(18, b"\0")  # The dialect does not know the ids of the lists yet.
         total = int.from_bytes(payload[2:4], "little")
         return MissionCurrent(
             stamp_s=stamp_s,
@@ -259,12 +259,6 @@ class Telemetry:
             rally_id=int.from_bytes(payload[14:18], "little"),
             fence_id=int.from_bytes(payload[10:14], "little"),
         )
-
-    def _reached(self, message: Message, _frame: RawFrame, stamp_s: float) -> MissionItemReached:
-        return MissionItemReached(stamp_s, message.seq)
-
-    def _landed(self, message: Message, _frame: RawFrame, stamp_s: float) -> LandedReported:
-        return LandedReported(stamp_s, message.landed_state)
 
     def _home(self, message: Message, _frame: RawFrame, stamp_s: float) -> HomePosition:
         latitude, longitude = place(message.latitude, message.longitude, "home")

@@ -1,5 +1,5 @@
-"""Missions to and from the autopilot: our own transfers, MAVSDK's readings, and what others' transfers tell.
+"""Mission transfers: our own uploads and downloads, MAVSDK's downloads, and observation of other transfers.
 
-Waits by the clock that it is given and sends by the callable that it is given. The reader is the only place
-that knows MAVSDK, and the only one that goes by the computer's clock.
+Code here waits by a given clock and sends by a given function. Only the reader imports MAVSDK, and only the
+reader depends on the computer's clock.
 """

@@ -1,14 +1,14 @@
-"""MissionDownload lists from the autopilot by MAVSDK. The only place that knows it.
+"""Downloads of the autopilot's lists by MAVSDK. Only this module imports MAVSDK.
 
-MAVSDK runs in this process on a ``raw://`` connection: what it needs to hear is passed in, what it wants
-to say is handed to the transport. It speaks the mission protocol and nothing else: its heartbeats and
-questions are dropped, since ``Codec``, ``Streams`` and ``answer`` do that part.
+MAVSDK runs in this process on a ``raw://`` connection: messages that it needs are passed in, and messages
+that it sends are passed to the transport. Only its messages of the mission protocol are sent. Its heartbeats
+and requests are dropped, since ``Codec``, ``Streams`` and ``answer`` do that part.
 
 Notes
 -----
-MAVSDK's time-outs count the computer's clock, not ours: what it asks it asks again every 0.5 s, five
-times (measured with 4.1.0). A simulation's time has to be held while it is MAVSDK's turn, and to go on
-when a frame was lost.
+MAVSDK's time-outs follow the computer's clock, not the service's: it repeats a request every 0.5 s, five
+times (measured with 4.1.0). A simulation must stop its time while MAVSDK is about to send, and continue when
+a frame was lost.
 """
 
 from __future__ import annotations
@@ -49,23 +49,21 @@ MISSION_MESSAGES = frozenset(
 )
 _DISCOVERY_S = 5.0
 _ACKNOWLEDGE_S = 0.5
-_END_S = 6.0  # discovery cannot be broken off, nor the reading of rally points: asked for during 3 s
-_LEFT: list[object] = []
+_END_S = 6.0  # Discovery cannot be aborted, nor the download of rally points, which repeats requests for 3 s.
+_UNDESTROYED: list[object] = []
 
 
 class MavsdkReader:
-    """Reads the autopilot's lists, one at a time.
+    """Downloads the autopilot's lists, one at a time.
 
     Parameters
     ----------
     codec : Codec
-        Codec of the link that MAVSDK is bridged to; it knows the vehicle's ids.
+        Codec of the link; it knows the vehicle's ids.
     send : callable
-        Takes bytes for the transport.
+        Passes bytes to the transport.
     counters : Counter of str
-        Where frames of MAVSDK's that were dropped are counted.
-    on_pending_change : callable, optional
-        Called with ``pending_calls`` whenever that changes.
+        Counts dropped frames of MAVSDK.
     timeout_s : float
         Wall-clock limit of one transfer, beyond MAVSDK's own limits.
     """
@@ -75,13 +73,11 @@ class MavsdkReader:
         codec: Codec,
         send: Callable[[bytes], None],
         counters: Counter[str],
-        on_pending_change: Callable[[int], None] | None,
         timeout_s: float,
     ) -> None:
         self._counters = counters
         self._codec = codec
         self._send = send
-        self._on_pending_change = on_pending_change
         self._timeout_s = timeout_s
         self._pending_calls = 0
         self._is_our_turn = False
@@ -90,30 +86,25 @@ class MavsdkReader:
         self._mavsdk: Any = None
         self._missions: Any = None
         self._systems: list[Any] = []
-        self._under_way: asyncio.Future[Any] | None = None
-        self._answered = threading.Event()  # the call begun last has come to its end, in MAVSDK's thread
+        self._pending_answer: asyncio.Future[Any] | None = None
+        self._answered = threading.Event()  # Set in MAVSDK's thread when the last call has ended.
         self._answered.set()
 
     @property
-    def pending_calls(self) -> int:
-        """How many calls of MAVSDK are under way."""
-        return self._pending_calls
+    def is_mavsdk_turn(self) -> bool:
+        """Whether MAVSDK is about to send the next message of a transfer, not the autopilot.
 
-    @property
-    def is_our_turn(self) -> bool:
-        """Whether a call is under way and the next word is MAVSDK's, not the autopilot's.
-
-        Simulated time stands still meanwhile: MAVSDK's threads would else take as much of it as they
-        happen to need.
+        Simulated time stands still meanwhile. Otherwise the simulated duration would depend on how long
+        MAVSDK's threads take.
         """
         return self._pending_calls > 0 and self._is_our_turn
 
-    def give_up_turn(self) -> None:
-        """MAVSDK has nothing to say: what it was passed was a repetition, or a part of the answer."""
+    def end_mavsdk_turn(self) -> None:
+        """Record that MAVSDK will send nothing: it received a repetition, or a part of the answer."""
         self._is_our_turn = False
 
     def receive(self, frame: DecodedFrame) -> None:
-        """Take a frame of the autopilot's."""
+        """Take a frame of the autopilot."""
         if any(isinstance(event, Heartbeat) for event in frame.events):
             self._heartbeat = self._codec.unsigned(frame.raw)
         is_awaited = self._pending_calls > 0 and frame.message_id in MISSION_MESSAGES
@@ -122,15 +113,15 @@ class MavsdkReader:
             self._mavsdk.pass_received_raw_bytes(self._codec.unsigned(frame.raw))
 
     async def download(self) -> tuple[MissionItem, ...]:
-        """Read the mission; TransferError when it could not be read completely."""
+        """Download the mission; raises TransferError if it is incomplete."""
         return await self._downloaded("download", lambda missions: missions.download_mission_async)
 
     async def download_rally_points(self) -> tuple[MissionItem, ...]:
-        """Read the rally points; TransferError when they could not be read completely."""
+        """Download the rally points; raises TransferError if they are incomplete."""
         return await self._downloaded("rally points", lambda missions: missions.download_rallypoints_async)
 
     async def close(self) -> None:
-        """End MAVSDK; a call under way fails."""
+        """Stop MAVSDK; a call that is under way fails."""
         instance, systems, missions = self._mavsdk, self._systems, self._missions
         self._mavsdk = self._missions = None
         self.abandon()
@@ -140,8 +131,8 @@ class MavsdkReader:
 
     def abandon(self) -> None:
         """Fail a call that is under way."""
-        if self._under_way is not None:
-            _settle(self._under_way, None)
+        if self._pending_answer is not None:
+            _settle(self._pending_answer, None)
 
     async def _downloaded(self, operation: str, chosen: Callable[[Any], Any]) -> tuple[MissionItem, ...]:
         missions = await self._connected()
@@ -154,25 +145,25 @@ class MavsdkReader:
         return tuple(item_of(raw) for raw in items)
 
     async def _connected(self) -> Any:  # noqa: ANN401
-        """Return MAVSDK's mission plugin, starting MAVSDK when it does not run."""
+        """Return MAVSDK's mission plugin; starts MAVSDK if it does not run."""
         if self._missions is not None:
             return self._missions
         loop = asyncio.get_running_loop()
         mavsdk.logging.log_subscribe(log_of_mavsdk)
         self._mavsdk = Mavsdk(Configuration.create_manual(self._codec.own_ids[0], COMPONENT_ID, False))
         self._mavsdk.add_any_connection("raw://")
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _hand_over(loop, self._outgoing, data))
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(lambda data: _call_in_loop(loop, self._outgoing, data))
         systems = self._systems = []
         answered = self._answered = threading.Event()
         with self._call() as found:
 
             def note(system: Any) -> None:  # noqa: ANN401
                 systems.append(system)
-                _hand_over(loop, _settle, found, system)
+                _call_in_loop(loop, _settle, found, system)
                 answered.set()
 
             self._mavsdk.first_autopilot_async(_DISCOVERY_S, note)
-            # The one heard last, or discovery would wait for the next.
+            # Passing the last heartbeat saves waiting for the next one.
             self._mavsdk.pass_received_raw_bytes(self._heartbeat)
             try:
                 system = await found
@@ -186,7 +177,7 @@ class MavsdkReader:
         return self._missions
 
     def _outgoing(self, data: bytes) -> None:
-        """Pass on what MAVSDK wants sent, in the loop."""
+        """Send a message of MAVSDK, in the event loop."""
         frame = raw_frame(data)
         message_id = frame.message_id
         if message_id in MISSION_MESSAGES:
@@ -203,21 +194,21 @@ class MavsdkReader:
         start: Callable[[Callable[[Any, Any], None]], None],
         operation: str,
     ) -> tuple[Any, Any]:
-        """Run one call of MAVSDK; stop it when it lasts too long or its caller is cancelled."""
+        """Run one call of MAVSDK; stop it if it takes too long or its caller is cancelled."""
         loop = asyncio.get_running_loop()
         self._has_acknowledged.clear()
         answered = self._answered = threading.Event()
         with self._call() as future:
 
             def done(result: Any, data: Any) -> None:  # noqa: ANN401
-                _hand_over(loop, _settle, future, (result, data))
+                _call_in_loop(loop, _settle, future, (result, data))
                 answered.set()
 
             start(done)
             try:
                 answer = await asyncio.wait_for(future, self._timeout_s)
             except TimeoutError:
-                await self.close()  # a call that hangs would hold up every later one
+                await self.close()  # A call that hangs would block every later one.
                 raise TransferError(operation, f"not finished after {self._timeout_s:g} s") from None
             except asyncio.CancelledError:
                 _cancel(self._missions)
@@ -226,7 +217,7 @@ class MavsdkReader:
                 raise TransferError(operation, "the link was closed")
             result, data = answer
             if result is MissionRawResult.SUCCESS:
-                # The result may overtake our acknowledgement, which then would leave after the call.
+                # The result may arrive before our acknowledgement, which would then be sent after the call.
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._has_acknowledged.wait(), _ACKNOWLEDGE_S)
             return result, data
@@ -234,34 +225,33 @@ class MavsdkReader:
     @contextlib.contextmanager
     def _call(self) -> Iterator[asyncio.Future[Any]]:
         """Count a call of MAVSDK as under way; yields the future of its answer."""
-        self._under_way = asyncio.get_running_loop().create_future()
+        self._pending_answer = asyncio.get_running_loop().create_future()
         self._count(+1)
         try:
-            yield self._under_way
+            yield self._pending_answer
         finally:
-            self._under_way = None
+            self._pending_answer = None
             self._count(-1)
 
     def _count(self, change: int) -> None:
         self._pending_calls += change
         self._is_our_turn = change > 0
-        if self._on_pending_change is not None:
-            self._on_pending_change(self._pending_calls)
 
 
 def _cancel(missions: Any) -> None:  # noqa: ANN401
-    """Break off a call under way; MAVSDK complains where there is none, or it reads rally points."""
+    """Cancel a call; MAVSDK raises if there is none, or if it downloads rally points."""
     if missions is not None:
         with contextlib.suppress(MissionRawError):
             missions.cancel_mission_download()
 
 
 def _end(instance: Any, systems: list[Any], missions: Any, answered: threading.Event) -> None:  # noqa: ANN401
-    """Destroy MAVSDK once nothing of it is about to call back; with 4.1.0 the process would end otherwise.
+    """Destroy MAVSDK once none of its callbacks is pending; MAVSDK 4.1.0 would end the process otherwise.
 
-    A plugin that is destroyed frees what its calls are answered by, though an answer may be waiting in
-    MAVSDK's thread. What is asked last is answered last: then all else has been. A system must not be
-    collected meanwhile, either. An instance that does not answer is left alone with all that is its own.
+    Destroying a plugin frees the callbacks of its calls, although an answer may be pending in MAVSDK's
+    thread. MAVSDK answers in order, so the answer to one more call shows that no other is pending. The
+    systems must not be garbage collected before that. An instance that does not answer is kept for the life
+    of the process.
     """
     is_silent = threading.Event()
 
@@ -274,14 +264,14 @@ def _end(instance: Any, systems: list[Any], missions: Any, answered: threading.E
     if is_silent.wait(_END_S):
         instance.destroy()
     else:
-        _LEFT.append((instance, systems, missions))
+        _UNDESTROYED.append((instance, systems, missions))
 
 
-atexit.register(mavsdk.logging.log_unsubscribe)  # its threads must not call into an ending interpreter
+atexit.register(mavsdk.logging.log_unsubscribe)  # MAVSDK's threads must not call an interpreter that ends.
 
 
-def _hand_over(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *values: object) -> None:
-    """Call in the loop's thread, from any of MAVSDK's; a loop that ended needs nothing any more."""
+def _call_in_loop(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *values: object) -> None:
+    """Call a function in the event loop, from any thread of MAVSDK, unless the loop has ended."""
     if not loop.is_closed():
         loop.call_soon_threadsafe(function, *values)
 

@@ -1,4 +1,4 @@
-"""Mission items off the wire and of MAVSDK's in our terms, and what must hold of a list that is sent."""
+"""Conversion of mission items from the wire and from MAVSDK, and validation of a list before its upload."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from companion.errors import TransferError
 from companion.types.mavlink_enums import MessageId
 from companion.types.mission import MissionItem
 
-# MISSION_ITEM_INT and MISSION_ITEM: parameters, place, altitude, then sequence and command, then six bytes.
+# Four parameters, two coordinates, altitude, sequence, command, and six bytes.
 ITEM_LAYOUTS: dict[int, struct.Struct] = {
     MessageId.MISSION_ITEM_INT: struct.Struct("<4f2if2H6B"),
     MessageId.MISSION_ITEM: struct.Struct("<7f2H6B"),
@@ -23,18 +23,18 @@ _log = logging.getLogger(__name__)
 
 
 def log_of_mavsdk(_level: int, message: str, _file: str | None, _line: int) -> bool:
-    """Take MAVSDK's log, which it would print; what failed its callers are told as a result."""
+    """Take MAVSDK's log, which it would print; errors reach the callers as results."""
     _log.debug("%s", message)
     return True
 
 
 def check_upload(items: Sequence[MissionItem]) -> None:
-    """See that a list can be sent.
+    """Check that a list can be uploaded.
 
     Raises
     ------
     TransferError
-        If it is not numbered from 0, or not exactly one item is current.
+        If the items are not numbered from 0, or not exactly one item is current.
     """
     if [item.sequence for item in items] != list(range(len(items))):
         raise TransferError("upload", "the items are not numbered from 0 in order")
@@ -43,7 +43,7 @@ def check_upload(items: Sequence[MissionItem]) -> None:
 
 
 def item_of(told: Any) -> MissionItem:  # noqa: ANN401
-    """Mission item of MAVSDK's, which has a MISSION_ITEM_INT's fields; NaN parameters become None."""
+    """Convert an item of MAVSDK, which has the fields of MISSION_ITEM_INT; NaN parameters become None."""
     one, two, three, four = (
         None if math.isnan(value) else float(value)
         for value in (told.param1, told.param2, told.param3, told.param4)
@@ -62,7 +62,7 @@ def item_of(told: Any) -> MissionItem:  # noqa: ANN401
 
 
 def item_from_payload(message_id: int, payload: bytes) -> tuple[MissionItem, int]:
-    """Item of a MISSION_ITEM or MISSION_ITEM_INT, and its mission type."""
+    """Decode a MISSION_ITEM or MISSION_ITEM_INT into an item and its mission type."""
     layout = ITEM_LAYOUTS[message_id]
     values = layout.unpack(payload[: layout.size].ljust(layout.size, b"\0"))
     one, two, three, four, x, y, altitude, sequence, command, _, _, frame, current, goes_on, kind = values
@@ -76,7 +76,7 @@ def item_from_payload(message_id: int, payload: bytes) -> tuple[MissionItem, int
 
 
 def as_sent(item: MissionItem) -> MissionItem:
-    """An item with its numbers as a message carries them, in single precision."""
+    """Return the item with its numbers in single precision, as a message carries them."""
     one, two, three, four = (None if value is None else _single(value) for value in item.parameters)
     return replace(item, parameters=(one, two, three, four), altitude_m=_single(item.altitude_m))
 

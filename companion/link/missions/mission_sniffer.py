@@ -1,7 +1,7 @@
-"""Missions as they were heard on the wire: what an autopilot holds after others' transfers and our own.
+"""Follows mission transfers on the wire to know the autopilot's list after transfers of anybody.
 
-ArduPlane cuts its list to a new count at once and overwrites it item by item, its home slot excepted;
-broken off, it holds a mix. PX4 takes a list over when it acknowledges the last item.
+ArduPlane truncates its list to the new count at once and overwrites it item by item, except the home item.
+After an aborted upload it holds a mix. PX4 takes the new list when it acknowledges the last item.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from companion.types.events import Dialect
 from companion.types.mavlink_enums import ComponentId, MessageId, MissionResult, MissionType
 from companion.types.mission import MissionItem
 
-_TARGET = 32  # of both items: target system, then component
+_TARGET = 32  # Offset of the target system in both item messages; the target component follows.
 
 Items = tuple[MissionItem | None, ...]
 
-ITEMS_MAX = 2_000  # of a list that is followed; an announced length is not believed beyond
-CLIENTS_MAX = 64  # whose transfers are followed, the last to begin
+ITEMS_MAX = 2_000  # Longer lists are not followed, and longer announcements are not trusted.
+CLIENTS_MAX = 64  # Transfers are followed for the clients that began last.
 
 
 @dataclass(slots=True)
 class _Transfer:
-    """One under way: how many items, and those heard."""
+    """A transfer under way: its number of items, and the items seen."""
 
     count: int
     first: int = 0
@@ -42,7 +42,7 @@ class _Transfer:
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """A mission, or a part of one, that was sent whole: by whom, until when, and whether it was taken."""
+    """A mission, or a part of one, that was sent completely, with its time, sender and acceptance."""
 
     stamp_s: float
     client: tuple[int, int]
@@ -56,13 +56,13 @@ class MissionSniffer:
     Attributes
     ----------
     items : tuple of MissionItem or None
-        What it holds: None where an item is not known; None altogether before anything was heard.
+        The autopilot's list, with None for unknown items; None before the first transfer.
     settled : tuple of MissionItem or None
-        The last list that it held as a whole.
+        The last list that was known completely.
     uploads : list of Upload
-        Uploads that were sent whole, in order, by whomever; broken ones are not among them.
+        Complete uploads of anybody, in order.
     num_broken : int
-        Uploads that ended otherwise.
+        Number of other uploads.
     """
 
     def __init__(self) -> None:
@@ -74,12 +74,12 @@ class MissionSniffer:
         self._up: dict[tuple[int, int], _Transfer] = {}
         self._down: dict[tuple[int, int], _Transfer] = {}
 
-    def speaks(self, dialect: Dialect | None) -> None:
-        """Follow the lists as this autopilot keeps them from now on."""
+    def set_dialect(self, dialect: Dialect | None) -> None:
+        """Follow the lists as this autopilot handles them from now on."""
         self.dialect = dialect
 
     def feed(self, frame: RawFrame, vehicle: int, stamp_s: float) -> None:
-        """Take a frame of either direction; what is no part of a mission's transfer is left alone."""
+        """Take a frame of either direction; frames outside mission transfers are ignored."""
         source = (frame.system_id, frame.component_id)
         if source == (vehicle, ComponentId.AUTOPILOT1):
             self._feed_told(frame)
@@ -87,21 +87,21 @@ class MissionSniffer:
             self._feed_sent(frame, source, vehicle, stamp_s)
 
     def _feed_told(self, frame: RawFrame) -> None:
-        """Take a frame of the autopilot's: its list for somebody, or its word on an upload."""
+        """Take a frame of the autopilot: an item of a download, or an acknowledgement."""
         payload = frame.payload.ljust(40, b"\0")
         if frame.message_id == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:
             transfer = _Transfer(int.from_bytes(payload[:2], "little"))
-            _begun(self._down, (payload[2], payload[3]), transfer)
+            _start_transfer(self._down, (payload[2], payload[3]), transfer)
             self._note_whole(transfer)
         elif frame.message_id in ITEM_LAYOUTS:
             item, mission_type = item_from_payload(frame.message_id, frame.payload)
             if mission_type == MissionType.MISSION:
-                self._read((payload[_TARGET], payload[_TARGET + 1]), item)
+                self._note_downloaded((payload[_TARGET], payload[_TARGET + 1]), item)
         elif frame.message_id == MessageId.MISSION_ACK and payload[3] == MissionType.MISSION:
             self._acknowledged((payload[0], payload[1]), payload[2])
 
     def _feed_sent(self, frame: RawFrame, client: tuple[int, int], vehicle: int, stamp_s: float) -> None:
-        """Take a frame of a client's, which may be for this vehicle and part of an upload."""
+        """Take a frame of a client, which may belong to an upload to this vehicle."""
         payload = frame.payload.ljust(40, b"\0")
         kind, asked = frame.message_id, (0, vehicle)
         if kind == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:
@@ -110,7 +110,7 @@ class MissionSniffer:
         elif kind in ITEM_LAYOUTS and payload[_TARGET] in asked:
             item, mission_type = item_from_payload(kind, frame.payload)
             if mission_type == MissionType.MISSION:
-                self._written(client, item, stamp_s)
+                self._note_uploaded(client, item, stamp_s)
         elif kind == MessageId.MISSION_WRITE_PARTIAL_LIST and payload[6] == MissionType.MISSION:
             if payload[4] in asked:
                 self._begin_part(client, *struct.unpack_from("<HH", payload))
@@ -121,23 +121,23 @@ class MissionSniffer:
         before = self._up.get(client)
         if before is not None and before.items:
             self.num_broken += 1
-        _begun(self._up, client, _Transfer(count))
+        _start_transfer(self._up, client, _Transfer(count))
         if not self._swaps_whole_lists and count > ITEMS_MAX:
-            self.items = None  # cut or lengthened; to what is not followed
+            self.items = None  # The list's length changed, and a list this long is not followed.
         elif not self._swaps_whole_lists:
             held = self.items or ()
             self.items = (*held[:count], *(None,) * (count - len(held)))
 
     @property
     def _swaps_whole_lists(self) -> bool:
-        """An autopilot that was not heard yet is taken for one that overwrites in place."""
+        """Before its first heartbeat the autopilot is assumed to overwrite its list in place."""
         return self.dialect is not None and self.dialect.swaps_whole_lists
 
     def _begin_part(self, client: tuple[int, int], first: int, last: int) -> None:
         if first <= last:
-            _begun(self._up, client, _Transfer(last - first + 1, first))
+            _start_transfer(self._up, client, _Transfer(last - first + 1, first))
 
-    def _written(self, client: tuple[int, int], item: MissionItem, stamp_s: float) -> None:
+    def _note_uploaded(self, client: tuple[int, int], item: MissionItem, stamp_s: float) -> None:
         transfer = self._up.get(client)
         if transfer is None or not 0 <= item.sequence - transfer.first < transfer.count:
             return
@@ -153,7 +153,7 @@ class MissionSniffer:
 
     def _acknowledged(self, client: tuple[int, int], result: int) -> None:
         transfer = self._up.get(client)
-        if transfer is None or result == MissionResult.INVALID_SEQUENCE:  # the upload goes on
+        if transfer is None or result == MissionResult.INVALID_SEQUENCE:  # The upload continues.
             return
         del self._up[client]
         if result != MissionResult.ACCEPTED or not transfer.is_whole:
@@ -166,14 +166,14 @@ class MissionSniffer:
         if last is not None and transfer.count:
             self.uploads[last] = replace(self.uploads[last], is_accepted=True)
 
-    def _read(self, client: tuple[int, int], item: MissionItem) -> None:
+    def _note_downloaded(self, client: tuple[int, int], item: MissionItem) -> None:
         transfer = self._down.get(client)
         if transfer is not None and item.sequence < transfer.count:
             transfer.items[item.sequence] = replace(item, is_current=False)
             self._note_whole(transfer)
 
     def _note_whole(self, transfer: _Transfer) -> None:
-        """A list that was read whole is what is held."""
+        """Take a completely downloaded list as the autopilot's list."""
         if transfer.is_whole:
             self.items = transfer.in_order
             self._settle()
@@ -184,8 +184,10 @@ class MissionSniffer:
             self.settled = known
 
 
-def _begun(transfers: dict[tuple[int, int], _Transfer], client: tuple[int, int], transfer: _Transfer) -> None:
-    """Follow a client's transfer; the one that began first is forgotten for it where there are many."""
+def _start_transfer(
+    transfers: dict[tuple[int, int], _Transfer], client: tuple[int, int], transfer: _Transfer
+) -> None:
+    """Follow a client's transfer; if there are too many, the oldest one is dropped."""
     transfers.pop(client, None)
     if len(transfers) >= CLIENTS_MAX:
         del transfers[next(iter(transfers))]

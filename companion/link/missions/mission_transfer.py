@@ -1,18 +1,18 @@
-"""Uploads and readings of a mission over a link that loses frames: sans I/O, by a clock that is told.
+"""Uploads and downloads of a mission over a link that loses frames, without I/O and by a given clock.
 
-Theory of operation. The autopilot asks for one item at a time, and again only after a long while
-(ArduPlane after 1 s, PX4 after 0.25 s). So whoever sends must repeat, and sooner::
+Theory of operation. The autopilot requests one item at a time, and repeats a request only after a long time
+(ArduPlane 1 s, PX4 0.25 s). The sender must therefore repeat earlier::
 
-    opening ──first question──▶ sending ──ACK──▶ done
-       │  ▲ repeats the opening      │  ▲ question n: item n
-       └──┘                          └──┘ no answer in time: items n and n+1
+    opening ──first request──▶ sending ──ACK──▶ done
+       │  ▲ repeats the opening     │  ▲ request n: sends item n
+       └──┘                         └──┘ no request in time: sends items n and n+1
 
-The item after the one asked for goes with it, since the next question may be what was lost: an
-ArduPlane that has item n takes n+1 unasked, one that has not refuses it with INVALID_SEQUENCE and
-waits on; a PX4 ignores it. The last item is never sent before ``may_finish`` allows it.
+The item after the requested one is sent as well, since the next request may have been lost. An ArduPlane that
+has item n accepts n+1 without a request; one that lacks item n refuses n+1 with INVALID_SEQUENCE and waits. A
+PX4 ignores it. The last item is never sent before ``may_finish`` allows it.
 
-A reading asks for several items at once where the autopilot answers so (ArduPlane), and again for
-those that did not come.
+A download requests several items at once if the autopilot supports it (ArduPlane), and repeats the requests
+for missing items.
 
 References
 ----------
@@ -28,21 +28,22 @@ from collections.abc import Callable, Sequence
 from companion.link.wire.decoded_frame import (
     MissionAck,
     MissionCount,
-    MissionQuestion,
-    MissionTold,
+    MissionItemReceived,
+    MissionItemRequest,
 )
 from companion.types.mavlink_enums import MissionResult, MissionType, name_of
 from companion.types.mission import MissionItem
 
-OPENING = -1  # in place of an item's number: the message with which a transfer begins
-PATIENCE_S = 7.0  # without a word of the autopilot; an ArduPlane gives up after 8 s, a PX4 after 5 s
+OPENING = -1  # In place of an item number: the message that begins a transfer.
+# Silence of the autopilot that ends a transfer. An ArduPlane gives up after 8 s, a PX4 after 5 s.
+TRANSFER_TIMEOUT_S = 7.0
 REPEAT_MIN_S, REPEAT_MAX_S = 0.12, 1.5
 _FIRST_REPEAT_S = 0.4
-_REMEMBERED = 10  # answers
+_REMEMBERED = 10  # The minimum is taken over this many answers.
 
 
 class RoundTrip:
-    """How long an answer takes, and so after how long to ask again (RFC 6298, section 2)."""
+    """Estimates the time of an answer, and from it the time after which to repeat (RFC 6298, section 2)."""
 
     def __init__(self) -> None:
         self._mean_s: float | None = None
@@ -50,19 +51,20 @@ class RoundTrip:
         self._answered_s: deque[float] = deque(maxlen=_REMEMBERED)
 
     @property
-    def least_s(self) -> float:
-        """Shortest time from a first sending to the first answer, of the last few: what the line takes."""
+    def shortest_s(self) -> float:
+        """Shortest time between a first sending and the first answer, of the last few answers."""
         return min(self._answered_s, default=0.0)
 
-    def note_first(self, took_s: float) -> None:
-        """An answer came so long after the first sending; of a slow line this is all that is known.
+    def note_first_answer(self, took_s: float) -> None:
+        """Record the time between a first sending and the first answer.
 
-        Whatever is asked again before the line can have answered tells nothing of single frames.
+        On a slow line only this is known: if a message is repeated before the line can have answered, the
+        answer cannot be assigned to one of the repetitions.
         """
         self._answered_s.append(took_s)
 
-    def note(self, took_s: float) -> None:
-        """An answer to something sent once took so long."""
+    def note_answer(self, took_s: float) -> None:
+        """Record the answer time of a message that was sent once."""
         if self._mean_s is None:
             self._mean_s, self._spread_s = took_s, 0.5 * took_s
             return
@@ -71,32 +73,32 @@ class RoundTrip:
 
     @property
     def repeat_s(self) -> float:
-        """After how long to ask again."""
+        """Time after which to repeat a message [s]."""
         if self._mean_s is None:
             return _FIRST_REPEAT_S
         return min(REPEAT_MAX_S, max(REPEAT_MIN_S, self._mean_s + 4.0 * self._spread_s))
 
 
 class Upload:
-    """Items on their way to the autopilot.
+    """An upload of mission items to the autopilot.
 
     Parameters
     ----------
     items : sequence of MissionItem
-        Numbered in order, from any number on.
+        Consecutively numbered items; the first number is arbitrary.
     round_trip : RoundTrip
-        Learns from this transfer, and times it.
+        Estimates the answer time; this transfer updates it.
     now_s : float
         Clock reading at which the transfer begins [s].
     may_finish : callable, optional
-        Asked each time before the last item leaves; if it may not, the upload ends as withdrawn.
+        Called before each sending of the last item; if it returns false, the upload ends as withdrawn.
 
     Attributes
     ----------
     failure : str or None
-        Why it ended; '' once it was accepted, None while it is under way.
+        Why the upload failed; '' if it was accepted, None while it is under way.
     opaque_id : int
-        What the autopilot calls the mission; 0 without a name.
+        The autopilot's id of the mission; 0 if it has none.
     """
 
     def __init__(
@@ -111,7 +113,7 @@ class Upload:
         self._first, self._last = items[0].sequence, items[-1].sequence
         self._round_trip = round_trip
         self._may_finish = may_finish
-        self._asked: int | None = None
+        self._requested: int | None = None
         self._is_open = False
         self._heard_s = self._due_s = now_s
         self._sent_s: dict[int, float] = {}
@@ -124,8 +126,8 @@ class Upload:
         self.failure = "ABANDONED"
 
     def due(self, now_s: float) -> list[int]:
-        """Numbers of the items to send now, :data:`OPENING` for the opening."""
-        if self.failure is None and now_s - self._heard_s > PATIENCE_S:
+        """Return the numbers of the items to send now, with :data:`OPENING` for the opening message."""
+        if self.failure is None and now_s - self._heard_s > TRANSFER_TIMEOUT_S:
             self.failure = "TIMEOUT"
         if self.failure is not None:
             return []
@@ -146,61 +148,62 @@ class Upload:
         return leaving
 
     def _repetition(self) -> list[int]:
-        if self._asked is None:
+        if self._requested is None:
             return [self._first] if self._is_open else [OPENING]
-        return [number for number in (self._asked, self._asked + 1) if number <= self._last]
+        return [number for number in (self._requested, self._requested + 1) if number <= self._last]
 
-    def note_question(self, question: MissionQuestion, now_s: float) -> None:
-        """The autopilot asks for an item."""
+    def note_request(self, question: MissionItemRequest, now_s: float) -> None:
+        """Take the autopilot's request for an item."""
         if self.failure is not None or question.mission_type != MissionType.MISSION:
             return
         if not self._first <= question.sequence <= self._last:
             return
         before = OPENING if question.sequence == self._first else question.sequence - 1
         if before in self._sent_s and question.sequence not in self._sent_s:
-            self._round_trip.note_first(now_s - self._first_sent_s[before])
+            self._round_trip.note_first_answer(now_s - self._first_sent_s[before])
             if before not in self._repeated:
-                self._round_trip.note(now_s - self._sent_s[before])
-        self._asked = question.sequence
+                self._round_trip.note_answer(now_s - self._sent_s[before])
+        self._requested = question.sequence
         self._heard_s, self._due_s = now_s, now_s + self._round_trip.repeat_s
         self._queue.append(question.sequence)
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
-        """The autopilot ends it, or complains of an item that came twice."""
+        """Take the autopilot's acknowledgement, or its complaint about a repeated item."""
         if self.failure is not None or ack.mission_type != MissionType.MISSION:
             return
-        if ack.result == MissionResult.INVALID_SEQUENCE and self._asked is not None:
+        if ack.result == MissionResult.INVALID_SEQUENCE and self._requested is not None:
             self._heard_s = now_s
         elif ack.result == MissionResult.DENIED and OPENING in self._repeated:
-            # The first was taken, its question lost: ArduPlane denies another, and asks again after 1 s.
+            # The opening was accepted and its request lost: ArduPlane denies a second opening, and requests
+            # the first item again after 1 s.
             self._is_open, self._heard_s = True, now_s
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
-        elif self._last in self._sent_s:  # else it ends some transfer before this one
+        elif self._last in self._sent_s:  # Otherwise it acknowledges an earlier transfer.
             is_whole = all(number in self._sent_s for number in range(self._first, self._last + 1))
             self.failure, self.opaque_id = "" if is_whole else "ACCEPTED_WITH_GAPS", ack.opaque_id
 
 
 class MissionDownload:
-    """The autopilot's list on its way here.
+    """A download of one of the autopilot's lists.
 
     Parameters
     ----------
     round_trip : RoundTrip
-        Learns from this transfer, and times it.
+        Estimates the answer time; this transfer updates it.
     now_s : float
         Clock reading at which the transfer begins [s].
     window : int
-        Items asked for at once.
+        Number of items requested at once.
     mission_type : int
-        Which of its lists.
+        MAV_MISSION_TYPE of the list.
 
     Attributes
     ----------
     failure : str or None
-        Why it ended; '' once all is read, None while it is under way.
+        Why the download failed; '' if it is complete, None while it is under way.
     mission_type : int
-        The same.
+        MAV_MISSION_TYPE of the list.
     """
 
     def __init__(
@@ -214,14 +217,14 @@ class MissionDownload:
         self._count: int | None = None
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}
-        self._lowest = 0  # that may be missing
+        self._lowest = 0  # All items below this number have arrived.
         self._asked_s: dict[int, float] = {}
         self._first_asked_s: dict[int, float] = {}
         self._repeated: set[int] = set()
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        """What was read, in order."""
+        """Items read so far, in order."""
         return tuple(self._items[number] for number in sorted(self._items))
 
     def abandon(self) -> None:
@@ -229,8 +232,8 @@ class MissionDownload:
         self.failure = "ABANDONED"
 
     def due(self, now_s: float) -> list[int]:
-        """Numbers of the items to ask for now, :data:`OPENING` for the list's length."""
-        if self.failure is None and now_s - self._heard_s > PATIENCE_S:
+        """Return the numbers of the items to request now, with :data:`OPENING` for the list's length."""
+        if self.failure is None and now_s - self._heard_s > TRANSFER_TIMEOUT_S:
             self.failure = "TIMEOUT"
         if self.failure is not None:
             return []
@@ -242,10 +245,10 @@ class MissionDownload:
         return self._missing(self._count, now_s)
 
     def _missing(self, count: int, now_s: float) -> list[int]:
-        """Numbers of the items in the window that were not asked for, or long enough ago."""
+        """Return the numbers in the window that were never requested, or not recently."""
         while self._lowest in self._items:
             self._lowest += 1
-        # What was read beyond the lowest was asked for within a window from it, so this ends soon.
+        # Items beyond the lowest missing one lie within a window, so this search is short.
         after = (number for number in range(self._lowest, count) if number not in self._items)
         missing = list(itertools.islice(after, self._window))
         repeat_s = self._round_trip.repeat_s
@@ -260,28 +263,28 @@ class MissionDownload:
         return asking
 
     def note_count(self, count: MissionCount, now_s: float) -> None:
-        """The autopilot tells how long its list is."""
+        """Take the length of the autopilot's list."""
         if self.failure is not None or count.mission_type != self.mission_type or self._count is not None:
             return
         self._count, self._heard_s = count.count, now_s
         if count.count == 0:
             self.failure = ""
 
-    def note_item(self, told: MissionTold, now_s: float) -> None:
-        """The autopilot tells an item."""
-        number = told.item.sequence
-        if self.failure is not None or told.mission_type != self.mission_type or number not in self._asked_s:
+    def note_item(self, reply: MissionItemReceived, now_s: float) -> None:
+        """Take an item of the autopilot's list."""
+        number = reply.item.sequence
+        if self.failure is not None or reply.mission_type != self.mission_type or number not in self._asked_s:
             return
         if number not in self._items:
-            self._round_trip.note_first(now_s - self._first_asked_s[number])
+            self._round_trip.note_first_answer(now_s - self._first_asked_s[number])
             if number not in self._repeated:
-                self._round_trip.note(now_s - self._asked_s[number])
-        self._items[number], self._heard_s = told.item, now_s
+                self._round_trip.note_answer(now_s - self._asked_s[number])
+        self._items[number], self._heard_s = reply.item, now_s
         if len(self._items) == self._count:
             self.failure = ""
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
-        """The autopilot refuses."""
+        """Take a refusal of the autopilot."""
         if (
             self.failure is None
             and ack.mission_type == self.mission_type

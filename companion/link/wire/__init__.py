@@ -1,5 +1,5 @@
-"""Frames and what carries them: transports, cutting frames out of bytes, signatures, telemetry logs.
+"""MAVLink frames and the transports that carry them: framing, signatures, rate limits and telemetry logs.
 
-Knows a frame's header and checksum, and nothing of what messages mean. Sockets, serial lines and the files of
-keys and logs are touched here and nowhere else in the link.
+This folder knows a frame's header and checksum, but not the meaning of messages. Within the link, sockets,
+serial lines, key files and log files are accessed here only.
 """

@@ -1,4 +1,4 @@
-"""What the codec makes of one frame."""
+"""The codec's result for one frame: events, replies of the autopilot, and requests of others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from companion.types.mission import MissionItem
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """COMMAND_ACK: the command, and the MAV_RESULT it got; both as they came."""
+    """COMMAND_ACK: the command and its MAV_RESULT, both as received."""
 
     stamp_s: float
     command: int
@@ -19,7 +19,7 @@ class CommandAck:
 
 @dataclass(frozen=True, slots=True)
 class MissionAck:
-    """MISSION_ACK. ``opaque_id`` names the mission on PX4; 0 where there is none."""
+    """MISSION_ACK. ``opaque_id`` identifies the mission on PX4; it is 0 if the autopilot sends none."""
 
     stamp_s: float
     result: int
@@ -28,8 +28,8 @@ class MissionAck:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionQuestion:
-    """MISSION_REQUEST or MISSION_REQUEST_INT: the item of an upload that is asked for."""
+class MissionItemRequest:
+    """MISSION_REQUEST or MISSION_REQUEST_INT: the autopilot requests an item of an upload."""
 
     sequence: int
     mission_type: int
@@ -37,26 +37,26 @@ class MissionQuestion:
 
 @dataclass(frozen=True, slots=True)
 class MissionCount:
-    """MISSION_COUNT: how long the autopilot's list is."""
+    """MISSION_COUNT: the number of items in the autopilot's list."""
 
     count: int
     mission_type: int
 
 
 @dataclass(frozen=True, slots=True)
-class MissionTold:
-    """MISSION_ITEM_INT: an item of the autopilot's list."""
+class MissionItemReceived:
+    """MISSION_ITEM_INT: one item of the autopilot's list."""
 
     item: MissionItem
     mission_type: int
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterTold:
-    """PARAM_VALUE: the value as a float, and the same 32 bits as a whole number.
+class ParameterValue:
+    """PARAM_VALUE: the value as a float, and the same 32 bits as an integer.
 
-    ArduPilot sends whole numbers as floats, PX4 as they lie in memory; ``is_whole`` tells of which the
-    parameter is.
+    ArduPilot sends an integer parameter as a float. PX4 sends its bytes as they are in memory. ``is_whole``
+    is true for an integer parameter.
     """
 
     name: str
@@ -65,24 +65,32 @@ class ParameterTold:
     is_whole: bool
 
     def number(self, *, is_bytewise: bool) -> float:
-        """The value, as an autopilot packs it that sends whole numbers as they lie in memory, or does not."""
+        """Return the value; ``is_bytewise`` is true if the autopilot sends integers as in memory."""
         return float(self.bits) if self.is_whole and is_bytewise else self.value
 
 
 @dataclass(frozen=True, slots=True)
-class VersionTold:
-    """AUTOPILOT_VERSION: major, minor and patch number, and the release type (255 released)."""
+class AutopilotVersion:
+    """AUTOPILOT_VERSION: major, minor and patch number, and the release type (255: released)."""
 
     numbers: tuple[int, int, int]
     release: int
 
 
-Reply = CommandAck | MissionAck | MissionQuestion | MissionCount | MissionTold | ParameterTold | VersionTold
+Reply = (
+    CommandAck
+    | MissionAck
+    | MissionItemRequest
+    | MissionCount
+    | MissionItemReceived
+    | ParameterValue
+    | AutopilotVersion
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Something asked of us or of everybody.
+    """A request to this component or to everybody.
 
     Parameters
     ----------
@@ -90,13 +98,13 @@ class Request:
         ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``,
         ``mission_list``, or ``file``.
     number : int
-        The command, the sequence number of a ping, or of a parameter the index, -1 for one by its name, and
-        where it is to be set its MAV_PARAM_TYPE.
+        The command of ``command``; the sequence number of ``ping``; the index of ``parameter_read``, or -1
+        if it gives a name; the MAV_PARAM_TYPE of ``parameter_set``. 0 for other requests.
     parameters : tuple of float
-        A command's first four parameters, -1 for one not finite; a ping's time in microseconds; the
-        value that a parameter is to have.
+        The first four parameters of ``command``, with -1 in place of values that are not finite; the time of
+        ``ping`` [µs]; the new value of ``parameter_set``.
     name : str
-        Name of the parameter that is asked for or set; '' for other requests.
+        Name of the parameter to read or set; '' for other requests.
     data : bytes
         Payload of MAVLink FTP; empty for other requests.
     """
@@ -112,19 +120,18 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class DecodedFrame:
-    """A frame that was accepted: intact, and from somebody else.
+    """A frame that the codec accepted: it is intact and was not sent by this component.
 
     Parameters
     ----------
     raw : bytes
-        As received, to be recorded or passed on.
+        The frame as received.
     events : tuple of Event
-        What it tells the rest of the program; empty for messages nobody needs and for values
-        that were refused.
+        Events decoded from the message; empty if nothing uses the message or its values were refused.
     reply : Reply or None
-        What the autopilot answered.
+        The reply, if the vehicle's system sent one.
     request : Request or None
-        What somebody asks.
+        The request, if the message is one.
     """
 
     raw: bytes

@@ -1,7 +1,7 @@
-"""MAVLink frames cut out of a byte stream, without I/O and without a dialect.
+"""Extraction of MAVLink frames from a byte stream, without I/O and without a dialect.
 
-A frame is believed when its checksum fits. After damage the search goes on one byte further, not
-one frame further, so that a corrupted length holds the good frames behind it back, and swallows none.
+A frame is accepted if its checksum is correct. After a damaged frame the search continues one byte further,
+not one frame further: a corrupted length then delays the good frames that follow, but loses none of them.
 
 References
 ----------
@@ -22,9 +22,10 @@ _HEADERS = {MAGIC_V1: 6, MAGIC_V2: 10}
 _CHECKSUM = 2
 SIGNATURE = 13
 _SIGNED = 0x01
-_LENGTH_KNOWN = 3  # bytes of a header that tell the frame's length
+_LENGTH_KNOWN = 3  # The first three bytes of a header determine the length of the frame.
 _MAGIC = re.compile(rb"[\xfd\xfe]").search
-_NONE, _WAITING, _UNKNOWN = -1, -2, -3  # no frame begins here; it cannot be told yet; of an unknown message
+# Verdicts of `Framer._judged`: no frame begins here; more bytes are needed; the message is unknown.
+_NONE, _WAITING, _UNKNOWN = -1, -2, -3
 
 
 def checksum(data: bytes | bytearray, extra: int) -> int:
@@ -34,10 +35,10 @@ def checksum(data: bytes | bytearray, extra: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """One frame as it came.
+    """One frame as received.
 
-    ``is_verified`` is false for a message that the dialect does not know: its checksum cannot be
-    told, only that no verified frame begins inside it.
+    ``is_verified`` is false for a message that the dialect does not know. Its checksum cannot be verified;
+    it is only known that no verified frame begins inside it.
     """
 
     raw: bytes
@@ -48,13 +49,13 @@ class RawFrame:
 
     @property
     def payload(self) -> bytes:
-        """Payload as sent; MAVLink 2 leaves trailing zeros out."""
+        """The payload as sent; MAVLink 2 omits trailing zeros."""
         start = _HEADERS[self.raw[0]]
         return self.raw[start : start + self.raw[1]]
 
 
 def raw_frame(raw: bytes, *, is_verified: bool = True) -> RawFrame:
-    """Read the header of a whole frame."""
+    """Return a complete frame with the ids of its header."""
     if raw[0] == MAGIC_V2:
         return RawFrame(raw, raw[5], raw[6], int.from_bytes(raw[7:10], "little"), is_verified)
     return RawFrame(raw, raw[3], raw[4], raw[5], is_verified)
@@ -63,20 +64,20 @@ def raw_frame(raw: bytes, *, is_verified: bool = True) -> RawFrame:
 def packed_frame(
     message_id: int, payload: bytes, sequence: int, sender: tuple[int, int], extra: int
 ) -> bytes:
-    """Pack an unsigned MAVLink 2 frame of any message; trailing zeros of its payload are left out.
+    """Pack an unsigned MAVLink 2 frame of any message, without the trailing zeros of its payload.
 
     Parameters
     ----------
     message_id : int
-        Which message.
+        Message id.
     payload : bytes
-        As it lies in the frame, of at most 255 bytes.
+        Payload, at most 255 bytes.
     sequence : int
-        The frame's number.
+        Sequence number of the frame.
     sender : tuple of int
-        System and component.
+        System id and component id of the sender.
     extra : int
-        The message's extra byte.
+        CRC extra byte of the message.
     """
     payload = payload.rstrip(b"\0") or b"\0"
     body = bytes((len(payload), 0, 0, sequence, *sender)) + message_id.to_bytes(3, "little") + payload
@@ -84,7 +85,7 @@ def packed_frame(
 
 
 def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
-    """Return an unsigned frame with another sequence number and the checksum that goes with it."""
+    """Return an unsigned frame with another sequence number and the matching checksum."""
     changed = bytearray(raw)
     changed[4 if raw[0] == MAGIC_V2 else 2] = sequence
     body = _HEADERS[raw[0]] + raw[1]
@@ -93,7 +94,7 @@ def renumbered(raw: bytes, sequence: int, extra: int) -> bytes:
 
 
 def _length_at(data: bytes | bytearray, start: int) -> int:
-    """Length of the frame whose header begins at an index, signature and all."""
+    """Return the length, including the signature, of the frame whose header begins at ``start``."""
     length = _HEADERS[data[start]] + data[start + 1] + _CHECKSUM
     if data[start] == MAGIC_V2 and data[start + 2] & _SIGNED:
         length += SIGNATURE
@@ -101,7 +102,7 @@ def _length_at(data: bytes | bytearray, start: int) -> int:
 
 
 def frames_in(data: bytes) -> Iterator[bytes]:
-    """Cut whole frames that stand one behind the other, as we packed them."""
+    """Split a sequence of complete frames that this program packed."""
     start = 0
     while start < len(data):
         length = _length_at(data, start)
@@ -110,21 +111,22 @@ def frames_in(data: bytes) -> Iterator[bytes]:
 
 
 class Framer:
-    """Bytes in, frames out: the same frames in whatever portions the bytes come.
+    """Extracts frames from bytes that arrive in arbitrary portions.
 
-    Each place in the stream is judged in turn, and once. One where a frame may begin whose last byte has not
-    come is waited for, over no more than 280 bytes. A frame of an unknown message is given up for a verified
-    one that begins inside it: a header cut short joins with what follows to any message.
+    The framer judges each position of the stream once, in order. If a frame may begin at a position and its
+    end has not arrived, the framer waits, for at most 280 bytes. A frame of an unknown message is discarded
+    if a verified frame begins inside it, since a truncated header and the bytes after it can look like any
+    message.
 
     Parameters
     ----------
     extras : mapping of int to int
-        CRC extra byte of each message id the dialect knows.
+        CRC extra byte of each message id that the dialect knows.
     counters : Counter
         Counts ``garbage_bytes``, ``bad_checksum``, ``bad_length`` and ``incompatible`` frames.
     lengths_max : mapping of int to int, optional
-        Bytes of each message with all its extensions: a MAVLink 1 frame cannot carry more. (A MAVLink 2
-        frame can, of extensions that are younger than the dialect.)
+        Payload length of each message with all its extensions. A longer MAVLink 1 frame is refused. A MAVLink
+        2 frame may be longer, if it has extensions that are newer than the dialect.
     """
 
     def __init__(
@@ -137,43 +139,37 @@ class Framer:
         self._extras = {number: bytes((extra,)) for number, extra in extras.items()}
         self._counters = counters
         self._buffer = b""
-        self._inside = 1  # how far the unknown frame at the buffer's start has been looked through
+        self._inside = 1  # Offset in the unknown frame at the buffer's start up to which it was searched.
 
     def feed(self, data: bytes) -> list[RawFrame]:
-        """Take bytes; return the frames that became complete, in order."""
+        """Take bytes and return the frames that they complete, in order."""
         buffer = self._buffer + data
         start, size = 0, len(buffer)
         found: list[RawFrame] = []
         while start < size:
-            if buffer[start] not in _HEADERS:
-                start = self._skipped(buffer, start)
-                continue
-            end = self._judged(buffer, start)
-            is_verified = end != _UNKNOWN
-            if not is_verified:
-                end = self._looked_through(buffer, start)
-            if end == _WAITING:
-                break
-            if is_verified and end == _NONE:
-                end = start + 1
-            elif is_verified or end - start == _length_at(buffer, start):
+            is_verified, is_frame = True, False
+            if buffer[start] in _HEADERS:
+                end = self._judged(buffer, start)
+                is_verified = end != _UNKNOWN
+                if not is_verified:
+                    end = self._looked_through(buffer, start)
+                if end == _WAITING:
+                    break
+                is_frame = end != _NONE and (is_verified or end - start == _length_at(buffer, start))
+                end = start + 1 if end == _NONE else end
+            else:
+                magic = _MAGIC(buffer, start)
+                end = size if magic is None else magic.start()
+            if is_frame:
                 found.append(raw_frame(buffer[start:end], is_verified=is_verified))
-                start = end
-                continue
-            self._counters["garbage_bytes"] += end - start
+            else:
+                self._counters["garbage_bytes"] += end - start
             start = end
         self._buffer = buffer[start:]
         return found
 
-    def _skipped(self, buffer: bytes, start: int) -> int:
-        """Where the next magic byte stands."""
-        magic = _MAGIC(buffer, start)
-        place = len(buffer) if magic is None else magic.start()
-        self._counters["garbage_bytes"] += place - start
-        return place
-
     def _judged(self, buffer: bytes, start: int, *, is_counted: bool = True) -> int:
-        """Where the frame that begins at a magic byte ends, or a verdict below 0."""
+        """Return the end of the frame that begins at a magic byte, or a verdict below 0."""
         size = len(buffer)
         if size - start < _LENGTH_KNOWN:
             return _WAITING
@@ -195,7 +191,7 @@ class Framer:
         return self._denied("bad_checksum", is_counted)
 
     def _looked_through(self, buffer: bytes, start: int) -> int:
-        """Where a frame of an unknown message ends, or the first verified one inside it begins."""
+        """Return the end of a frame of an unknown message, or the start of a verified frame inside it."""
         end = start + _length_at(buffer, start)
         for place in range(start + self._inside, end):
             if buffer[place] not in _HEADERS:

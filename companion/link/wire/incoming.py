@@ -1,7 +1,7 @@
-"""Bytes as they come from each address, cut into frames within a budget.
+"""Extraction of frames from the bytes of each address, within a byte budget.
 
-What a stranger sends neither tears the vehicle's frames apart nor takes the time they need: each address
-has a stream of its own, and strangers share a budget that the vehicle's address does not draw on.
+Each address has its own stream, so that bytes of other senders cannot corrupt frames of the vehicle. All
+other senders share one budget, which does not reduce the budget of the vehicle's address.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ from collections.abc import Mapping
 
 from companion.link.wire.framing import Framer, RawFrame
 from companion.link.wire.transport import Address
-from companion.token_bucket import TokenBucket, kept_for
+from companion.token_bucket import TokenBucket, get_or_create
 
-ADDRESSES_MAX = 16  # whose begun frames are kept, the last heard
-BURST_S = 2.0
-# Cutting costs up to 1.5 µs a byte on a slow computer; a line at 921,600 baud carries 92 kB/s.
+ADDRESSES_MAX = 16  # Incomplete frames are kept for the 16 addresses that were used last.
+BURST_S = 2.0  # A burst may use the budget of this time at once.
+# Framing takes up to 1.5 µs per byte on a slow computer. A line at 921,600 baud carries 92 kB/s.
 PEER_BYTES_PER_S = 250_000.0
-STRANGERS_BYTES_PER_S = 100_000.0
+UNKNOWN_SOURCES_BYTES_PER_S = 100_000.0
 
 
 class Incoming:
-    """Cuts frames.
+    """Extracts frames within the budgets.
 
     Parameters
     ----------
     extras : mapping of int to int
-        CRC extra byte of each message id the dialect knows.
+        CRC extra byte of each message id that the dialect knows.
     counters : Counter
-        Counts what the framer counts, and ``flooded_bytes``, which were too many to be looked at.
+        Counts what the framer counts, and ``flooded_bytes``, the bytes dropped because a budget was used up.
     lengths_max : mapping of int to int
-        Bytes of each message with all its extensions.
+        Payload length of each message with all its extensions.
     """
 
     def __init__(
@@ -40,28 +40,30 @@ class Incoming:
         self._counters = counters
         self._framers: dict[Address | None, Framer] = {}
         self._peer = TokenBucket(PEER_BYTES_PER_S, BURST_S * PEER_BYTES_PER_S)
-        self._strangers = TokenBucket(STRANGERS_BYTES_PER_S, BURST_S * STRANGERS_BYTES_PER_S)
+        self._unknown_sources = TokenBucket(
+            UNKNOWN_SOURCES_BYTES_PER_S, BURST_S * UNKNOWN_SOURCES_BYTES_PER_S
+        )
 
     def frames(
         self, data: bytes, stamp_s: float, address: Address | None, *, is_peer: bool
     ) -> list[RawFrame]:
-        """Frames that bytes complete; none where their budget is used up.
+        """Return the frames that the bytes complete; none if the budget is used up.
 
         Parameters
         ----------
         data : bytes
-            As they came, in any portions.
+            Received bytes, in arbitrary portions.
         stamp_s : float
-            When, by the clock [s].
+            Time of arrival on the service's clock [s].
         address : tuple of str and int, or None
-            Where from; None on a line, which has one end.
+            Sender of the bytes; None on a line, which has one sender.
         is_peer : bool
-            Whether the vehicle speaks from there.
+            True if this is the vehicle's address.
         """
-        if not (self._peer if is_peer else self._strangers).takes(stamp_s, len(data)):
+        if not (self._peer if is_peer else self._unknown_sources).takes(stamp_s, len(data)):
             self._counters["flooded_bytes"] += len(data)
             return []
-        return kept_for(self._framers, address, self._framer, ADDRESSES_MAX).feed(data)
+        return get_or_create(self._framers, address, self._framer, ADDRESSES_MAX).feed(data)
 
     def _framer(self) -> Framer:
         return Framer(self._extras, self._counters, self._lengths_max)

@@ -1,4 +1,4 @@
-"""The file of the secret key: read only where nobody else can have read or replaced it."""
+"""Reads the secret key from a file that no other user can have read or replaced."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from companion.errors import ConfigError
 from companion.safe_files import read_file
 
 KEY_BYTES = 32
-_SIZE_MAX = 1_000  # digits with a line's end, and room to say that it is something else
-_LINKS_MAX = 40  # as the kernel has it
+_SIZE_MAX = 1_000  # A larger file is no key. Smaller wrong files are read, to report their size.
+_LINKS_MAX = 40  # The kernel follows the same number of symlinks.
 _PLACE = "link.signing.key_file"
 
 
 def read_key(path: Path) -> bytes:
-    """Key of a file: 32 bytes, or 64 hexadecimal digits.
+    """Read a key of 32 bytes, or of 64 hexadecimal digits.
 
-    A symlink is followed where every folder and link on the way is as safe as the file's own.
+    A symlink is followed if every folder and link on its path is as safe as the folders of the file.
 
     Raises
     ------
     ConfigError
-        If it cannot be read, others than its owner may read, write or replace it, or it is no key.
+        If the file cannot be read, if another user may read, write or replace it, or if it holds no key.
     """
     try:
         safe = _resolved(path)
@@ -50,7 +50,7 @@ def _key_of_digits(data: bytes) -> bytes:
 
 
 def _resolved(path: Path) -> Path:
-    """The file that a path leads to, through symlinks, none of which others can lead elsewhere."""
+    """Resolve symlinks, and check that nobody else can change any of them."""
     place = Path(os.path.abspath(path))
     for _ in range(_LINKS_MAX):
         link = next((part for part in [*reversed(place.parents), place] if part.is_symlink()), None)
@@ -62,10 +62,10 @@ def _resolved(path: Path) -> Path:
 
 
 def _check_folders(path: Path, folder: Path) -> None:
-    """See that nobody else can put another file in the place of a folder's."""
+    """Check that nobody else can replace an entry of the folder or of a folder above it."""
     for entry in (folder, *folder.parents):
         status = entry.stat()
-        # In a folder with the sticky bit, as /tmp, others replace only what is theirs.
+        # In a folder with the sticky bit, such as /tmp, other users can replace only their own files.
         is_open = status.st_mode & 0o022 and not status.st_mode & stat.S_ISVTX
         if is_open or not _is_ours(status):
             found = f"{entry}, mode {stat.S_IMODE(status.st_mode):04o} of user {status.st_uid}'s, on the way"

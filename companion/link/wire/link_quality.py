@@ -1,11 +1,11 @@
-"""How many of a sender's frames do not arrive, told by the gaps in their sequence numbers."""
+"""Estimates from the gaps in sequence numbers how many frames of a sender are lost."""
 
 from __future__ import annotations
 
 from companion.link.wire.framing import MAGIC_V2
 
 _ROUND = 256
-_GAP_MAX = 128  # more is taken for a frame that comes late, or for a sender that began anew
+_GAP_MAX = 128  # A larger gap is a frame that arrives late, or a sender that restarted.
 
 
 class LinkQuality:
@@ -13,8 +13,10 @@ class LinkQuality:
 
     Attributes
     ----------
-    received, lost : int
-        Frames that came, and frames that must have been sent between them.
+    received : int
+        Number of frames received.
+    lost : int
+        Number of frames missing between them.
     """
 
     def __init__(self) -> None:
@@ -28,13 +30,13 @@ class LinkQuality:
         ahead = 1 if self._last is None else (number - self._last) % _ROUND
         self.received += 1
         if ahead == 0:
-            return  # the same again
+            return  # The frame is a duplicate.
         self._last = number
         if ahead <= _GAP_MAX:
             self.lost += ahead - 1
 
     @property
     def loss(self) -> float:
-        """Share of the frames sent that did not arrive; 0 while nothing came."""
+        """Share of the sent frames that did not arrive; 0 before the first frame."""
         sent = self.received + self.lost
         return self.lost / sent if sent else 0.0

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from companion.link.wire.transport import BaseTransport, dropped
+from companion.link.wire.transport import Transport
 
 
-class MemoryTransport(BaseTransport):
-    """One end of a pair in this process; what one sends the other receives in the same call."""
+class MemoryTransport(Transport):
+    """One end of a pair in this process; the other end receives within the call of ``send``."""
 
     def __init__(self) -> None:
         super().__init__()
         self._peer: MemoryTransport | None = None
-        self._take: Callable[[bytes], None] = dropped
         self._is_open = False
 
     @classmethod
@@ -28,10 +25,6 @@ class MemoryTransport(BaseTransport):
         """Whether this end is open."""
         return self._is_open
 
-    def set_receiver(self, receiver: Callable[[bytes], None]) -> None:
-        """Set who takes what the other end sends."""
-        self._take = receiver
-
     async def open(self) -> None:
         """Open this end."""
         self._is_open = True
@@ -41,9 +34,9 @@ class MemoryTransport(BaseTransport):
         self._is_open = False
 
     def send(self, data: bytes) -> None:
-        """Hand over to the other end if both are open."""
+        """Pass the data to the other end if both ends are open."""
         peer = self._peer
         if self._is_open and peer is not None and peer._is_open:
-            peer._take(data)
+            peer._receiver(data)
         else:
             self.dropped_bytes += len(data)

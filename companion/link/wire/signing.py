@@ -1,23 +1,23 @@
-"""MAVLink 2 signatures: what we send is signed, what comes in is verified.
+"""MAVLink 2 signatures: outgoing frames are signed, incoming frames are verified.
 
-A frame is believed when its signature fits the key and its time is later than that of the last one of
-the same stream (system, component, link), so that a recorded frame cannot be sent again. Times outlive
-the service: they are kept in a file, ours ahead of what was used, so that neither a crash nor a clock
-set back makes one come twice.
+A frame is accepted if its signature matches the key and its timestamp is later than that of the previous
+frame of the same stream (system, component, link). A recorded frame therefore cannot be sent again.
+Timestamps are kept in a file, our own ahead of the last one used, so that neither a crash nor a clock that is
+set back repeats one.
 
-The computer's clock is believed where it is synchronised and tells a year in which this program existed.
-Then it is the reference: a new stream may lag behind it by a minute, and nobody may be ahead by more, so
-that no peer moves our time by more than that. A clock that is not synchronised mostly runs behind (a
-computer without a battery for it goes on from when it was last switched off), so that it still tells what
-is too old. How far time has gone on since, one stream alone may tell: the first one believed, which mostly
-is the vehicle's, and which may make up its time later, with its first GPS fix. All others are held against
-that one's.
+The computer's clock is trusted if it is synchronised and its year is plausible. It is then the reference: a
+new stream may lag behind it by a minute, and no stream may be ahead of it by more than a minute. A peer can
+thus move our time by at most a minute. A clock that is not synchronised usually runs behind, since a computer
+without a battery for its clock continues from the time at which it was switched off. It still shows which
+frames are too old. Only one stream, the leader, may show how far time has advanced since: the first stream
+accepted, usually the vehicle's. Its time may jump once, with its first GPS fix. All other streams are
+compared with the leader's time.
 
 References
 ----------
-MAVLink guide, *Message Signing*: signature is the first 48 bits of SHA-256 over key, header, payload,
-checksum, link id and time; the time counts 10 µs since 2015-01-01 UTC; a new stream may lag behind the
-newest time heard by a minute at most.
+MAVLink guide, *Message Signing*: the signature is the first 48 bits of SHA-256 over key, header, payload,
+checksum, link id and timestamp; the timestamp counts 10 µs since 2015-01-01 UTC; a new stream may lag behind
+the newest timestamp by a minute at most.
 """
 
 from __future__ import annotations
@@ -35,38 +35,40 @@ from companion.safe_files import read_file, replace_file, set_aside
 from companion.types.mavlink_enums import MessageId
 
 SETUP_SIGNING = MessageId.SETUP_SIGNING
-STREAMS_MAX = 100  # vehicles, ground stations and their components on one link are a dozen
+STREAMS_MAX = 100  # The vehicles, ground stations and components on one link form about a dozen streams.
 _SIGNED = 0x01
 _HEADER = 10
 _EPOCH_S = 1_420_070_400.0  # 2015-01-01T00:00:00Z
 _UNITS_A_SECOND = 100_000
 _MINUTE = 60 * _UNITS_A_SECOND
-_JUMPED = 3 * _UNITS_A_SECOND
+_JUMP_CONFIRMED = (
+    3 * _UNITS_A_SECOND
+)  # The leader's time must continue for this long after a jump to be accepted.
 _DAY = 86_400 * _UNITS_A_SECOND
-_BUILT = int(1_704_067_200.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2024-01-01: no computer ran this program before
-_LATEST = int(4_102_444_800.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2100-01-01; 48 bits end in 2104
-_RESERVED = 10 * _UNITS_A_SECOND  # of ours, kept in the file ahead of what was used
-_KEEP_EVERY = _UNITS_A_SECOND
-_FILE_MAX = 100_000  # bytes; a hundred streams take a twentieth
+_EARLIEST = int(1_704_067_200.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2024-01-01; this program is not older.
+_LATEST = int(4_102_444_800.0 - _EPOCH_S) * _UNITS_A_SECOND  # 2100-01-01; the 48 bits end in 2104.
+_RESERVED = 10 * _UNITS_A_SECOND  # The file holds our own time this far ahead of the last one used.
+_WRITE_INTERVAL = _UNITS_A_SECOND
+_FILE_MAX = 100_000  # Bytes. A file of 100 streams has 5,000.
 
 _log = logging.getLogger(__name__)
 
-Stream = tuple[int, int, int]  # system, component, link
+Stream = tuple[int, int, int]  # System id, component id, link id.
 
 
 class Timestamps:
-    """Times of what was signed and heard, kept in a file of mode 0600.
+    """Timestamps of signed and verified frames, kept in a file of mode 0600.
 
-    A file that is damaged is set aside, and told; the clock is the reference then.
+    A damaged file is renamed and logged; the clock is then the reference.
 
     Parameters
     ----------
     path : Path or None
-        The file; None keeps them for the service's life only.
+        The file; None keeps the timestamps in memory only.
     epoch_s : callable
-        Seconds since 1970 UTC, as far as the computer knows.
+        Returns the computer's time, in seconds since 1970 UTC.
     is_synchronised : callable, optional
-        Whether something keeps the computer's clock right; left out, it counts as kept so.
+        Returns whether the computer's clock is synchronised; by default it counts as synchronised.
     """
 
     def __init__(
@@ -79,28 +81,28 @@ class Timestamps:
         self._epoch_s = epoch_s
         self._is_synchronised = is_synchronised
         own, streams = self._read()
-        self._own, self.streams = self._sane(own, streams)
+        self._own, self.streams = self._plausible(own, streams)
         self._reserved = self._own
         self._newest = self._floor = max([0, *self.streams.values()])
         self._leader: Stream | None = None
-        self._lead = 0  # of the leader's time over the clock
-        self._jump: tuple[int, int] | None = None  # of the leader's time: when, by the clock, and to when
+        self._lead = 0  # Difference between the leader's time and the clock.
+        self._jump: tuple[int, int] | None = None  # The clock's time and the leader's time of a jump.
         self._written = self._clock()
-        self._was_believed = self._is_believed(self._written)
-        self._first: dict[Stream, int] = {}  # time of each stream that was believed first
-        self._used: dict[Stream, tuple[int, int]] = {}  # first and last time of what is forgotten
+        self._was_trusted = self._is_trusted(self._written)
+        self._first: dict[Stream, int] = {}  # First accepted timestamp of each stream.
+        self._used: dict[Stream, tuple[int, int]] = {}  # First and last timestamp of forgotten streams.
 
     @property
     def reference(self) -> int:
-        """What a new stream's time is held against: the clock, or what else is known of the time."""
+        """Time that a new stream is compared with: the clock's, or the best other knowledge of the time."""
         clock = self._clock()
-        if self._is_believed(clock):
+        if self._is_trusted(clock):
             return clock
         led = 0 if self._leader is None else clock + self._lead
         return max(_sendable(clock), self._floor, led)
 
     def next(self) -> int:
-        """Time of the next frame: later than all before, the clock's, and behind no peer's by a minute."""
+        """Return the next timestamp: later than all before, and at most a minute behind any peer's."""
         newest = min(self._newest, self.reference + _MINUTE)
         self._own = max(self._own + 1, _sendable(self._clock()), newest + 1)
         if self._own >= self._reserved:
@@ -109,7 +111,7 @@ class Timestamps:
         return self._own
 
     def refusal(self, stream: Stream, time: int) -> str:
-        """Why a frame of a stream with such a time is not believed, in a word; '' where it is."""
+        """Return why a frame with this timestamp is refused, '' if it is accepted."""
         self._follow_clock()
         reference, last = self.reference, self.streams.get(stream)
         if time > (_LATEST if self._may_lead(stream, time) else reference + _MINUTE):
@@ -124,28 +126,29 @@ class Timestamps:
         return "" if self._has_room(reference) else "too_many_streams"
 
     def note(self, stream: Stream, time: int) -> None:
-        """Take note of a frame that was believed."""
+        """Record the timestamp of an accepted frame."""
         clock = self._clock()
         self._first.setdefault(stream, time)
         self.streams[stream] = time
         self._newest = max(self._newest, time)
-        if not self._is_believed(clock) and self._leader in (None, stream):
+        if not self._is_trusted(clock) and self._leader in (None, stream):
             self._leader, self._lead, self._jump = stream, time - clock, None
-        if abs(clock - self._written) >= _KEEP_EVERY:  # by the clock, or a peer could have us write always
+        # The interval is measured by the clock: otherwise a peer could make us write with every frame.
+        if abs(clock - self._written) >= _WRITE_INTERVAL:
             self._write()
 
     def close(self) -> None:
-        """Keep what is known now."""
+        """Write the timestamps to the file."""
         self._write()
 
     def _may_lead(self, stream: Stream, time: int) -> bool:
-        """Whether a stream tells what time it is, for want of a clock that does.
+        """Return whether a stream may set the time because the clock is not trusted.
 
-        The first that is believed does. Its time may jump, as with the first fix of its GPS: once it has
-        gone on from there for a while, and no frame of the time before came in between.
+        The first accepted stream may. Its time may jump, for example with its first GPS fix, once it has
+        continued from there for a while without any frame of the earlier time in between.
         """
         clock = self._clock()
-        if self._is_believed(clock) or self._leader not in (None, stream):
+        if self._is_trusted(clock) or self._leader not in (None, stream):
             return False
         if self._leader is None or time <= self.reference + _MINUTE:
             return True
@@ -153,16 +156,16 @@ class Timestamps:
         if held is None or abs((time - held[1]) - (clock - held[0])) > _MINUTE:
             self._jump = clock, time
             return False
-        return clock - held[0] >= _JUMPED
+        return clock - held[0] >= _JUMP_CONFIRMED
 
     def _follow_clock(self) -> None:
-        """Once the clock is right, times beyond it are forgotten: they were heard when it was not.
+        """Forget timestamps beyond the clock once it is right: they were accepted while it was wrong.
 
-        Only what was believed then is not believed a second time, once the clock comes to it.
+        The frames accepted then are still refused when the clock reaches their timestamps.
         """
-        clock, was_believed = self._clock(), self._was_believed
-        self._was_believed = self._is_believed(clock)
-        if not self._was_believed or was_believed:
+        clock, was_trusted = self._clock(), self._was_trusted
+        self._was_trusted = self._is_trusted(clock)
+        if not self._was_trusted or was_trusted:
             return
         beyond = [stream for stream, time in self.streams.items() if time > clock + _MINUTE]
         for stream in beyond:
@@ -174,15 +177,15 @@ class Timestamps:
             del self._used[next(iter(self._used))]
 
     def _clock(self) -> int:
-        """The computer's clock, which may tell any time."""
+        """Return the computer's clock, which may show any time."""
         return int((self._epoch_s() - _EPOCH_S) * _UNITS_A_SECOND)
 
-    def _is_believed(self, clock: int) -> bool:
-        """Whether the clock tells the present."""
-        return _BUILT <= clock < _LATEST and self._is_synchronised()
+    def _is_trusted(self, clock: int) -> bool:
+        """Return whether the clock is trusted."""
+        return _EARLIEST <= clock < _LATEST and self._is_synchronised()
 
     def _has_room(self, reference: int) -> bool:
-        """Whether another stream may be remembered; one that would be too old as a new one need not be."""
+        """Return whether another stream can be stored; a stream too old to be a new one is dropped for it."""
         if len(self.streams) < STREAMS_MAX:
             return True
         oldest = min(self.streams, key=lambda stream: self.streams[stream])
@@ -192,25 +195,25 @@ class Timestamps:
         self._first.pop(oldest, None)
         return True
 
-    def _sane(self, own: int, streams: dict[Stream, int]) -> tuple[int, dict[Stream, int]]:
-        """What can be true of what was read.
+    def _plausible(self, own: int, streams: dict[Stream, int]) -> tuple[int, dict[Stream, int]]:
+        """Return the plausible part of what was read.
 
-        Streams beyond a clock that is believed were heard when it was wrong. Our own may be a day ahead:
-        a clock that was put right must not make us repeat ourselves.
+        Streams beyond a trusted clock were accepted while the clock was wrong. Our own time may be a day
+        ahead: a clock that was corrected must not make us repeat a timestamp.
         """
         clock = self._clock()
         limit, own_limit = _LATEST, _LATEST
-        if self._is_believed(clock):
+        if self._is_trusted(clock):
             limit, own_limit = clock + _MINUTE, clock + _DAY
         kept = {stream: time for stream, time in streams.items() if 0 <= time <= limit}
         newest = sorted(kept, key=lambda stream: kept[stream])[-STREAMS_MAX:]
-        is_own_sane = 0 <= own <= own_limit
-        if len(kept) < len(streams) or not is_own_sane:
+        is_own_plausible = 0 <= own <= own_limit
+        if len(kept) < len(streams) or not is_own_plausible:
             _log.error(
                 "%s: %d times of signatures lie beyond the clock and are forgotten",
-                self._path, len(streams) - len(kept) + (not is_own_sane),
+                self._path, len(streams) - len(kept) + (not is_own_plausible),
             )  # fmt: skip
-        return own if is_own_sane else 0, {stream: kept[stream] for stream in newest}
+        return own if is_own_plausible else 0, {stream: kept[stream] for stream in newest}
 
     def _read(self) -> tuple[int, dict[Stream, int]]:
         if self._path is None:
@@ -237,14 +240,14 @@ class Timestamps:
         streams = {"/".join(map(str, stream)): time for stream, time in self.streams.items()}
         kept = json.dumps({"own": self._reserved, "streams": streams}).encode("ascii")
         try:
-            # Once a second and in the loop: a heartbeat must not wait for a slow disk.
+            # Not synced: it happens every second in the event loop, and heartbeats must not wait for it.
             replace_file(self._path, kept, is_synced=False)
-        except OSError as error:  # a full disk must not silence the link
-            _log.error("times of signatures are not kept: %s", error)
+        except OSError as error:  # A full disk must not stop the link.
+            _log.error("timestamps of signatures cannot be written: %s", error)
 
 
 def _sendable(clock: int) -> int:
-    """A clock's time where it can be sent, else 0."""
+    """Return the clock's time if a timestamp can hold it, else 0."""
     return clock if 0 <= clock < _LATEST else 0
 
 
@@ -256,15 +259,15 @@ class Signer:
     key : bytes
         Secret key, 32 bytes.
     link_id : int
-        Link id that our frames carry.
+        Link id of outgoing frames.
     timestamps : Timestamps
-        Times of what was signed and verified, in both directions.
+        Timestamps of both directions.
     extras : mapping of int to int
-        CRC extra byte of each message id, for the checksum of what is signed.
+        CRC extra byte of each message id.
     allow_unsigned : collection of int
-        System ids that are believed without a signature, in frames of MAVLink 2.
+        System ids that are accepted without a signature, in MAVLink 2 frames.
     allow_mavlink1 : bool
-        Whether those are believed in frames of MAVLink 1, too.
+        True if these systems are accepted in MAVLink 1 frames, too.
     """
 
     def __init__(
@@ -284,24 +287,21 @@ class Signer:
         self._extras = extras
         self._allow_unsigned = frozenset(allow_unsigned)
         self._allow_mavlink1 = allow_mavlink1
-        self._has_told_of_clock = False
+        self._has_warned_of_clock = False
 
     def count_in(self, counters: Counter[str]) -> None:
-        """Count what is refused among somebody else's figures from now on."""
+        """Count refused frames in another counter from now on."""
         self.counters = counters
 
     def signed(self, data: bytes) -> bytes:
-        """One frame or several, each with its signature."""
+        """Sign one or several frames."""
         return b"".join(self._signed(raw) for raw in frames_in(data))
 
     def _signed(self, raw: bytes) -> bytes:
         if raw[0] != MAGIC_V2:
             self.counters["not_signable"] += 1  # MAVLink 1 has no room for it
             return raw
-        end = _HEADER + raw[1]
-        extra = self._extras[int.from_bytes(raw[7:10], "little")]
-        body = bytes([raw[0], raw[1], raw[2] | _SIGNED]) + raw[3:end]
-        body += checksum(body[1:], extra).to_bytes(2, "little")
+        body = _with_flags(raw, raw[2] | _SIGNED, self._extras[int.from_bytes(raw[7:10], "little")])
         tail = bytes([self._link_id]) + self._timestamps.next().to_bytes(6, "little")
         return body + tail + self._digest(body + tail)
 
@@ -309,14 +309,14 @@ class Signer:
         return hashlib.sha256(self._key + data).digest()[:6]
 
     def accepts(self, frame: RawFrame) -> bool:
-        """Whether a received frame may be believed; why not is counted."""
+        """Return whether a received frame is accepted; counts the reason if not."""
         reason = self._refusal(frame)
         if reason:
             self.counters[reason] += 1
         return not reason
 
     def _refusal(self, frame: RawFrame) -> str:
-        """Why a frame is not believed, in a word; '' where it is."""
+        """Return why a frame is refused, '' if it is accepted."""
         raw = frame.raw
         if raw[0] != MAGIC_V2 or not raw[2] & _SIGNED:
             return self._refusal_unsigned(frame)
@@ -327,11 +327,11 @@ class Signer:
         reason = self._timestamps.refusal(stream, time)
         if not reason:
             self._timestamps.note(stream, time)
-        elif reason == "too_new" and not self._has_told_of_clock:
-            self._has_told_of_clock = True
+        elif reason == "too_new" and not self._has_warned_of_clock:
+            self._has_warned_of_clock = True
             ahead_s = (time - self._timestamps.reference) / _UNITS_A_SECOND
             _log.warning(
-                "signed frames of system %d are %.0f s ahead, not believed: its clock is wrong, or this one",
+                "signed frames of system %d are %.0f s ahead and refused: its clock or this one is wrong",
                 frame.system_id, ahead_s,
             )  # fmt: skip
         return reason
@@ -346,12 +346,14 @@ class Signer:
 
 
 def without_signature(raw: bytes, extras: Mapping[int, int]) -> bytes:
-    """A frame as it would be unsigned, for a reader that knows no keys."""
+    """Return a frame without its signature."""
     if raw[0] != MAGIC_V2 or not raw[2] & _SIGNED:
         return raw
-    end = _HEADER + raw[1]
     extra = extras.get(int.from_bytes(raw[7:10], "little"))
-    if extra is None:
-        return raw
-    body = bytes([raw[0], raw[1], raw[2] & ~_SIGNED]) + raw[3:end]
+    return raw if extra is None else _with_flags(raw, raw[2] & ~_SIGNED, extra)
+
+
+def _with_flags(raw: bytes, flags: int, extra: int) -> bytes:
+    """Return a MAVLink 2 frame with other incompatibility flags, without a signature."""
+    body = bytes([raw[0], raw[1], flags]) + raw[3 : _HEADER + raw[1]]
     return body + checksum(body[1:], extra).to_bytes(2, "little")

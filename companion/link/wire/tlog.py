@@ -1,10 +1,11 @@
-"""Telemetry logs: every frame of both directions, as ground stations record and replay them.
+"""Telemetry logs (tlog): all frames of both directions, in the format of ground stations.
 
-Each entry is the time in microseconds since 1970 UTC, eight bytes big-endian, and the frame.
+Each entry is the time in microseconds since 1970 UTC (eight bytes, big-endian) followed by the frame.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from companion.safe_files import open_to_read, open_to_write
 _STAMP_BYTES = 8
 _FLUSH_S = 0.5
 _CHUNK = 1 << 16
-# A stamp outside these years is damage. A log of a computer whose clock was never set starts in 1970.
+# A later stamp is damage. A computer whose clock was never set writes stamps from 1970 on.
 _STAMP_MAX_US = 4_102_444_800_000_000  # 2100-01-01
 _LONGEST_FRAME = 280
 
@@ -34,18 +35,18 @@ class Entry:
 class TlogWriter:
     """Appends frames to a file.
 
-    What was written more than half a second ago is with the operating system, so a killed process
-    loses less than a second; ``sync`` is for what must also outlast a power cut.
+    Data older than half a second has been passed to the operating system, so that a killed process loses less
+    than a second.
 
     Parameters
     ----------
     path : str or Path
-        The file; entries are added to one that exists.
+        The file; entries are appended to an existing one.
 
     Raises
     ------
     RecordError
-        When the file cannot be written, at first or later; the writer is closed by that.
+        If the file cannot be written, now or later. The writer is then closed.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -57,12 +58,12 @@ class TlogWriter:
             raise self._failure(error) from error
 
     def write(self, time_s: float, raw: bytes) -> None:
-        """Record one frame.
+        """Append one frame.
 
         Parameters
         ----------
         time_s : float
-            Seconds since 1970 UTC.
+            Time since 1970 UTC [s].
         raw : bytes
             The frame as received or sent.
         """
@@ -71,16 +72,18 @@ class TlogWriter:
         stamp = max(0, round(time_s * 1e6)).to_bytes(_STAMP_BYTES, "big")
         try:
             self._file.write(stamp + raw)
-            # A clock set back must not keep the buffer from being written.
+            # A clock that is set back must not stop the flushing.
             if not 0.0 <= time_s - self._flushed_s < _FLUSH_S:
                 self._file.flush()
                 self._flushed_s = time_s
         except OSError as error:
-            self._abandon()
+            file, self._file = self._file, None
+            with contextlib.suppress(OSError):  # On a full disk closing fails, too.
+                file.close()
             raise self._failure(error) from error
 
     def close(self) -> None:
-        """Write what is left and close."""
+        """Write buffered entries and close the file."""
         if self._file is None:
             return
         file, self._file = self._file, None
@@ -89,29 +92,20 @@ class TlogWriter:
         except OSError as error:
             raise self._failure(error) from error
 
-    def _abandon(self) -> None:
-        """Close without a second complaint: on a full disk closing fails as writing did."""
-        file, self._file = self._file, None
-        if file is not None:
-            try:
-                file.close()
-            except OSError:
-                return
-
     def _failure(self, error: OSError) -> RecordError:
         return RecordError(f"{self._path}: {error.strerror or error}")
 
 
 def read_tlog(path: str | Path, counters: Counter[str] | None = None) -> Iterator[Entry]:
-    """Entries of a log, in the order of the file.
+    """Yield the entries of a log in file order.
 
-    A log that was cut off or damaged is read as far as it can be: damaged bytes are skipped
-    until an entry fits again, and counted as ``skipped_bytes``.
+    A truncated or damaged log is read as far as possible. Damaged bytes are skipped up to the next valid
+    entry and counted as ``skipped_bytes``.
 
     Raises
     ------
     RecordError
-        When the file cannot be read at all.
+        If the file cannot be read at all.
     """
     tally: Counter[str] = Counter() if counters is None else counters
     try:
@@ -132,7 +126,7 @@ def _entries(file: BinaryIO, tally: Counter[str]) -> Iterator[Entry]:
             return
         length = _entry_length(buffer, position)
         end = position + length
-        # What follows must look like an entry too: a magic byte alone is found in any noise.
+        # The next entry must be valid, too: a magic byte alone is frequent in noise.
         if length and end <= len(buffer) and (end == len(buffer) or _entry_length(buffer, end) or is_last):
             raw = buffer[position + _STAMP_BYTES : end]
             stamp = int.from_bytes(buffer[position : position + _STAMP_BYTES], "big")
@@ -144,7 +138,7 @@ def _entries(file: BinaryIO, tally: Counter[str]) -> Iterator[Entry]:
 
 
 def _entry_length(buffer: bytes, position: int) -> int:
-    """Length of the entry at a place, 0 if there is none."""
+    """Return the length of the entry at a position, 0 if there is none."""
     start = position + _STAMP_BYTES
     if len(buffer) < start + 3 or int.from_bytes(buffer[position:start], "big") > _STAMP_MAX_US:
         return 0

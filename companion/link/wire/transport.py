@@ -1,7 +1,7 @@
-"""Bytes in and out of the computer: serial line, UDP, TCP, or memory.
+"""Transports for the bytes of a link: serial line, UDP, TCP and memory.
 
-A transport owns its reconnecting: a lost line is opened again with growing pauses for as long as
-the transport is open, and what is sent meanwhile is dropped, as a radio link would.
+An open transport reconnects by itself: it reopens a lost line with growing pauses. Data sent meanwhile is
+dropped, as by a radio link.
 """
 
 from __future__ import annotations
@@ -12,79 +12,41 @@ import errno
 import logging
 import os
 import socket
-from typing import Protocol
+from collections.abc import Callable
 from urllib.parse import SplitResult, urlsplit
 
 from companion.clock import Clock, WallClock
 from companion.errors import ConfigError, LinkError
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 10.0
-_BACKLOG_MAX = 64 * 1024  # bytes, where the line's speed is not known
-_BACKLOG_S = 2.0  # of a line whose speed is known: what is older is of no use
-_BITS_A_BYTE = 10  # on a serial line, with start and stop bit
-# An interface that is not up yet has no address, and a name is not known.
-_MAY_PASS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
+_PENDING_BYTES_MAX = 64 * 1024  # Bytes that may wait for sending on a line of unknown speed.
+_PENDING_MAX_S = 2.0  # Time that data may wait on a line of known speed; older data is useless.
+_BITS_A_BYTE = 10  # A serial line adds a start bit and a stop bit.
+# Errors that may disappear by themselves: an interface that is not up yet has no address.
+_TRANSIENT_ERRORS = frozenset({errno.EADDRNOTAVAIL, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 _URL_KINDS = "serial:///dev/ttyAMA0:921600, udpin://0.0.0.0:14540, udpout://host:port or tcp://host:port"
 
-Address = tuple[str, int]  # host, port
-
-
-class Receiver(Protocol):
-    """Takes what arrives, in the event loop."""
-
-    def __call__(self, data: bytes, address: Address | None = None, /) -> None:
-        """Take bytes, and where they come from; None on a line, which has one end."""
+Address = tuple[str, int]  # Host and port.
+Receiver = Callable[..., None]  # Takes bytes and, except on a line, the sender's address.
 
 
 _log = logging.getLogger(__name__)
 
 
-class Transport(Protocol):
-    """One link to the autopilot."""
-
-    @property
-    def is_open(self) -> bool:
-        """Whether bytes can be sent now."""
-        ...
-
-    @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        ...
-
-    @property
-    def trouble(self) -> str:
-        """Why the line is not up, as far as that is known; '' while it is."""
-        ...
-
-    @property
-    def bytes_per_s(self) -> float | None:
-        """What the line carries; None where that is not known."""
-        ...
-
-    async def open(self) -> None:
-        """Begin; returns when the line is up, or at once if it comes up by itself later."""
-        ...
-
-    def answer_to(self, address: Address) -> None:
-        """Send to this address from now on, where there is a choice."""
-        ...
-
-    async def close(self) -> None:
-        """End for good."""
-        ...
-
-    def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down."""
-        ...
-
-    def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        ...
+def dropped(_data: bytes, _address: Address | None = None) -> None:
+    """Drop received bytes."""
 
 
-class BaseTransport:
-    """What all transports share."""
+class Transport:
+    """One link to the autopilot; the base of all transports.
+
+    Attributes
+    ----------
+    bytes_per_s : float or None
+        Capacity of the line; None if it is unknown.
+    trouble : str
+        Why the line is down, as far as known; '' while it is up.
+    """
 
     bytes_per_s: float | None = None
 
@@ -93,81 +55,34 @@ class BaseTransport:
         self.dropped_bytes = 0
         self.trouble = ""
 
-    def answer_to(self, address: Address) -> None:
-        """Nothing: there is one address to send to."""
-
-    @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        return 0
-
-    def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        self._receiver = receiver
-
-
-class LastingTransport:
-    """A transport that stays open for the next user when one is done with it.
-
-    Parameters
-    ----------
-    line : Transport
-        Opened by the first user, closed by :meth:`end`.
-    """
-
-    def __init__(self, line: Transport) -> None:
-        self._line = line
-        self._has_begun = False
-
     @property
     def is_open(self) -> bool:
         """Whether bytes can be sent now."""
-        return self._line.is_open
+        raise NotImplementedError
 
     @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
-        return self._line.backlog_bytes
-
-    @property
-    def trouble(self) -> str:
-        """Why the line is not up."""
-        return self._line.trouble
-
-    @property
-    def bytes_per_s(self) -> float | None:
-        """What the line carries."""
-        return self._line.bytes_per_s
-
-    def answer_to(self, address: Address) -> None:
-        """Send to this address from now on."""
-        self._line.answer_to(address)
+    def pending_bytes(self) -> int:
+        """Number of bytes queued for sending."""
+        return 0
 
     async def open(self) -> None:
-        """Open the line, unless it is."""
-        if not self._has_begun:
-            await self._line.open()
-            self._has_begun = True
+        """Open the transport; returns when the line is up, or at once if it comes up by itself later."""
+        raise NotImplementedError
+
+    def answer_to(self, address: Address) -> None:
+        """Send to this address from now on, if the transport can choose one."""
 
     async def close(self) -> None:
-        """Take no more of what arrives."""
-        self.set_receiver(dropped)
-
-    async def end(self) -> None:
-        """Close the line."""
-        await self._line.close()
+        """Close the transport for good."""
+        raise NotImplementedError
 
     def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down."""
-        self._line.send(data)
+        """Send data; drops it while the line is down."""
+        raise NotImplementedError
 
     def set_receiver(self, receiver: Receiver) -> None:
-        """Set who takes what arrives, in the event loop."""
-        self._line.set_receiver(receiver)
-
-
-def dropped(_data: bytes, _address: Address | None = None) -> None:
-    """Nobody is there to take it."""
+        """Set the function that takes arriving bytes, in the event loop."""
+        self._receiver = receiver
 
 
 class _DatagramProtocol(asyncio.DatagramProtocol):
@@ -178,11 +93,11 @@ class _DatagramProtocol(asyncio.DatagramProtocol):
         self._on_data(data, (addr[0], addr[1]))
 
     def error_received(self, exc: Exception) -> None:
-        _log.debug("datagram refused: %s", exc)  # nobody listens there yet
+        _log.debug("datagram refused: %s", exc)  # No program listens at that address yet.
 
 
-class _UdpTransport(BaseTransport):
-    """What both kinds of UDP share; where the network is not up yet, the socket is made when it is."""
+class _UdpTransport(Transport):
+    """Base of both kinds of UDP; if the network is not up yet, the socket is created once it is."""
 
     kind = ""
 
@@ -192,32 +107,34 @@ class _UdpTransport(BaseTransport):
         self._clock = clock or WallClock()
         self._task: asyncio.Task[None] | None = None
         self._peer: Address | None = None
-        self._to: Address | None = None  # nothing for a socket that is connected
+        self._destination: Address | None = None  # None for a connected socket.
         self._socket: asyncio.DatagramTransport | None = None
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a socket and somebody to send to."""
+        """Whether there is a socket and an address to send to."""
         return self._socket is not None and self._peer is not None
 
     async def open(self) -> None:
-        """Make the socket, or begin trying to.
+        """Create the socket, or begin trying to; does nothing if an earlier user opened it.
 
         Raises
         ------
         LinkError
-            When the address cannot be had, and will not be by itself.
+            If the address cannot be used, and waiting would not help.
         """
+        if self._socket is not None or self._task is not None:
+            return
         try:
-            await self._make()
+            await self._create_socket()
         except OSError as error:
-            if not isinstance(error, socket.gaierror) and error.errno not in _MAY_PASS:
+            if not isinstance(error, socket.gaierror) and error.errno not in _TRANSIENT_ERRORS:
                 host, port = self._address
-                raise LinkError(f"{self.kind}://{host}:{port}: {_words(error)}") from error
-            self.trouble = _words(error)
+                raise LinkError(f"{self.kind}://{host}:{port}: {_error_text(error)}") from error
+            self.trouble = _error_text(error)
             self._task = asyncio.create_task(self._try_again(), name="transport")
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         raise NotImplementedError
 
     async def _try_again(self) -> None:
@@ -226,9 +143,9 @@ class _UdpTransport(BaseTransport):
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
             try:
-                await self._make()
+                await self._create_socket()
             except OSError as error:
-                self.trouble = _words(error)
+                self.trouble = _error_text(error)
             else:
                 self.trouble = ""
                 return
@@ -237,49 +154,49 @@ class _UdpTransport(BaseTransport):
         """Close the socket."""
         task, self._task = self._task, None
         if task is not None:
-            await _ended(task)
+            await _cancelled(task)
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
-            await asyncio.sleep(0)  # the loop closes it in its next round
+            await asyncio.sleep(0)  # The event loop closes it in its next iteration.
 
     def send(self, data: bytes) -> None:
         """Send one datagram to the peer."""
         if self._socket is None or self._peer is None:
             self.dropped_bytes += len(data)
         else:
-            self._socket.sendto(data, self._to)
+            self._socket.sendto(data, self._destination)
 
     def _received(self, data: bytes, address: Address | None = None) -> None:
-        self._receiver(data, address)  # looked up at each call: it may be set after opening
+        self._receiver(data, address)  # Looked up at each call, since it may be set after opening.
 
 
 class UdpInTransport(_UdpTransport):
-    """Listens on a port; sends to whom it is told to, and to nobody before."""
+    """Listens on a port; sends to the address given to :meth:`answer_to`, and to nobody before."""
 
     kind = "udpin"
 
     @property
     def port(self) -> int | None:
-        """Port that is listened on, once open."""
+        """Port that the open socket listens on."""
         return None if self._socket is None else int(self._socket.get_extra_info("sockname")[1])
 
     def answer_to(self, address: Address) -> None:
         """Send to this address from now on."""
-        self._peer = self._to = address
+        self._peer = self._destination = address
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         self._socket, _ = await asyncio.get_running_loop().create_datagram_endpoint(
             lambda: _DatagramProtocol(self._received), local_addr=self._address
         )
 
 
 class UdpOutTransport(_UdpTransport):
-    """Sends to a fixed address and takes what comes from there, and from nowhere else."""
+    """Sends to a fixed address and receives from that address only."""
 
     kind = "udpout"
 
-    async def _make(self) -> None:
+    async def _create_socket(self) -> None:
         host, port = self._address
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
@@ -303,8 +220,8 @@ class _StreamProtocol(asyncio.Protocol):
             self.lost.set_result(None)
 
 
-class _StreamTransport(BaseTransport):
-    """What serial line and TCP share: connect, wait for the loss, pause, connect again."""
+class _StreamTransport(Transport):
+    """Base of serial line and TCP: connects, waits for the loss, pauses and connects again."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -319,8 +236,8 @@ class _StreamTransport(BaseTransport):
         return self._line is not None and not self._line.is_closing()
 
     @property
-    def backlog_bytes(self) -> int:
-        """How much waits to leave."""
+    def pending_bytes(self) -> int:
+        """Number of bytes queued for sending."""
         return 0 if self._line is None else self._line.get_write_buffer_size()
 
     async def open(self) -> None:
@@ -333,12 +250,12 @@ class _StreamTransport(BaseTransport):
         """Close the line and stop connecting."""
         task, self._task = self._task, None
         if task is not None:
-            await _ended(task)
+            await _cancelled(task)
 
     def send(self, data: bytes) -> None:
-        """Send; dropped when the line is down or its buffer is full."""
+        """Send data; drops it while the line is down or its buffer is full."""
         line = self._line
-        most = _BACKLOG_MAX if self.bytes_per_s is None else _BACKLOG_S * self.bytes_per_s
+        most = _PENDING_BYTES_MAX if self.bytes_per_s is None else _PENDING_MAX_S * self.bytes_per_s
         if line is None or line.is_closing() or line.get_write_buffer_size() > most:
             self.dropped_bytes += len(data)
         else:
@@ -350,12 +267,12 @@ class _StreamTransport(BaseTransport):
     async def _run(self) -> None:
         pause_s = FIRST_PAUSE_S
         while True:
-            protocol = _StreamProtocol(self._receiver_now)
+            protocol = _StreamProtocol(self._received)
             try:
                 self._line = await self._connect(protocol)
             except OSError as error:
                 _log.debug("no connection: %s", error)
-                self.trouble = _words(error)
+                self.trouble = _error_text(error)
             else:
                 self.connections += 1
                 self.trouble = ""
@@ -369,8 +286,8 @@ class _StreamTransport(BaseTransport):
             await self._clock.sleep_until(self._clock.now_s() + pause_s)
             pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
 
-    def _receiver_now(self, data: bytes, _address: Address | None = None) -> None:
-        self._receiver(data)  # looked up at each call: it may be set after connecting
+    def _received(self, data: bytes, _address: Address | None = None) -> None:
+        self._receiver(data)  # Looked up at each call, since it may be set after connecting.
 
 
 class TcpTransport(_StreamTransport):
@@ -387,7 +304,7 @@ class TcpTransport(_StreamTransport):
 
 
 class SerialTransport(_StreamTransport):
-    """Serial line; an unplugged one is opened again when it is back."""
+    """Serial line; an unplugged device is reopened when it is back."""
 
     def __init__(self, device: str, baud_rate: int, clock: Clock) -> None:
         super().__init__(clock)
@@ -401,15 +318,15 @@ class SerialTransport(_StreamTransport):
         try:
             line, _ = await serialx.create_serial_connection(
                 asyncio.get_running_loop(), lambda: protocol, self._device, baudrate=self._baud_rate,
-                exclusive=True,  # two readers would get half of each frame
+                exclusive=True,  # Two readers would get half of each frame each.
             )  # fmt: skip
         except serialx.SerialException as error:
-            raise OSError(str(error)) from error  # a baud rate that the device does not have, say
+            raise OSError(str(error)) from error  # For example a baud rate that the device does not support.
         return line
 
 
 def transport_from_url(url: str, clock: Clock) -> Transport:
-    """Make the transport that a URL names; it is not open yet.
+    """Create the transport that a URL describes, without opening it.
 
     Parameters
     ----------
@@ -417,12 +334,12 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
         ``serial:///dev/ttyAMA0:921600``, ``udpin://0.0.0.0:14540``, ``udpout://host:port`` or
         ``tcp://host:port``.
     clock : Clock
-        Clock by which the pauses between attempts to connect are timed.
+        Clock for the pauses between attempts to connect.
 
     Raises
     ------
     ConfigError
-        For anything else.
+        For any other URL.
     """
     kind, _, rest = url.partition("://")
     if kind == "serial":
@@ -438,14 +355,14 @@ def transport_from_url(url: str, clock: Clock) -> Transport:
     return UdpOutTransport(host, port, clock) if kind == "udpout" else TcpTransport(host, port, clock)
 
 
-async def _ended(task: asyncio.Task[None]) -> None:
+async def _cancelled(task: asyncio.Task[None]) -> None:
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
 
 
-def _words(error: OSError) -> str:
-    """What is wrong with an address; the event loop's own words name it once more."""
+def _error_text(error: OSError) -> str:
+    """Describe an error of an address; the event loop's own text would repeat the address."""
     if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
         return "another program has the port: the service?"
     if isinstance(error, socket.gaierror) or not error.errno:
@@ -458,7 +375,7 @@ def _address(url: str) -> tuple[str, int]:
     try:
         parts: SplitResult = urlsplit(url)
         host, port = parts.hostname, parts.port
-        (host or "").encode("idna")  # what a look-up would choke on
+        (host or "").encode("idna")  # The name resolver would raise for names that this refuses.
     except ValueError:
         host, port = None, None
     is_plain = host is not None and port is not None and url.count("/") == 2 and "@" not in url

@@ -1,5 +1,5 @@
-"""``companion doctor``: what would keep the service from working, found before a flight.
+"""``companion doctor``: finds problems of the service's surroundings before a flight.
 
-Looks at this computer and at the autopilot's link, asks for parameters and rates, and changes nothing on
-either. It knows what the service needs, and runs none of it.
+It checks this computer and the autopilot's link, requests parameters and rates, and changes nothing on
+either. It knows the requirements of the service, but runs no part of it.
 """

@@ -1,4 +1,4 @@
-"""The doctor's round: this computer, then the link; and how the findings are shown."""
+"""Runs all checks of ``companion doctor``, first of this computer and then of the link, and shows them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ EXIT_FAILED = 1
 COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "red"}
 
 
-async def examined(
+async def run_checks(
     file: Path | None, url: str | None, seconds: float, flights: Path
 ) -> tuple[list[Finding], int]:
-    """Look at everything.
+    """Run all checks.
 
     Returns
     -------
     list of Finding
-        All findings, in the order in which they were made.
+        All findings, in the order of the checks.
     int
-        Exit code: 0, 1 for a failure, 3 where no autopilot was heard.
+        Exit code: 0, 1 for a failure, 3 without an autopilot.
 
     Raises
     ------
@@ -43,7 +43,7 @@ async def examined(
     mission = None if file is None else load_mission(file)
     transport = None if url is None else transport_from_url(url, clock)
     findings = local_findings(mission, url, flights)
-    is_deaf = False
+    is_silent = False
     if transport is not None and url is not None:
         signer = None if mission is None or _has_failed(findings) else signing_of(mission, None)[1]
         doctor = LinkDoctor(transport, clock, url, mission, signer)
@@ -53,8 +53,8 @@ async def examined(
         except LinkError as error:
             advice = "end what listens there, the service perhaps, or name another"
             findings.append(fail("link", str(error), advice))
-        is_deaf = not doctor.is_heard
-    if is_deaf:
+        is_silent = not doctor.is_heard
+    if is_silent:
         return findings, LinkError.exit_code
     return findings, EXIT_FAILED * _has_failed(findings)
 
@@ -64,7 +64,7 @@ def _has_failed(findings: Iterable[Finding]) -> bool:
 
 
 def findings_table(findings: Sequence[Finding]) -> Table:
-    """For people: the findings with what to do."""
+    """Return a table of the findings with advice."""
     table = Table(title="doctor")
     for name in ("", "check", "found", "what to do"):
         table.add_column(name, overflow="fold")

@@ -1,4 +1,4 @@
-"""What the doctor finds, and how bad it is."""
+"""Findings of the doctor and their severity."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Verdict(Enum):
-    """How bad it is."""
+    """Severity of a finding."""
 
     OK = "OK"
     WARN = "WARN"
@@ -16,18 +16,18 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one check.
 
     Parameters
     ----------
     check : str
-        Name of what was looked at.
+        Name of the check.
     verdict : Verdict
-        Whether it is well, doubtful, or would fail.
+        Severity.
     found : str
-        What was found, in words.
+        What was found.
     advice : str
-        What to do; '' where nothing is.
+        What to do; '' for nothing.
     """
 
     check: str
@@ -37,15 +37,15 @@ class Finding:
 
 
 def ok(check: str, found: str) -> Finding:
-    """All is well."""
+    """Return a finding without a problem."""
     return Finding(check, Verdict.OK, found)
 
 
 def warn(check: str, found: str, advice: str) -> Finding:
-    """It works, but not as well as it could."""
+    """Return a finding that limits the service."""
     return Finding(check, Verdict.WARN, found, advice)
 
 
 def fail(check: str, found: str, advice: str) -> Finding:
-    """Do not fly so."""
+    """Return a finding that forbids flying."""
     return Finding(check, Verdict.FAIL, found, advice)

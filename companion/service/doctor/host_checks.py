@@ -1,4 +1,4 @@
-"""``companion doctor``: what of this computer would keep the service from working."""
+"""Checks of this computer for ``companion doctor``."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ SERIAL_PORT = "serial port"
 
 
 def local_findings(mission: MissionConfig | None, url: str | None, flights: Path) -> list[Finding]:
-    """Look at this computer.
+    """Check this computer.
 
     Parameters
     ----------
     mission : MissionConfig, optional
-        Mission file, whose signing key is looked at.
+        Mission file, whose signing key is checked.
     url : str, optional
-        URL of the link, whose serial port is looked at.
+        URL of the link, whose serial port is checked.
     flights : Path
-        Folder that recordings would go to.
+        Folder for recordings.
     """
     findings = [clock_set(datetime.now(UTC)), clock_synchronised(clock_state())]
     findings += [kernel_cache(kernel_store().folder), disk(flights)]
@@ -42,28 +42,28 @@ def local_findings(mission: MissionConfig | None, url: str | None, flights: Path
 
 
 def clock_set(now: datetime) -> Finding:
-    """Whether the time can be true."""
+    """Check that the time is plausible."""
     if now < NOT_BEFORE:
         return fail("clock", f"{now:%Y-%m-%d}", "set the time: recordings would be of the past")
     return ok("clock", f"{now:%Y-%m-%d %H:%M:%S} UTC")
 
 
 def clock_synchronised(state: int) -> Finding:
-    """Whether something keeps the clock right."""
+    """Check that the clock is synchronised."""
     check, advice = "clock synchronised", "run chrony or systemd-timesyncd; GPS through gpsd in the field"
     if state < 0:
-        return warn(check, "cannot be told here", advice)
+        return warn(check, "unknown on this computer", advice)
     if state == UNSYNCHRONISED:
         return warn(check, "no", advice)
     return ok(check, "yes")
 
 
 def kernel_cache(folder: Path) -> Finding:
-    """Whether compiled kernels are kept, and there."""
+    """Check that compiled kernels are stored, and that there are any."""
     check = "kernel cache"
     if not os.access(folder, os.W_OK):
         return fail(check, f"{folder} cannot be written", "set NUMBA_CACHE_DIR to a folder of the service's")
-    if folder.name.startswith("safe-rrt-companion-"):  # the last resort of kernel_store
+    if folder.name.startswith("safe-rrt-companion-"):  # kernel_store falls back to this folder.
         return warn(check, f"{folder} is temporary", "set NUMBA_CACHE_DIR: each start compiles again")
     number = sum(1 for _ in folder.glob("*.o"))
     if number == 0:
@@ -72,7 +72,7 @@ def kernel_cache(folder: Path) -> Finding:
 
 
 def disk(flights: Path) -> Finding:
-    """Whether flights can be recorded."""
+    """Check that flights can be recorded."""
     folder = flights
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -86,7 +86,7 @@ def disk(flights: Path) -> Finding:
 
 
 def serial_port(device: Path) -> Finding:
-    """Whether the port is there, and may be used."""
+    """Check that the port exists and may be used."""
     check = SERIAL_PORT
     if not device.exists():
         return fail(check, f"{device} is not there", "plug it in; enable the UART; see dmesg for its name")
@@ -101,7 +101,7 @@ def serial_port(device: Path) -> Finding:
 
 
 def signing_key(file: Path) -> Finding:
-    """Whether the key can be used."""
+    """Check that the key can be used."""
     try:
         read_key(file)
     except CompanionError as error:

@@ -1,4 +1,4 @@
-"""``companion doctor --link``: what the link to the autopilot carries, and how well."""
+"""Checks of the autopilot's link for ``companion doctor --link``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.link.messages.codec import Codec
 from companion.link.messages.streams import Streams
-from companion.link.wire.decoded_frame import ParameterTold, VersionTold
+from companion.link.wire.decoded_frame import AutopilotVersion, ParameterValue
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.transport import Address, Transport
@@ -20,31 +20,31 @@ from companion.service.doctor.parameter_checks import parameter_findings, parame
 from companion.types.events import Dialect, Heartbeat
 from companion.types.mavlink_enums import MessageId
 
-HEARD_S = 10.0  # for the first heartbeat
-ASK_S = 0.5  # between repetitions of what was not answered
-ASKING_S = 6.0
-SETTLE_S = 1.0  # for rates to take effect
-PX4_CURRENT_HZ = 1.0  # whatever it is asked for
+FIRST_HEARTBEAT_S = 10.0  # Time to wait for the first heartbeat.
+REQUEST_INTERVAL_S = 0.5  # Interval of repeated requests.
+REQUESTS_MAX_S = 6.0
+SETTLE_S = 1.0  # Time until requested rates take effect.
+PX4_CURRENT_HZ = 1.0  # PX4 sends MISSION_CURRENT at this rate, whatever rate is requested.
 RATE_SHARE = 0.8
 LOSS_WARN, LOSS_FAIL = 0.01, 0.1
 RATE_HZ = 10.0
 
 
 class LinkDoctor:
-    """Listens, asks, and judges.
+    """Receives, requests and checks.
 
     Parameters
     ----------
     transport : Transport
-        Opened and closed by :meth:`examine`.
+        Transport that :meth:`examine` opens and closes.
     clock : Clock
-        Clock by which the doctor waits.
+        Clock of the doctor.
     url : str
-        URL that the transport was made from, for the advice.
+        URL of the transport, for the advice.
     mission : MissionConfig, optional
-        Mission whose speeds and timing the autopilot should fit.
+        Mission file, whose speeds and rates the autopilot should match.
     signer : Signer, optional
-        Signs what is sent and verifies what comes, as in the service.
+        Signs sent frames and verifies received ones, as in the service.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class LinkDoctor:
         self._quality = LinkQuality()
         self._num_bytes = 0
         self._heartbeat: Heartbeat | None = None
-        self._version: VersionTold | None = None
-        self._values: dict[str, ParameterTold] = {}
+        self._version: AutopilotVersion | None = None
+        self._values: dict[str, ParameterValue] = {}
         self._counts: Counter[int] = Counter()
         self._of_mission = None if mission is None else MissionDoctor(mission, self._codec, clock, self._send)
 
     async def examine(self, seconds: float) -> list[Finding]:
-        """Look at the link for about so many seconds once the autopilot is heard.
+        """Check the link, for about the given time after the first heartbeat.
 
         Raises
         ------
@@ -82,14 +82,14 @@ class LinkDoctor:
         self._transport.set_receiver(self._receive)
         await self._transport.open()
         try:
-            await self._until(lambda: self._heartbeat is not None, HEARD_S)
+            await self._until(lambda: self._heartbeat is not None, FIRST_HEARTBEAT_S)
             if self._heartbeat is None:
                 return [self._silence()]
             self.is_heard = True
             dialect = self._heartbeat.dialect
             names = parameter_names(dialect)
             await self._until(
-                lambda: self._version is not None and self._values.keys() >= set(names), ASKING_S, names
+                lambda: self._version is not None and self._values.keys() >= set(names), REQUESTS_MAX_S, names
             )
             await self._until(lambda: False, SETTLE_S)
             self._counts.clear()
@@ -112,7 +112,7 @@ class LinkDoctor:
 
     def _send(self, data: bytes) -> None:
         if self._transport.is_open:
-            self._transport.send(self._codec.on_the_wire(data))
+            self._transport.send(self._codec.signed(data))
 
     def _receive(self, data: bytes, address: Address | None = None) -> None:
         now, identity = self._clock.now_s(), self._codec.identity
@@ -130,13 +130,13 @@ class LinkDoctor:
             for event in frame.events:
                 if isinstance(event, Heartbeat):
                     self._heartbeat = event
-            if isinstance(frame.reply, VersionTold):
+            if isinstance(frame.reply, AutopilotVersion):
                 self._version = frame.reply
-            elif isinstance(frame.reply, ParameterTold):
+            elif isinstance(frame.reply, ParameterValue):
                 self._values[frame.reply.name] = frame.reply
 
     async def _until(self, is_done: Callable[[], bool], seconds: float, names: tuple[str, ...] = ()) -> None:
-        """Wait, asking again for what is missing."""
+        """Wait, and repeat requests for what is missing."""
         until = self._clock.now_s() + seconds
         while not is_done() and (now := self._clock.now_s()) < until:
             if self._heartbeat is not None and self._transport.is_open:
@@ -145,28 +145,30 @@ class LinkDoctor:
                     questions += self._codec.request_message(MessageId.AUTOPILOT_VERSION)
                 for name in names:
                     if name not in self._values:
-                        questions += self._codec.parameter_question(name)
-                self._transport.send(self._codec.on_the_wire(questions))
-            await self._clock.sleep_until(min(now + ASK_S, until))
+                        questions += self._codec.parameter_request(name)
+                self._transport.send(self._codec.signed(questions))
+            await self._clock.sleep_until(min(now + REQUEST_INTERVAL_S, until))
 
     def _silence(self) -> Finding:
-        """Why no autopilot is heard."""
+        """Return why no autopilot is received."""
         check, counters = "link", self._codec.counters
         if self._transport.trouble:
             return fail(
-                check, f"{self._url}: {self._transport.trouble}", "see to the device, cable or address"
+                check, f"{self._url}: {self._transport.trouble}", "check the device, cable or address"
             )
         if self._num_bytes == 0:
             advice = {
                 "serial": "is it powered, are RX and TX crossed, does SERIALn_PROTOCOL of that port say 2?",
                 "udpin": "does the autopilot or its router send to this address and port?",
-            }.get(self._url.partition("://")[0], "is somebody there, and listening?")
+            }.get(self._url.partition("://")[0], "does a program listen at this address?")
             return fail(check, f"nothing comes from {self._url}", advice)
         if counters["accepted"] == 0 and counters["unsigned"] + counters["bad_signature"] == 0:
             found = f"{self._num_bytes} bytes came, and no message of MAVLink"
             is_serial = self._url.startswith("serial")
             advice = "the speed differs from the autopilot's: see SERIALn_BAUD"
-            return fail(check, found, advice if is_serial else "something else speaks there: see the address")
+            return fail(
+                check, found, advice if is_serial else "another protocol is used there: check the address"
+            )
         refused = ", ".join(f"{name} {number}" for name, number in sorted(counters.items()))
         return fail(check, f"messages came, and no autopilot's heartbeat ({refused})",
                     "is the autopilot behind a router that filters, or signed with another key?")  # fmt: skip
@@ -198,7 +200,7 @@ class LinkDoctor:
         return int(rest.rpartition(":")[2]) if kind == "serial" else None
 
 
-def _number(told: ParameterTold, dialect: Dialect) -> float:
-    """The value, as the autopilot's dialect packs it."""
+def _number(told: ParameterValue, dialect: Dialect) -> float:
+    """Return the value, as the autopilot's dialect encodes it."""
     value = told.number(is_bytewise=dialect.packs_parameters_bytewise)
     return value if math.isfinite(value) else math.nan

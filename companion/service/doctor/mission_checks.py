@@ -1,4 +1,4 @@
-"""What the list in the autopilot comes to with a mission file, as the service would say it on the ground."""
+"""Checks of the autopilot's mission list with a mission file, as the service does them on the ground."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ CHECK = "mission"
 
 
 class MissionDoctor:
-    """Reads the autopilot's list, and judges it.
+    """Reads and checks the autopilot's list.
 
     Parameters
     ----------
     mission : MissionConfig
         The mission file.
     codec : Codec
-        Frames of the link that is listened to, to events.
+        Codec of the link.
     clock : Clock
-        The doctor's.
+        Clock of the doctor.
     send : callable
-        Takes bytes for the transport.
+        Passes bytes to the transport.
     """
 
     def __init__(
@@ -51,17 +51,17 @@ class MissionDoctor:
         self._link = AutopilotLink(codec, clock, send)
 
     def receive(self, frame: DecodedFrame) -> None:
-        """Take a frame of the autopilot's."""
+        """Take a frame of the autopilot."""
         self._link.receive(frame)
         for event in frame.events:
             self._ownship.observe(event)
 
     async def findings(self, settings: AutopilotSettings) -> list[Finding]:
-        """What the list comes to, with what the autopilot's parameters say."""
+        """Read the list and return the findings, given the autopilot's parameters."""
         try:
             read = await self._link.download()
         except CompanionError as error:
-            return [warn(CHECK, f"not read: {error}", "try again; does the ground station upload just now?")]
+            return [warn(CHECK, f"not read: {error}", "try again; perhaps the ground station is uploading")]
         finally:
             await self._link.close()
         return self._judged(read, settings)
@@ -79,7 +79,7 @@ class MissionDoctor:
         refused = shortfalls(mission, settings)
         for fault in told.faults:
             if fault in refused:
-                advice = "change the mission file or the parameter: it is not taken over so"
+                advice = "change the mission file or the parameter: the service does not take over with it"
                 findings.append(fail(CHECK, fault, advice))
             else:
                 findings.append(warn(CHECK, fault, "change the list in the autopilot, or the mission file"))

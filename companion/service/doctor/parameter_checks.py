@@ -1,6 +1,6 @@
-"""What of the autopilot's settings matters to the service, and why.
+"""Checks of the autopilot parameters that matter to the service.
 
-Measured on ArduPlane 4.7 and PX4 1.17 in their own simulations.
+The effects were measured on ArduPlane 4.7 and PX4 1.17 in their own simulations.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from companion.config import MissionConfig
-from companion.link.wire.decoded_frame import VersionTold
+from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
@@ -20,13 +20,13 @@ NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
 RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: ""}
 SERIAL_PORTS = range(1, 7)
 MAVLINK_PROTOCOLS = (1.0, 2.0)
-# SERIALn_BAUD of ArduPilot is in thousands, but for these.
+# SERIALn_BAUD of ArduPilot is in thousands, except for these values.
 BAUD_RATES = {1: 1200, 2: 2400, 4: 4800, 9: 9600, 19: 19200, 38: 38400, 57: 57600, 111: 111100}
 BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 921: 921600, 1500: 1500000}
-# MAV_n_CONFIG of PX4 names the port of each of its instances of MAVLink; the telemetry ports are these.
+# MAV_n_CONFIG of PX4 gives the port of each MAVLink instance; these are the telemetry ports.
 PX4_INSTANCES = range(3)
 PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
-ONBOARD = 2.0  # MAV_n_MODE
+ONBOARD = 2.0  # A value of MAV_n_MODE.
 SERIAL_PARAMETERS = {
     Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
     Dialect.PX4: "MAV_1_CONFIG 102 (TELEM 2) and SER_TEL2_BAUD",
@@ -35,30 +35,30 @@ SERIAL_PARAMETERS = {
 
 @dataclass(frozen=True, slots=True)
 class ParameterCheck:
-    """What a parameter should be.
+    """The required value of a parameter.
 
     Parameters
     ----------
     name : str
-        Name of the parameter, as the autopilot has it.
+        Name of the parameter in the autopilot.
     is_good : callable
-        Takes the parameter's value and tells whether it is as it should be.
-    otherwise : str
-        What happens if it is not, and what to do.
+        Takes the value and returns whether it is as required.
+    advice : str
+        What to do if it is not, and what would happen.
     is_grave : bool
-        Whether another value is dangerous, rather than a nuisance.
+        True if another value is dangerous, not only inconvenient.
     """
 
     name: str
     is_good: Callable[[float], bool]
-    otherwise: str
+    advice: str
     is_grave: bool = False
 
-    def judged(self, value: float) -> Finding:
-        """What a value means."""
+    def finding(self, value: float) -> Finding:
+        """Return the finding for a value."""
         if self.is_good(value):
             return ok(self.name, f"{value:g}")
-        return (fail if self.is_grave else warn)(self.name, f"{value:g}", self.otherwise)
+        return (fail if self.is_grave else warn)(self.name, f"{value:g}", self.advice)
 
 
 ARDUPLANE = (
@@ -81,7 +81,7 @@ ARDUPLANE = (
         "ADSB_TYPE",
         lambda v: v == 0.0,
         "set 0 unless an ADS-B receiver is wired to the autopilot: "
-        "it swallows others' reports and sends them on at its own rate",
+        "it consumes the reports of other sources and sends its own list at its own rate",
     ),
     ParameterCheck(
         "WP_RADIUS",
@@ -114,12 +114,12 @@ SPEEDS = {
     Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
 }
 PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
-# Avoidance that only exists where it is switched on.
+# These parameters exist only if the other one enables avoidance.
 ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 
 
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
-    """Parameters that are to be read."""
+    """Return the names of the parameters to read."""
     return (*(check.name for check in PARAMETER_CHECKS[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
 
 
@@ -130,13 +130,13 @@ def _serial_names(dialect: Dialect) -> list[str]:
     return names + [f"SER_{port}_BAUD" for port in PX4_PORTS.values()]
 
 
-def version(dialect: Dialect, told: VersionTold | None) -> Finding:
-    """Whether it is one whose behaviour is known."""
+def version(dialect: Dialect, told: AutopilotVersion | None) -> Finding:
+    """Check that the behaviour of the autopilot's version is known."""
     check, name = "autopilot", NAMES[dialect]
     major, minor = MEASURED[dialect]
     advice = f"its missions were measured with {major}.{minor}: try this one in its own simulation first"
     if told is None:
-        return warn(check, f"{name}; it does not tell its version", advice)
+        return warn(check, f"{name}; it does not report its version", advice)
     numbers = ".".join(map(str, told.numbers))
     found = f"{name} {numbers}{RELEASES.get(told.release, '?')}"
     return ok(check, found) if told.numbers[:2] == (major, minor) else warn(check, found, advice)
@@ -145,21 +145,21 @@ def version(dialect: Dialect, told: VersionTold | None) -> Finding:
 def parameter_findings(
     dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None, baud_rate: int | None
 ) -> list[Finding]:
-    """Judge what was read; ``baud_rate`` is that of the serial line, if it is one."""
+    """Check the parameters that were read; ``baud_rate`` is that of the serial line, if there is one."""
     findings = []
     for check in PARAMETER_CHECKS[dialect]:
         switch = ONLY_WITH.get(check.name)
         if switch is not None and values.get(switch) == 0.0:
             continue
         value = values.get(check.name)
-        findings.append(_untold(check.name) if value is None else check.judged(value))
+        findings.append(_not_reported(check.name) if value is None else check.finding(value))
     findings += _speeds(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings
 
 
-def _untold(name: str) -> Finding:
-    return warn(name, "not told", "the link loses too much, or this version calls it something else")
+def _not_reported(name: str) -> Finding:
+    return warn(name, "not reported", "the link loses too much, or this version has another name for it")
 
 
 def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None) -> list[Finding]:
@@ -167,7 +167,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
     if mission is None:
         return []
     if not all(map(math.isfinite, (slow, fast, cruise))):
-        return [_untold(name) for name in SPEEDS[dialect] if name not in values]
+        return [_not_reported(name) for name in SPEEDS[dialect] if name not in values]
     found, vehicle = f"{slow:g} to {fast:g} m/s, cruise {cruise:g}", mission.vehicle
     wanted = f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g}, {vehicle.airspeed_cruise_m_s:g}"
     advice = f"let vehicle.airspeed_* of the mission file ({wanted}) and the autopilot agree"
@@ -179,7 +179,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
 def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:
     check = "serial ports"
     if not values.keys() & set(_serial_names(dialect)):
-        return ok(check, "not told") if baud_rate is None else _untold(check)
+        return ok(check, "not reported") if baud_rate is None else _not_reported(check)
     is_px4 = dialect is Dialect.PX4
     rates = _px4_rates(values) if is_px4 else _ardupilot_rates(values)
     found = ", ".join(f"{port} MAVLink {rate}" for port, rate in rates.items()) or "no port speaks MAVLink"
@@ -190,7 +190,7 @@ def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None
 
 
 def _px4_advice(values: Mapping[str, float], rates: Mapping[str, int], baud_rate: int | None) -> str:
-    """What to change where the instances at our baud rate are none for a companion; '' for nothing."""
+    """Return what to change if no instance at our baud rate is for a companion; '' for nothing."""
     modes = [values.get(f"{port}_MODE") for port, rate in rates.items() if rate == baud_rate]
     if not modes or ONBOARD in modes:
         return ""
@@ -198,14 +198,14 @@ def _px4_advice(values: Mapping[str, float], rates: Mapping[str, int], baud_rate
 
 
 def _ardupilot_advice(values: Mapping[str, float], rates: Mapping[str, int]) -> str:
-    """What to change where a port speaks the old MAVLink; '' for nothing."""
+    """Return what to change if a port sends MAVLink 1; '' for nothing."""
     if not any(values.get(f"{port}_PROTOCOL") == 1.0 for port in rates):
         return ""
     return "set SERIALn_PROTOCOL 2: MAVLink 1 carries no signatures"
 
 
 def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:
-    """Baud rates of the ports that speak MAVLink."""
+    """Return the baud rates of the ports with MAVLink."""
     ports = [f"SERIAL{n}" for n in SERIAL_PORTS if values.get(f"SERIAL{n}_PROTOCOL") in MAVLINK_PROTOCOLS]
     codes = {port: values.get(f"{port}_BAUD", math.nan) for port in ports}
     return {
@@ -216,7 +216,7 @@ def _ardupilot_rates(values: Mapping[str, float]) -> dict[str, int]:
 
 
 def _px4_rates(values: Mapping[str, float]) -> dict[str, int]:
-    """Baud rates of the instances of MAVLink that have a telemetry port."""
+    """Return the baud rates of the MAVLink instances that have a telemetry port."""
     ports = {f"MAV_{n}": PX4_PORTS.get(values.get(f"MAV_{n}_CONFIG", 0.0)) for n in PX4_INSTANCES}
     rates = {name: values.get(f"SER_{port}_BAUD", math.nan) for name, port in ports.items()}
     return {name: int(rate) for name, rate in rates.items() if math.isfinite(rate)}

@@ -1,5 +1,5 @@
-"""The service as a process: its start and end, and what it tells systemd, Prometheus and the ground station.
+"""The service as a process: start, end, and reports to systemd, Prometheus and the ground station.
 
-The only folder that reads the environment, opens ports of its own and listens to signals. It composes the
-flight, and decides nothing about it.
+Only this folder reads the environment, opens its own ports and handles signals. It composes the flight, but
+makes no decisions about it.
 """

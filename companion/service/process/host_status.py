@@ -1,4 +1,4 @@
-"""How the companion computer is: load, memory, temperature, disk."""
+"""State of the companion computer: load, memory, temperature, disk."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ CORE_SENSORS = ("cpu_thermal", "coretemp", "k10temp", "soc_thermal", "cpu-therma
 
 @dataclass(frozen=True, slots=True)
 class HostStatus:
-    """A look at the companion computer.
+    """State of the companion computer at an instant.
 
     Parameters
     ----------
     uptime_s : float
-        Time since the computer was switched on [s].
+        Time since the computer was started [s].
     cores_percent : tuple of float
-        Load of each core since the last look [%].
+        Load of each core since the previous call [%].
     temperature_c : float or None
-        Temperature of the processor [°C]; None where there is no sensor.
+        Temperature of the processor [°C]; None without a sensor.
     memory_used_mb, memory_total_mb, disk_used_mb, disk_total_mb : float
-        Memory, and the disk that the flights are on [MiB].
+        Memory, and the disk of the flights [MiB].
     """
 
     uptime_s: float
@@ -38,12 +38,12 @@ class HostStatus:
 
 
 def host_status(folder: Path) -> HostStatus:
-    """Look at the computer, and at the disk that a folder is on."""
+    """Return the state of the computer, and of the disk that contains a folder."""
     memory = psutil.virtual_memory()
     try:
         disk = psutil.disk_usage(str(folder))
         used, total = disk.used / MEGABYTE, disk.total / MEGABYTE
-    except OSError:  # the folder is gone, or its disk
+    except OSError:  # The folder or its disk does not exist any more.
         used = total = 0.0
     return HostStatus(
         uptime_s=max(0.0, time.time() - psutil.boot_time()),
@@ -57,7 +57,7 @@ def host_status(folder: Path) -> HostStatus:
 
 
 def _temperature_c() -> float | None:
-    if not hasattr(psutil, "sensors_temperatures"):  # on Linux only
+    if not hasattr(psutil, "sensors_temperatures"):  # Only Linux has it.
         return None
     sensors = psutil.sensors_temperatures()
     for name in (*CORE_SENSORS, *sensors):

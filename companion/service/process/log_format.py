@@ -1,7 +1,7 @@
-"""What the service says, for people or for programs; on standard error, as journald likes it.
+"""Log formats for people and for programs, on standard error.
 
-Under journald each line begins with its priority in angle brackets, which journald takes off again
-(*sd-daemon(3)*): ``journalctl -p warning`` then shows what matters.
+Under journald each line begins with its priority in angle brackets, which journald removes (*sd-daemon(3)*),
+so that ``journalctl -p warning`` works.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from companion.plain_text import printable
 
 
 class LogKind(Enum):
-    """How lines look."""
+    """Format of log lines."""
 
     TEXT = "text"
     JSON = "json"
@@ -31,22 +31,22 @@ _KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
 
 
 class PlainFormatter(logging.Formatter):
-    """The message on one line and what may follow it, without characters that are none to be read."""
+    """Formats the message on one line, and a trace below it, without unprintable characters."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
-        """Make the line."""
+        """Return the line."""
         return printable(record.getMessage())
 
     def formatException(self, ei: ExceptionInfo) -> str:
-        """Make the lines of a trace, which ends in words that may be anybody's."""
+        """Return the lines of a trace, whose texts may come from other systems."""
         return "\n".join(map(printable, super().formatException(ei).splitlines()))
 
 
 class JsonFormatter(PlainFormatter):
-    """One JSON object a line: ``time``, ``level``, ``logger``, ``message``, ``trace``, and what is added."""
+    """One JSON object per line: ``time``, ``level``, ``logger``, ``message``, ``trace``, and extra fields."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Make the line."""
+        """Return the line."""
         line: dict[str, object] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
@@ -60,20 +60,20 @@ class JsonFormatter(PlainFormatter):
 
 
 class PriorityFormatter(logging.Formatter):
-    """Puts journald's priority before each line of another formatter's."""
+    """Adds journald's priority to each line of another formatter."""
 
     def __init__(self, inner: logging.Formatter) -> None:
         super().__init__()
         self._inner = inner
 
     def format(self, record: logging.LogRecord) -> str:
-        """Make the lines."""
+        """Return the lines."""
         priority = next((number for level, number in _PRIORITIES if record.levelno >= level), 7)
         return "\n".join(f"<{priority}>{line}" for line in self._inner.format(record).splitlines())
 
 
 def set_up(kind: LogKind) -> None:
-    """Send everything that is said to standard error."""
+    """Send the log to standard error."""
     formatter = JsonFormatter() if kind is LogKind.JSON else PlainFormatter()
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(PriorityFormatter(formatter) if is_journal() else formatter)
@@ -81,7 +81,7 @@ def set_up(kind: LogKind) -> None:
 
 
 def is_journal() -> bool:
-    """Whether standard error is journald's, as ``JOURNAL_STREAM`` tells by device and inode."""
+    """Return whether standard error is connected to journald, by device and inode in ``JOURNAL_STREAM``."""
     try:
         status = os.fstat(sys.stderr.fileno())
     except (OSError, ValueError):

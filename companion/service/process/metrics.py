@@ -1,7 +1,7 @@
-"""Figures for Prometheus and a health check, over HTTP and for this computer alone.
+"""Prometheus metrics and a health check, over HTTP and for this computer only.
 
-The event loop renews the figures once a second; they are handed out by a thread of their own, which
-answers also when the loop stands still. That is what the health check is for.
+The event loop updates the metrics once a second. A separate thread serves them, so that the health check is
+answered even if the event loop hangs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from companion.types.plan import Plan
 try:
     from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Histogram, generate_latest
     from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
-except ImportError:  # an extra: `Metrics` says so
+except ImportError:  # The library is an extra; `Metrics` reports that it is missing.
     HAS_LIBRARY = False
 else:
     HAS_LIBRARY = True
@@ -33,7 +33,7 @@ PLAN_BUCKETS_S = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0
 
 
 class Metrics(Observer):
-    """Collects figures.
+    """Collects the metrics.
 
     Raises
     ------
@@ -61,19 +61,19 @@ class Metrics(Observer):
         self.registry.register(self)
 
     def planned(self, plan: Plan, plan_ms: float) -> None:
-        """Count a plan by how it ended."""
+        """Count a plan by its status."""
         self._plan_s.labels(plan.status.value).observe(1e-3 * plan_ms)
 
     def exchanged(self, outcome: SwapOutcome) -> None:
-        """Count an exchange by how it ended."""
+        """Count a transfer by its outcome."""
         self._swaps.labels(outcome.value).inc()
 
     def collect(self) -> Iterable[Metric]:
-        """What the last :meth:`renew` found, for the registry."""
+        """Return the values of the last :meth:`renew`, for the registry."""
         return self._figures
 
     def renew(self, app: App, now_s: float) -> None:
-        """Take the figures anew; in the event loop."""
+        """Update the values; called in the event loop."""
         recorder, link, situation = app.recorder, app.link, app.situation
         quality = link.quality
         state, tracks = situation.ownship.state(now_s), situation.tracker.tracks(now_s)
@@ -88,7 +88,7 @@ class Metrics(Observer):
             _gauge("companion_link_loss_ratio", "Share of the autopilot's frames lost", {(): quality.loss}),
             _gauge("companion_streams_missing", "Vital streams that do not come", {(): missing}),
             _gauge("companion_tracks", "Vehicles that are followed", {(): len(tracks)}),
-            _gauge("companion_queue_bytes", "Waiting", {("link",): link.transport.backlog_bytes}, "queue"),
+            _gauge("companion_queue_bytes", "Waiting", {("link",): link.transport.pending_bytes}, "queue"),
             _gauge("companion_recording", "Whether the flight is recorded", {(): recorder.is_recording}),
             _counter("companion_autopilot_frames", "Frames of the autopilot's", frames, "what"),
             _reasons("companion_frames", "Received frames by what became of them", link.codec.counters),
@@ -125,21 +125,21 @@ def _reasons(name: str, text: str, counters: dict[str, int]) -> Metric:
 
 
 class Endpoint:
-    """``/metrics`` and ``/healthz`` on the loopback interface, in a thread.
+    """Serves ``/metrics`` and ``/healthz`` on the loopback interface, in a thread.
 
     Parameters
     ----------
     port : int
-        TCP port to listen on; 0 for any that is free.
+        TCP port to listen on; 0 for any free port.
     metrics : Metrics
-        What is handed out.
+        Metrics to serve.
     supervision : Supervision
-        Says how it goes: 200 while the planning loop comes round, 503 when it does not.
+        State of the service: 200 while the planning loop makes progress, 503 otherwise.
 
     Raises
     ------
     LinkError
-        If the port is taken.
+        If the port is in use.
     """
 
     def __init__(self, port: int, metrics: Metrics, supervision: Supervision) -> None:
@@ -152,7 +152,7 @@ class Endpoint:
 
     @property
     def port(self) -> int:
-        """That it listens on."""
+        """TCP port that it listens on."""
         return self._server.address[1]
 
     def _page(self, path: str) -> Answer:
@@ -168,5 +168,5 @@ class Endpoint:
                 return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"/metrics or /healthz\n")
 
     def close(self) -> None:
-        """End it."""
+        """Stop the server."""
         self._server.close()

@@ -1,4 +1,4 @@
-"""Who is told of what the planning loop does: the supervision, the metrics, the ground station's figures."""
+"""Distributes the app's notifications to supervision, metrics, telemetry and the page."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["LivePage", "Observers", "page_of"]
 
 
 class Observers(Observer):
-    """Passes on what the app tells its observer.
+    """Forwards the app's notifications.
 
     Parameters
     ----------
     supervision : Supervision
-        Learns that the planning loop came round.
+        Gets the progress of the planning loop.
     metrics : Metrics or None
-        Prometheus figures of plans and exchanges; None where nobody asks for them.
+        Prometheus metrics of plans and transfers; None without metrics.
     page : LivePage, optional
-        Shows each flight; left out, there is none.
+        Page that shows each flight; by default none.
     """
 
     def __init__(
@@ -36,31 +36,31 @@ class Observers(Observer):
         self._supervision = supervision
 
     def report_to(self, reporter: TelemetryReporter) -> None:
-        """Tell the figures of a flight that begins to its reporter."""
+        """Use the telemetry reporter of a new flight."""
         self._reporter = reporter
 
     def begin_recording(self, recorder: Recorder) -> None:
-        """Show on the page, if there is one, what a flight's recorder writes down."""
+        """Show a flight's recorded messages on the page, if there is one."""
         if self._page is not None:
             self._page.follow(recorder)
 
     def close(self) -> None:
-        """End the page."""
+        """Close the page."""
         if self._page is not None:
             self._page.close()
 
     def progress(self) -> None:
-        """Pass it on to whoever supervises."""
+        """Forward progress to the supervision."""
         self._supervision.progress()
 
     def planned(self, plan: Plan, plan_ms: float) -> None:
-        """Pass it on to whoever reports."""
+        """Forward a plan to telemetry and metrics."""
         if self._reporter is not None:
             self._reporter.planned(plan, plan_ms)
         if self.metrics is not None:
             self.metrics.planned(plan, plan_ms)
 
     def exchanged(self, outcome: SwapOutcome) -> None:
-        """Pass it on to whoever reports."""
+        """Forward a transfer to the metrics."""
         if self.metrics is not None:
             self.metrics.exchanged(outcome)

@@ -1,4 +1,4 @@
-"""One flight of the service, or a time on the ground: its app, its recording, and when it is over."""
+"""One flight of the service, or a period on the ground: its app, its recording, and its end."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from companion.service.process.observers import Observers
 from companion.service.process.telemetry_out import TelemetryReporter
 
 REPORT_SILENCE_S = 5.0
-LOOK_S = 1.0  # for the end of a flight
+LOOK_S = 1.0  # Interval of checks for the end of a flight.
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedFlight:
-    """A flight, and what goes with it.
+    """A flight with its app and recording.
 
     Parameters
     ----------
     app : App
-        Begun anew for it, so that its recording can be replayed by itself.
+        App of this flight only, so that its recording can be replayed by itself.
     reporting : TelemetryReporter
-        Tells the app's figures, once a second.
+        Reports the app's values once a second.
     folder : Path
-        Folder of the recording, whether it could be written to or not.
+        Folder of the recording, even if it cannot be written.
     clock : Clock
-        Clock that the app goes by.
+        Clock of the app.
     """
 
     app: App
@@ -69,23 +69,23 @@ class RecordedFlight:
         Parameters
         ----------
         mission : MissionConfig
-            Mission to be flown.
+            Mission of the flight.
         text : str
-            The mission file, which is recorded as it is.
+            Text of the mission file, which is recorded unchanged.
         line : Transport
             Transport to the autopilot.
         clock : Clock
-            Clock that the flight goes by.
+            Clock of the flight.
         flights : Path
-            Folder of all flights; its own is made in it.
+            Folder of all flights; the flight's own folder is created in it.
         observers : Observers
-            Told of plans and exchanges; the flight's figures are told to them.
+            Get notifications of plans and transfers.
         signer : Signer or None
-            Signs and verifies frames; None where there is no key.
+            Signs and verifies frames; None without a key.
         begun_s : float
-            Clock reading at which the service began [s].
+            Clock reading at which the service started [s].
         is_warm : bool
-            Whether every kernel is compiled.
+            True if every kernel is compiled.
         """
         seed, epoch_s = int(mission.planning.seed), round(time.time() - clock.now_s(), 6)
         folder = folder_for(flights, mission.name, datetime.now(UTC))
@@ -109,7 +109,7 @@ class RecordedFlight:
         return cls(app, reporting, folder, clock)
 
     def close(self) -> None:
-        """End the recording; one of which not a byte was heard is none."""
+        """Close the recording; delete it if no frame was received."""
         self.app.recorder.close()
         if not self.app.link.codec.counters and self.folder.exists():
             discard(self.folder)
@@ -124,7 +124,7 @@ class RecordedFlight:
             await self.clock.sleep_until(now + LOOK_S)
 
     async def report_silence(self, url: str) -> None:
-        """Say every few seconds that no autopilot is heard on a link, while that is so."""
+        """Log every few seconds that no autopilot is received on a link."""
         app = self.app
         while True:
             await self.clock.sleep_until(self.clock.now_s() + REPORT_SILENCE_S)
@@ -136,7 +136,7 @@ class RecordedFlight:
 
 
 def _recorder(folder: Path, epoch_s: float, about: About) -> Recorder:
-    """A recorder into a folder; where it cannot write, the flight goes without and that is said."""
+    """Return a recorder into a folder, or one without files, with an error in the log."""
     try:
         return Recorder(folder, epoch_s, about)
     except RecordError as error:

@@ -1,7 +1,7 @@
-"""What the service manager is told: ready, alive, stopping, and in words what is being done.
+"""Notifications to the service manager: ready, alive, stopping, and a status text.
 
-A datagram of ``KEY=value`` lines to the socket that ``NOTIFY_SOCKET`` names. Without one, nobody
-asks, and nothing is sent. A manager that does not read loses messages; the flight does not wait for it.
+A notification is a datagram of ``KEY=value`` lines to the socket in ``NOTIFY_SOCKET``. Without one, nothing
+is sent. If the manager does not read, messages are lost; the flight does not wait.
 
 References
 ----------
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class Notifier:
-    """Sends to a service manager.
+    """Sends notifications to a service manager.
 
     Parameters
     ----------
@@ -44,13 +44,8 @@ class Notifier:
         else:
             self._socket = opened
 
-    @property
-    def is_heard(self) -> bool:
-        """Whether there is somebody to tell."""
-        return self._socket is not None
-
     def tell(self, **words: str | int) -> None:
-        """Send one message, for instance ``READY=1``; line breaks in values become spaces."""
+        """Send one notification, for instance ``READY=1``; line breaks in values become spaces."""
         if self._socket is None:
             return
         lines = "\n".join(f"{key}={' '.join(str(value).splitlines())}" for key, value in words.items())
@@ -60,7 +55,7 @@ class Notifier:
             _log.debug("the service manager did not take %r: %s", lines, error)
 
     def reloading(self) -> None:
-        """Say that a reload begins; it ends with ``READY=1``."""
+        """Report the start of a reload, which ends with ``READY=1``."""
         self.tell(RELOADING=1, MONOTONIC_USEC=time.monotonic_ns() // 1000)
 
     def close(self) -> None:
@@ -72,7 +67,7 @@ class Notifier:
 
 
 def watchdog_of(environment: Mapping[str, str]) -> float | None:
-    """Seconds within which the manager wants to hear from this process; None if it does not watch it."""
+    """Return the manager's watchdog time for this process [s]; None without a watchdog."""
     try:
         microseconds = int(environment.get("WATCHDOG_USEC", "0"))
         process = int(environment.get("WATCHDOG_PID", str(os.getpid())))

@@ -15,14 +15,14 @@ from companion.config.reload import prepared_mission
 from companion.errors import CompanionError, ConfigError
 from companion.flight.tasks.app import App
 from companion.kernels.native.ready import make_ready
-from companion.link.wire.transport import LastingTransport, Transport, transport_from_url
+from companion.link.wire.transport import Transport, transport_from_url
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.process.metrics import Endpoint, Metrics
 from companion.service.process.observers import LivePage, Observers, page_of
 from companion.service.process.recorded_flight import RecordedFlight
 from companion.service.process.sd_notify import Notifier, watchdog_of
 from companion.service.process.signing_setup import signing_of
-from companion.service.process.watchdog import Report, Supervision, stacks_told
+from companion.service.process.watchdog import Report, Supervision, stacks_logged
 from companion.threads import in_thread
 
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
@@ -31,28 +31,28 @@ _log = logging.getLogger(__name__)
 
 
 class Service:
-    """One run of the service: flight after flight, what supervises it, and what the operator may ask of it.
+    """One run of the service, with its flights, its supervision and the operator's requests.
 
     Parameters
     ----------
     file : Path
         The mission file.
     url : str
-        URL of the autopilot's link, as ``transport_from_url`` takes it.
+        URL of the autopilot's link, for ``transport_from_url``.
     flights : Path
-        Folder of the recordings, and of what a restart needs to know.
+        Folder of the recordings, and of the state for a restart.
     environment : mapping of str to str
-        Environment variables, by which systemd tells its sockets and folders.
+        Environment variables, in which systemd passes sockets and folders.
     metrics_port : int, optional
-        Port on which metrics and health are told, to this computer alone; left out, they are not.
+        Port of metrics and health for this computer only; by default none.
     flights_max_bytes : int
-        What the recordings may take; the oldest flights go first.
+        Limit of all recordings; the oldest flights are deleted first.
     page : LivePage, optional
-        Shows the flights in browsers; left out, there is none. It ends with the service.
+        Page that shows the flights in browsers; by default none. It ends with the service.
     clock : Clock, optional
-        Clock that the service goes by; left out, the computer's.
+        Clock of the service; by default the computer's.
     line : Transport, optional
-        Transport to the autopilot; left out, the one that the URL names.
+        Transport to the autopilot; by default that of the URL.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Service:
         self._text = mission_text(file)
         self._mission = mission_from_text(self._text, str(file))
         self._clock = clock or WallClock()
-        self._line = LastingTransport(line or transport_from_url(url, self._clock))
+        self._line = line or transport_from_url(url, self._clock)
         self._begun_s = self._clock.now_s()
         self._watchdog_s = watchdog_of(environment)
         _check_budget(self._mission, file, self._watchdog_s)
@@ -94,12 +94,11 @@ class Service:
 
     @property
     def app(self) -> App:
-        """Of the present flight."""
+        """App of the present flight."""
         return self._flight.app
 
     def _begun(self) -> RecordedFlight:
-        """What the next flight goes by."""
-        flight = RecordedFlight.begun(
+        return RecordedFlight.begun(
             self._mission,
             self._text,
             self._line,
@@ -110,22 +109,21 @@ class Service:
             begun_s=self._begun_s,
             is_warm=self._is_warm,
         )
-        return flight
 
     def report(self) -> Report:
-        """What the service does now."""
+        """Return the present state of the service."""
         app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
         return Report(app.is_warm, app.link.has_heard, mode, last)
 
     async def run(self) -> None:
-        """Run until a signal to stop, then leave in order.
+        """Run until a stop signal, then end in order.
 
         Raises
         ------
         LinkError
-            If the link's address cannot be used, or the port for metrics.
+            If the link's address or the port for metrics cannot be used.
         """
         loop, stopping = asyncio.get_running_loop(), asyncio.Event()
         for number in STOP_SIGNALS:
@@ -149,11 +147,11 @@ class Service:
             for number in (*STOP_SIGNALS, signal.SIGHUP):
                 loop.remove_signal_handler(number)
             self.close()
-            await self._line.end()
+            await self._line.close()
         _log.info("stopped; the autopilot keeps the mission it flies")
 
     def close(self) -> None:
-        """Close every file and socket but the link."""
+        """Close all files and sockets except the link."""
         self._flight.close()
         if self._timestamps is not None:
             self._timestamps.close()
@@ -163,7 +161,7 @@ class Service:
             self._endpoint.close()
 
     async def _fly(self, stopping: asyncio.Event) -> None:
-        """Carry on until the flight is over, or the service is told to stop."""
+        """Run the flight until it is over, or the service must stop."""
         flight, clock, epoch_s = self._flight, self._clock, self.app.recorder.epoch_s
         _log.info("listening on %s; recording to %s", self._url, flight.folder)
         async with asyncio.TaskGroup() as tasks:
@@ -183,10 +181,10 @@ class Service:
             for task in running + ends:
                 task.cancel()
         flight.close()
-        self._tidy(flight)
+        self._discard_idle(flight)
 
-    def _tidy(self, ended: RecordedFlight) -> None:
-        """Of recordings in which nothing was flown keep only the last before a flight."""
+    def _discard_idle(self, ended: RecordedFlight) -> None:
+        """Delete recordings without a flight, except the last one before a flight."""
         if ended.app.state.phase.has_flown or not ended.folder.exists():
             self._on_ground = None
             return
@@ -195,20 +193,20 @@ class Service:
         self._on_ground = ended.folder
 
     async def _warm(self) -> None:
-        """Read the kernels, or compile them, beside everything else; the first plan waits for it."""
+        """Load or compile the kernels in a thread; the first plan waits for them."""
         await in_thread(make_ready, _log_progress)
         self._is_warm = True
         self.app.warmed_up()
         _log.info("ready to plan")
 
     def reload(self) -> None:
-        """Read the mission file again, soon; a bad one, or one that needs a restart, changes nothing."""
+        """Reload the mission file soon; an invalid file, or one that needs a restart, changes nothing."""
         if self._supervision.is_ready and not self._wants_reload.is_set():
-            self._notifier.reloading()  # else the READY=1 that ends it would say too much
+            self._notifier.reloading()  # Before that, the READY=1 that ends a reload would be wrong.
         self._wants_reload.set()
 
     async def _reload_when_told(self) -> None:
-        """Read and check the file beside the loop, one time after the other, and take up what is good."""
+        """Read and check the file in a thread at each request, and use it if it is valid."""
         while True:
             await self._wants_reload.wait()
             self._wants_reload.clear()
@@ -238,14 +236,14 @@ async def serve(
     page_token: str = "",
     page_ground: Path | None = None,
 ) -> None:
-    """Run until stopped; says within seconds when no autopilot is heard, and keeps trying.
+    """Run the service until it is stopped; logs within seconds if no autopilot is received.
 
     Raises
     ------
     CompanionError
-        If it cannot begin.
+        If it cannot start.
     """
-    with stacks_told(_folder_of("LOGS_DIRECTORY", os.environ)):
+    with stacks_logged(_folder_of("LOGS_DIRECTORY", os.environ)):
         page = page_of(page_port, page_host, page_token, page_ground)
         if page is not None:
             _log.info("page: %s", page.address)
@@ -257,25 +255,25 @@ async def serve(
 
 
 def _log_progress(done: int, total: int) -> None:
-    """Say how far compiling has come, ten times."""
+    """Log the progress of compiling ten times."""
     if done == total or done % max(1, total // 10) == 0:
         _log.info("compiling the planner's kernels: %d of %d", done, total)
 
 
 def _first(group: BaseExceptionGroup[CompanionError]) -> CompanionError:
-    """The first error of a group of them, or of groups."""
+    """Return the first error of a group of errors or groups."""
     error = group.exceptions[0]
     return _first(error) if isinstance(error, BaseExceptionGroup) else error
 
 
 def _folder_of(name: str, environment: Mapping[str, str]) -> Path | None:
-    """A folder that systemd made for the service; None without."""
+    """Return a folder that systemd created for the service; None without one."""
     value = environment.get(name, "").partition(":")[0]
     return Path(value) if value else None
 
 
 def _check_budget(mission: MissionConfig, file: Path, watchdog_s: float | None) -> None:
-    """See that a plan is long done when the watchdog becomes impatient."""
+    """Check that a plan takes much less time than the watchdog allows."""
     budget = float(mission.planning.planning_budget_s)
     if watchdog_s is not None and budget > 0.5 * watchdog_s:
         expected = f"at most {0.5 * watchdog_s:g}, half of the unit's WatchdogSec"

@@ -1,4 +1,4 @@
-"""What a mission file says of signing, as what signs and verifies."""
+"""Sets up signing from a mission file."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from companion.link.wire.signing import Signer, Timestamps
 
 
 def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps | None, Signer | None]:
-    """What signs and verifies, as the mission file says; nothing without a key.
+    """Return timestamps and signer as in the mission file; None without a key.
 
-    The times go beside the key, or to the state folder: configuration is read only under systemd.
+    The timestamps are stored next to the key, or in the state folder, since systemd makes the configuration
+    read-only.
     """
     signing = mission.link.signing
     if signing is None:

@@ -1,4 +1,4 @@
-"""What is told every second beside the decisions: figures for the ground station, and for Prometheus."""
+"""Sends values to the ground station, and updates the metrics, every second."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from companion.service.process.metrics import Metrics
 from companion.types.plan import Plan
 
 PERIOD_S = 1.0
-COMPUTER_PERIODS = 5  # it changes slowly, and a telemetry radio is slow
+COMPUTER_PERIODS = 5  # The computer's state changes slowly, and a telemetry radio is slow.
 
 
 class TelemetryReporter(Observer):
-    """Tells figures while the service runs.
+    """Reports values while the service runs.
 
     Parameters
     ----------
     app : App
-        The running app whose figures are told.
+        App whose values are reported.
     clock : Clock
-        Clock that the app goes by.
+        Clock of the app.
     folder : Path
-        Folder on the disk whose use is told.
+        Folder on the disk whose use is reported.
     metrics : Metrics or None
-        Prometheus figures to renew at the same time; None without any.
+        Prometheus metrics to update at the same time; None without metrics.
     begun_s : float
-        Clock reading at which the service began [s].
+        Clock reading at which the service started [s].
     """
 
     def __init__(self, app: App, clock: Clock, folder: Path, metrics: Metrics | None, begun_s: float) -> None:
@@ -41,8 +41,8 @@ class TelemetryReporter(Observer):
         self._begun_s = begun_s
         self._plan_quality = math.nan
 
-    def planned(self, plan: Plan, plan_ms: float) -> None:  # noqa: ARG002 - as every observer's
-        """Remember the quality Q of the last plan."""
+    def planned(self, plan: Plan, plan_ms: float) -> None:  # noqa: ARG002 - The signature is the base class's.
+        """Store the quality Q of the last plan."""
         if plan.path is not None:
             self._plan_quality = plan.measures.quality
 
@@ -56,7 +56,7 @@ class TelemetryReporter(Observer):
             await self._clock.sleep_until(now + PERIOD_S)
 
     def tell(self, now_s: float, *, with_computer: bool) -> None:
-        """Tell everything once."""
+        """Report all values once."""
         app = self._app
         if self._metrics is not None:
             self._metrics.renew(app, now_s)

@@ -1,13 +1,13 @@
-"""From the planning loop's rounds to what supervisors see: ready, alive, and what is awaited.
+"""Supervision of the planning loop: reports readiness, progress and status to the service manager.
 
-Theory of operation. The planning loop calls :meth:`Supervision.progress` in each of its rounds, before
-and after each plan, and with each message of a mission exchange. Nothing else feeds the watchdog: a
-planner that does not return, an exchange that does not end and an event loop that stands still all
-end the calls, and the service manager restarts the process while the autopilot flies on. With
-nothing to plan, the rounds go on.
+Theory of operation. The planning loop calls :meth:`Supervision.progress` in each iteration, before and after
+each plan, and with each message of a mission transfer. Nothing else feeds the watchdog. A planner that does
+not return, a transfer that does not end, and an event loop that hangs all stop the calls; the service manager
+then restarts the process while the autopilot flies on. Without anything to plan, the iterations continue.
 
-Before the service is ready, each round asks for a little more time to start in: kernels may have to be
-compiled, and the autopilot may not have power yet. Compiling has a limit, waiting for the autopilot none.
+Before the service is ready, each iteration asks for more time for the start, since kernels may have to be
+compiled, and the autopilot may have no power yet. Compiling has a time limit; waiting for the autopilot has
+none.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from companion.safe_files import open_to_write
 from companion.service.process.sd_notify import Notifier
 
 CRASH_LOG = "crash.log"
-TELL_S = 1.0  # between two words to the manager; sooner where its watchdog wants it
-EXTENSION_S = 30.0  # of the time to start in
-WARM_UP_MAX_S = 1_800.0  # compiling takes a minute or two on a fast computer, some ten on a small one
-STALL_S = 60.0  # without progress, and no watchdog to say otherwise
+NOTIFY_INTERVAL_S = 1.0  # Interval of messages to the manager; shorter if its watchdog requires it.
+EXTENSION_S = 30.0  # Each extension of the start's time limit.
+WARM_UP_MAX_S = 1_800.0  # Compiling takes a minute or two on a fast computer, about ten on a small one.
+STALL_S = 60.0  # Without a watchdog, the loop counts as stalled after this time without progress.
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What the service does now.
+    """The present state of the service.
 
     Parameters
     ----------
     is_warm : bool
-        Whether the kernels are compiled.
+        True if the kernels are compiled.
     has_heard : bool
-        Whether the autopilot has been heard.
+        True if the autopilot has been received.
     mode : str
         What the service may do, and the autopilot's mode.
     last_decision : str
-        '' before the first.
+        Last decision; '' before the first one.
     """
 
     is_warm: bool
@@ -54,7 +54,7 @@ class Report:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can plan for an autopilot that is there."""
+        """Whether it can plan for an autopilot that is present."""
         return self.is_warm and self.has_heard
 
     def __str__(self) -> str:
@@ -66,18 +66,18 @@ class Report:
 
 
 class Supervision:
-    """Tells the service manager how it goes.
+    """Reports to the service manager.
 
     Parameters
     ----------
     notifier : Notifier
-        Takes the messages.
+        Sends the messages.
     clock : Clock
-        Bounds their rate.
+        Clock that limits their rate.
     report : callable
-        What the service does now.
+        Returns the present state of the service.
     watchdog_s : float, optional
-        Time within which the manager wants to hear of progress.
+        Time within which the manager requires progress.
     """
 
     def __init__(
@@ -93,27 +93,27 @@ class Supervision:
         self._clock = clock
         self._report = report
         self._stall_s = watchdog_s or STALL_S
-        self._tell_s = min(TELL_S, self._stall_s / 4.0)
-        self._told_s = -math.inf
+        self._notify_interval_s = min(NOTIFY_INTERVAL_S, self._stall_s / 4.0)
+        self._notified_s = -math.inf
         self._status = ""
         self._is_leaving = False
 
     def leave(self) -> None:
-        """Tell the manager that the service stops; from now on nothing else is told."""
+        """Report that the service stops, and nothing afterwards."""
         self._is_leaving = True
         self._notifier.tell(STOPPING=1, STATUS="leaving the autopilot with its mission")
 
     def progress(self) -> None:
-        """Take note that the planning loop has come round."""
+        """Record an iteration of the planning loop."""
         now = self._clock.now_s()
         self.progress_s = now
         if self._is_leaving:
             return
         report = self._report()
-        has_become_ready = not self.is_ready and report.is_ready  # told before the plan that follows
-        if now - self._told_s < self._tell_s and not has_become_ready:
+        has_become_ready = not self.is_ready and report.is_ready  # It is reported before the next plan.
+        if now - self._notified_s < self._notify_interval_s and not has_become_ready:
             return
-        self._told_s = now
+        self._notified_s = now
         words: dict[str, str | int] = {}
         if has_become_ready:
             self.is_ready = True
@@ -129,20 +129,20 @@ class Supervision:
 
     @property
     def is_stalled(self) -> bool:
-        """Whether the planning loop has not come round for too long."""
+        """Whether the planning loop has made no progress for too long."""
         return self._clock.now_s() - self.progress_s > self._stall_s
 
     @property
     def status(self) -> str:
-        """What was told last, in words."""
+        """Last status that was reported."""
         return self._status
 
 
 @contextlib.contextmanager
-def stacks_told(folder: Path | None) -> Iterator[None]:
-    """Tell the stacks of all threads when the watchdog ends the process, or it crashes."""
+def stacks_logged(folder: Path | None) -> Iterator[None]:
+    """Write the stacks of all threads when the watchdog ends the process, or it crashes."""
     with contextlib.ExitStack() as stack:
-        with contextlib.suppress(OSError):  # a full disk, or nothing to write to
+        with contextlib.suppress(OSError):  # The disk is full, or the folder is not writable.
             log = None if folder is None else open_to_write(folder / CRASH_LOG, append=True)
             faulthandler.enable(sys.stderr if log is None else stack.enter_context(log))
         stack.callback(faulthandler.disable)

@@ -1,5 +1,5 @@
-"""A recorded flight through the same code again: the same missions, or the first difference in words.
+"""Replay of a recorded flight with the present code: the same missions, or the first difference.
 
-Reads recordings and runs the flight on their time, with stand-ins for link and plan timing; it writes
+It reads recordings and runs the flight on their time, with replacements for link and plan timing. It writes
 nothing and reaches no autopilot.
 """

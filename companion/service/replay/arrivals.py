@@ -1,4 +1,4 @@
-"""What arrives when in a replay: recorded frames at their instants, answers after their questions."""
+"""Arrivals in a replay: recorded frames at their instants, and answers after their requests."""
 
 from __future__ import annotations
 
@@ -24,32 +24,33 @@ _COMMANDS = frozenset({Command.DO_SET_MODE, Command.DO_SET_MISSION_CURRENT})
 _NEWS = (MessageId.MISSION_CURRENT, MessageId.MISSION_ITEM_REACHED)
 _STORED = b"Flight plan received"
 _FOREIGN_STEP_S = 0.1
-_SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # while nothing is heard, only our own clock ticks
+_SILENCE_US, _SILENT_STEP_US = 10_000_000, 200_000  # In a long silence only our clock ticks, in larger steps.
 
 
 def is_reported(frame: RawFrame) -> bool:
-    """Whether a frame of ours asks the autopilot for, or to do, something about missions."""
+    """Return whether a frame of ours is a request or command about missions."""
     if frame.message_id == MessageId.COMMAND_LONG:
         return int.from_bytes(frame.payload.ljust(30, b"\0")[28:30], "little") in _COMMANDS
     return frame.message_id in TRANSFERS
 
 
 def message_name(frame: RawFrame) -> str:
-    """Name of a frame's message."""
+    """Return the name of a frame's message."""
     return MessageId(frame.message_id).name
 
 
 class Arrivals:
     """Goes through a recording.
 
-    By a wall clock the service may ask a little later than it did: an answer waits for its question.
+    On a wall clock the service may send a request a little later than in flight: an answer waits for its
+    request.
 
     Parameters
     ----------
     recording : Recording
-        What was heard and said.
+        The recorded flight.
     late_us : int
-        How much later than recorded the service may say something [µs].
+        How much later than recorded the service may send something [µs].
     """
 
     def __init__(self, recording: Recording, late_us: int) -> None:
@@ -67,27 +68,27 @@ class Arrivals:
         return self._index >= len(self._frames)
 
     def is_autopilots(self, frame: RawFrame) -> bool:
-        """Whether the recorded autopilot has sent a frame."""
+        """Return whether the recorded autopilot sent a frame."""
         return (frame.system_id, frame.component_id) == (self._vehicle, ComponentId.AUTOPILOT1)
 
     def is_answer(self, frame: RawFrame) -> bool:
-        """Whether a frame is the autopilot's answer to something about missions."""
+        """Return whether a frame is the autopilot's answer about missions."""
         return frame.message_id in _ANSWERS and self.is_autopilots(frame)
 
     def is_news(self, frame: RawFrame) -> bool:
-        """Whether a frame tells how the recorded autopilot's own mission goes on."""
+        """Return whether a frame reports the progress of the recorded autopilot's own mission."""
         is_position = frame.message_id in _NEWS and self.is_autopilots(frame)
         return is_position or (frame.message_id == MessageId.STATUSTEXT and _STORED in frame.payload)
 
     def waited_for(self, num_said: int, *, has_diverged: bool) -> list[RawFrame]:
-        """Answers whose questions are asked by now, or never will be.
+        """Return the answers whose requests have been sent by now, or never will be.
 
         Parameters
         ----------
         num_said : int
-            How much of what was asked is asked.
+            Number of recorded requests that have been sent.
         has_diverged : bool
-            Whether the service says something else than in flight.
+            True if the service sends something else than in flight.
         """
         frames = []
         while self._waiting and (self._waiting[0][0] <= num_said or has_diverged):
@@ -95,13 +96,13 @@ class Arrivals:
         return frames
 
     def due(self) -> Iterator[RecordedFrame]:
-        """Frames that were heard or said by now, in order."""
+        """Yield the frames that were received or sent by now, in order."""
         while not self.is_over and self._frames[self._index].at_us <= self._now_us:
             self._index += 1
             yield self._frames[self._index - 1]
 
     def keeps(self, heard: RecordedFrame, num_said: int) -> bool:
-        """Whether a frame does not arrive now: our own, and answers that wait for their questions."""
+        """Return whether a frame does not arrive now: our own, and answers that wait for their requests."""
         if heard.is_ours:
             self._num_told += is_reported(heard.frame)
             return True
@@ -111,7 +112,7 @@ class Arrivals:
         return False
 
     def move_on(self) -> int:
-        """Go to the next instant at which anything can happen, and return it [µs]."""
+        """Move to the next instant at which anything can happen, and return it [µs]."""
         now, next_us = self._now_us, None if self.is_over else self._frames[self._index].at_us
         is_silent = next_us is not None and next_us - now > _SILENCE_US
         until = now + _SILENT_STEP_US if is_silent else (now // self._step_us + 1) * self._step_us
@@ -124,7 +125,7 @@ class Arrivals:
 
 
 def _instants_us(recording: Recording) -> list[int]:
-    """When plans were due and begun by a wall clock: the replay looks at just these instants, too [µs]."""
+    """Return when plans were due and begun on a wall clock; the replay acts at these instants, too [µs]."""
     if recording.is_simulated:
         return []
     found = {at for entry in recording.taken.values() for at in (entry.due_s, entry.seen_s) if at is not None}

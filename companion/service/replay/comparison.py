@@ -1,4 +1,4 @@
-"""What was flown beside what a replay gives, in words."""
+"""Comparison of a recorded flight with its replay, as text."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from companion.service.replay.engine import Replayed
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
-FROM_OUTSIDE = frozenset({"stopped", "reload", "recording"})  # signals and disks, which no tlog knows of
+FROM_OUTSIDE = frozenset(
+    {"stopped", "reload", "recording"}
+)  # Caused by signals and disks, which no tlog has.
 Stamped = TypeVar("Stamped", Decision, Upload)
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first difference: when, by the flight's clock and in UTC, and what was flown and is now."""
+    """The first difference: its time on the flight's clock and in UTC, and what was flown and is replayed."""
 
     stamp_s: float
     utc: str
@@ -32,17 +34,17 @@ class Difference:
 
 
 def first_difference(recording: Recording, result: Replayed) -> Difference | None:
-    """The first decision or mission that is another one; None if all are those flown.
+    """Return the first decision or mission that differs; None if all are equal.
 
-    On simulated time instants count, too: a decision that comes later is another one.
+    On simulated time the instants must be equal, too.
     """
     found = [_of_decisions(recording, result), _of_missions(recording, result)]
-    if recording.is_simulated and result.apart_s is not None:
-        found.append((result.apart_s, "as recorded", result.apart))
+    if recording.is_simulated and result.diverged_s is not None:
+        found.append((result.diverged_s, "as recorded", result.apart))
     differing = sorted((entry for entry in found if entry is not None), key=lambda entry: entry[0])
     if not differing:
         return None
-    # What is decided is told before what is sent for it, where both begin to differ.
+    # If a decision and a mission differ at first, the decision is reported.
     stamp, flown, now = next((entry for entry in found if entry is not None), differing[0])
     return Difference(stamp, utc_text(recording.epoch_s + stamp), flown, now)
 
@@ -67,7 +69,7 @@ def _of_decisions(recording: Recording, result: Replayed) -> tuple[float, str, s
 def _pairs(
     flown: Iterable[Stamped], now: Iterable[Stamped], until_s: float
 ) -> Iterator[tuple[Stamped | None, Stamped | None]]:
-    """What was flown and what is now, as far as both can be known."""
+    """Pair what was flown with what is replayed, as far as both are known."""
     return itertools.zip_longest(
         (entry for entry in flown if entry.stamp_s <= until_s),
         (entry for entry in now if entry.stamp_s <= until_s),
@@ -105,7 +107,7 @@ def _is_same_upload(flown: Upload, now: Upload, recording: Recording) -> bool:
 
 
 def _mission_words(number: int, flown: Upload | None, now: Upload | None) -> tuple[str, str]:
-    """A mission and the one in its place, by the first item that is another one."""
+    """Describe two differing missions by the first item that differs."""
     if flown is None or now is None:
         sizes = ["no" if entry is None else f"{len(entry.items)} items as" for entry in (flown, now)]
         return f"{sizes[0]} mission {number}", f"{sizes[1]} mission {number}"
@@ -117,7 +119,7 @@ def _mission_words(number: int, flown: Upload | None, now: Upload | None) -> tup
 
 
 def utc_text(utc_s: float) -> str:
-    """Time of day, ``12:03:11Z``; as it is where it is none."""
+    """Return the time of day, ``12:03:11Z``; an impossible time is returned in seconds."""
     try:
         return f"{datetime.fromtimestamp(utc_s, UTC):%H:%M:%SZ}"
     except (OverflowError, ValueError, OSError):
@@ -125,7 +127,7 @@ def utc_text(utc_s: float) -> str:
 
 
 def item_line(item: MissionItem) -> str:
-    """A mission item in a line."""
+    """Describe a mission item in a line."""
     parameters = " ".join("nan" if value is None else f"{value:.9g}" for value in item.parameters)
     place = f"{item.latitude_e7 * 1e-7:.7f} {item.longitude_e7 * 1e-7:.7f} {item.altitude_m:.9g} m"
     mark = " current" if item.is_current else ""
@@ -133,7 +135,7 @@ def item_line(item: MissionItem) -> str:
 
 
 def document_of(recording: Recording, result: Replayed) -> dict[str, object]:
-    """The JSON of ``companion replay``."""
+    """Return the JSON of ``companion replay``."""
     differs = first_difference(recording, result)
     return {
         "log": recording.name,
@@ -144,7 +146,7 @@ def document_of(recording: Recording, result: Replayed) -> dict[str, object]:
         "first_difference": None
         if differs is None
         else {"t_s": differs.stamp_s, "utc": differs.utc, "flown": differs.flown, "now": differs.now},
-        "apart_s": result.apart_s,
+        "apart_s": result.diverged_s,
         "apart": result.apart,
         "decisions": [_decision_row(entry) for entry in result.decisions],
         "flown_decisions": [_decision_row(entry) for entry in result.flown_decisions],

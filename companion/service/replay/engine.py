@@ -1,11 +1,11 @@
-"""A recorded flight through the same code: what the service says now, beside what it said then.
+"""Replays a recorded flight with the present code, and compares what the service sends with the recording.
 
 Theory of operation. The recorded frames arrive at their instants, in the steps of
-:mod:`companion.service.replay.lockstep`, and MAVSDK takes part as in flight. What the service sends of
-mission transfers and commands is held against what it sent. While the two are the same, the recorded
-autopilot's answers fit. From the first difference on they do not: its answers are then kept from the
-service, and :class:`ReplayLink` answers from a model of its store. The aircraft goes on as recorded;
-what is shown from there on is what would have been decided had it been where it was.
+:mod:`companion.service.replay.lockstep`, and MAVSDK takes part as in flight. The mission transfers and
+commands that the service sends are compared with the recorded ones. While both are equal, the recorded
+autopilot's answers are valid. From the first difference on they are not: they are then withheld from the
+service, and :class:`ReplayLink` answers from a model of the autopilot's store. The aircraft flies on as
+recorded. From there on the replay shows what the service would have decided at the recorded positions.
 """
 
 from __future__ import annotations
@@ -35,42 +35,42 @@ from companion.service.replay.replayed_app import replayed_app
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
-_LATE_S = 3.0  # by a wall clock, MAVSDK's threads take their time
-_TURN_S = 0.5  # for MAVSDK, where a recording may lack what it waits for
-_TOLD_STEPS = 50
+_LATE_MAX_S = 3.0  # On a wall clock, MAVSDK's threads may take this long.
+_MAVSDK_TIMEOUT_S = 0.5  # Time limit for MAVSDK, since a recording may lack what it waits for.
+_PROGRESS_STEPS = 50
 
 
-def _unheard(_done_s: float) -> None:
-    """Nobody wants to know how far a replay is."""
+def _ignore_progress(_done_s: float) -> None:
+    """Ignore the progress of a replay."""
 
 
 @dataclass(slots=True)
 class Replayed:
-    """What came of a replay.
+    """The result of a replay.
 
     Parameters
     ----------
     decisions : list of Decision
-        As decided now.
+        Decisions of the replay.
     uploads : list of Upload
-        Missions that were sent whole now.
+        Complete uploads of the replay.
     flown_decisions, flown_uploads
-        The same as recorded.
-    apart_s : float or None
-        When the service first said something else to the autopilot than in flight, None if it never did.
+        Decisions and complete uploads of the recording.
+    diverged_s : float or None
+        Time at which the service first sent something else than in flight; None if it never did.
     apart : str
-        What that was.
+        Description of that difference.
     held : tuple of MissionItem or None
-        What the recorded autopilot held at the end.
+        Mission list of the recorded autopilot at the end.
     wall_s : float
-        By the computer's clock.
+        Duration of the replay on the computer's clock [s].
     """
 
     decisions: list[Decision] = field(default_factory=list)
     uploads: list[Upload] = field(default_factory=list)
     flown_decisions: tuple[Decision, ...] = ()
     flown_uploads: tuple[Upload, ...] = ()
-    apart_s: float | None = None
+    diverged_s: float | None = None
     apart: str = ""
     held: tuple[MissionItem | None, ...] | None = None
     duration_s: float = 0.0
@@ -84,11 +84,11 @@ class Replay:
     Parameters
     ----------
     recording : Recording
-        What was heard and said.
+        The recorded flight.
     mission : MissionConfig
-        The mission file; it need not be the flown one.
+        Mission file, which may differ from the recorded one.
     seed : int, optional
-        Seed of plans and filters; left out, the recorded one, else the mission file's.
+        Seed of plans and filters; by default the recorded one, else that of the mission file.
     """
 
     def __init__(self, recording: Recording, mission: MissionConfig, seed: int | None = None) -> None:
@@ -100,7 +100,7 @@ class Replay:
         self._expected = deque(
             heard for heard in recording.frames if heard.is_ours and is_reported(heard.frame)
         )
-        self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_S)
+        self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_MAX_S)
         self._arrivals = Arrivals(recording, self._late_us)
         self._last: tuple[int, bytes] | None = None
         self._link: ReplayLink | None = None
@@ -111,34 +111,34 @@ class Replay:
             mission,
             self._ours,
             self._clock,
-            self._linked,
+            self._make_link,
             seed=seed,
             folder=Path(self._folder),
         )
 
     def listen(self, listener: Callable[[str, float, Mapping[str, object], bytes], None]) -> None:
-        """Tell somebody what is written down now, as :meth:`Recorder.listen` does."""
+        """Set the function that gets each message recorded in the replay, as :meth:`Recorder.listen` does."""
         self._app.recorder.listen(listener)
 
-    def _linked(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
+    def _make_link(self, codec: Codec, clock: Clock, send: Callable[[bytes], None]) -> ReplayLink:
         self._link = ReplayLink(codec, clock, send, lambda: self._flown.settled)
         return self._link
 
-    async def run(self, on_progress: Callable[[float], None] = _unheard) -> Replayed:
+    async def run(self, on_progress: Callable[[float], None] = _ignore_progress) -> Replayed:
         """Replay to the end of the recording.
 
         Parameters
         ----------
         on_progress : callable
-            Told the recording's time now and then [s].
+            Called at intervals with the time in the recording [s].
         """
         began = time.perf_counter()
-        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _TURN_S
-        self._theirs.set_receiver(self._heard)
+        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _MAVSDK_TIMEOUT_S
+        self._theirs.set_receiver(self._compare_sent)
         await self._theirs.open()
         running = asyncio.create_task(self._app.run(), name="service")
         if not self._recording.is_simulated:
-            await asyncio.sleep(0)  # a simulated service begins with its first step, a real one before
+            await asyncio.sleep(0)  # A simulated service starts with its first step, a real one before it.
         try:
             for number, (data, until_us) in enumerate(self._steps()):
                 until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
@@ -147,30 +147,30 @@ class Replay:
                 self._reload(until_us)
                 if running.done():
                     await running
-                if number % _TOLD_STEPS == 0:
+                if number % _PROGRESS_STEPS == 0:
                     on_progress((until_us - self._recording.start_us) * 1e-6)
         finally:
             await stop(running)
             shutil.rmtree(self._folder, ignore_errors=True)
         on_progress(self._recording.duration_s)
-        return self._summed_up(time.perf_counter() - began)
+        return self._final_result(time.perf_counter() - began)
 
     def _steps(self) -> Iterator[tuple[bytes, int]]:
-        """What arrives at each instant, and the next instant [µs]."""
+        """Yield the bytes that arrive at each instant, and the next instant [µs]."""
         arrivals, num_expected = self._arrivals, len(self._expected)
         while not arrivals.is_over:
             num_said = num_expected - len(self._expected)
-            arrived = arrivals.waited_for(num_said, has_diverged=self._is_apart)
-            arrived = [raw for raw in arrived if not self._is_kept_back(raw)]
+            arrived = arrivals.waited_for(num_said, has_diverged=self._has_diverged)
+            arrived = [raw for raw in arrived if not self._is_withheld(raw)]
             for heard in arrivals.due():
-                self._follow(heard)
-                if not arrivals.keeps(heard, num_said) and not self._is_kept_back(heard.frame):
+                self._track_autopilot(heard)
+                if not arrivals.keeps(heard, num_said) and not self._is_withheld(heard.frame):
                     arrived.append(heard.frame)
             until = arrivals.move_on()
             yield b"".join(frame.raw for frame in arrived), until
 
     def _reload(self, now_us: int) -> None:
-        """Go by the mission file that was read again by now; one that is none any more is passed over."""
+        """Reload the mission file as recorded; a file that is no longer valid is counted and skipped."""
         while self._reloads and round(1e6 * self._reloads[0][0]) <= now_us:
             _, text = self._reloads.popleft()
             try:
@@ -181,65 +181,67 @@ class Replay:
             else:
                 self._app.reload(mission, text)
 
-    def _follow(self, heard: RecordedFrame) -> None:
-        """Keep up what the recorded autopilot holds."""
+    def _track_autopilot(self, heard: RecordedFrame) -> None:
+        """Track the list of the recorded autopilot."""
         if self._link is not None:
-            self._flown.speaks(self._link.dialect)
+            self._flown.set_dialect(self._link.dialect)
         self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
 
-    def _is_kept_back(self, frame: RawFrame) -> bool:
-        """Whether a recorded answer fits no more."""
+    def _is_withheld(self, frame: RawFrame) -> bool:
+        """Return whether a recorded answer is no longer valid."""
         if self._link is None or not self._link.has_diverged:
             return False
         is_news = self._link.has_stored and self._arrivals.is_news(frame)
         return self._arrivals.is_answer(frame) or is_news
 
     @property
-    def _is_apart(self) -> bool:
+    def _has_diverged(self) -> bool:
         return self._link is not None and self._link.has_diverged
 
-    def _heard(self, data: bytes) -> None:
-        """Hold what the service sends against what it sent."""
+    def _compare_sent(self, data: bytes) -> None:
+        """Compare what the service sends with what it sent in flight."""
         now_us = round(1e6 * self._clock.now_s())
         for raw in frames_in(data):
             frame = raw_frame(raw)
-            self._now.speaks(None if self._link is None else self._link.dialect)
+            self._now.set_dialect(None if self._link is None else self._link.dialect)
             self._now.feed(frame, self._recording.vehicle, now_us * 1e-6)
             if self._link is None or self._link.has_diverged or not is_reported(frame):
                 continue
             self._compare(frame, now_us)
 
     def _compare(self, frame: RawFrame, now_us: int) -> None:
-        """Hold what is sent now against what was to be sent next."""
+        """Compare a sent frame with the next one that is expected."""
         said = frame.message_id, frame.payload
         if said == self._last and not self._recording.is_simulated:
-            return  # a repetition, for which a wall clock gave occasion
-        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+            return  # It is a repetition, which depends on the wall clock.
+        while self._expected and self._late_us and _content(self._expected[0]) == self._last:
             self._expected.popleft()
         wanted = self._expected[0] if self._expected else None
-        if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _said(wanted) != said:
-            self._part(now_us, f"{message_name(frame)} is sent, {_instead(wanted, now_us, self._late_us)}")
+        if wanted is None or abs(wanted.at_us - now_us) > self._late_us or _content(wanted) != said:
+            self._diverge(
+                now_us, f"{message_name(frame)} is sent, {_expectation(wanted, now_us, self._late_us)}"
+            )
             return
         self._last = said
         self._expected.popleft()
 
     def _note_missing(self, now_us: int) -> None:
-        """Notice what was sent by now, and is not."""
+        """Detect frames that were sent by this time in flight, but not in the replay."""
         if self._link is None or self._link.has_diverged:
             return
-        while self._expected and self._late_us and _said(self._expected[0]) == self._last:
+        while self._expected and self._late_us and _content(self._expected[0]) == self._last:
             self._expected.popleft()
         if self._expected and self._expected[0].at_us < now_us - self._late_us:
-            self._part(
+            self._diverge(
                 self._expected[0].at_us, f"{message_name(self._expected[0].frame)} was sent, and is not now"
             )
 
-    def _part(self, at_us: int, why: str) -> None:
+    def _diverge(self, at_us: int, why: str) -> None:
         assert self._link is not None
-        self.result.apart_s, self.result.apart = at_us * 1e-6, why
+        self.result.diverged_s, self.result.apart = at_us * 1e-6, why
         self._link.part()
 
-    def _summed_up(self, wall_s: float) -> Replayed:
+    def _final_result(self, wall_s: float) -> Replayed:
         result = self.result
         result.decisions = list(self._app.recorder.decisions)
         ours = (self._recording.vehicle, COMPONENT_ID)
@@ -254,18 +256,18 @@ class Replay:
 
 
 def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
-    """Missions that the service sent in a recorded flight."""
+    """Return the missions that the service uploaded in a recorded flight."""
     sniffer = MissionSniffer()
     for heard in recording.frames:
         sniffer.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
     return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
 
 
-def _said(heard: RecordedFrame) -> tuple[int, bytes]:
+def _content(heard: RecordedFrame) -> tuple[int, bytes]:
     return heard.frame.message_id, heard.frame.payload
 
 
-def _instead(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
+def _expectation(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:
     if wanted is None or wanted.at_us > now_us + late_us:
         return "where nothing was"
     if wanted.at_us < now_us - late_us:

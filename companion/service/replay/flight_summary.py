@@ -1,4 +1,4 @@
-"""What a report shows of a flight, from its recording alone."""
+"""Makes the data of a flight's report from its recording."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from companion.types.threat import Obstacle
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
-ROWS_MAX = 1_000_000  # of all kinds together: sixteen hours with ten vehicles in sight
-TRACKS_MAX = 1_000  # at one instant
+ROWS_MAX = 1_000_000  # Rows of all kinds together: 16 hours with ten vehicles in sight.
+TRACKS_MAX = 1_000  # Tracks at one instant.
 OBSTACLES_MAX = 5_000
-POINTS_MAX = 2_000  # of a mission or an obstacle
-FAR = 1e7  # m, and whatever else is told: what lies beyond is no place of an aircraft's
+POINTS_MAX = 2_000  # Points of a mission or an obstacle.
+FAR = 1e7  # Largest plausible coordinate [m] or other value.
 
 
 def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
-    """Mission, world and record of a flight's folder.
+    """Return mission, world and record of a flight's folder.
 
     Raises
     ------
     RecordError
-        If there is no recording in it, or one in which no place of the aircraft is known.
+        If it contains no recording, or one without a position of the aircraft.
     ConfigError
-        If the mission file in it cannot be read.
+        If its mission file cannot be read.
     """
     mission, world, record = _read(folder)
     if not len(record.flown):
@@ -59,7 +59,7 @@ def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
 def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
-        told = _Told(counters)
+        told = _ReportData(counters)
         for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
             told.take(topic, row)
         if told.about:
@@ -74,13 +74,13 @@ def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     )
 
 
-class _Told:
-    """What a report shows of the messages of an mcap, taken one by one: there may be many, and of any kind.
+class _ReportData:
+    """The part of an MCAP file's messages that a report shows; the file may be large and of any origin.
 
     Parameters
     ----------
     counters : Counter
-        Counts what is left out.
+        Counts skipped messages.
     """
 
     def __init__(self, counters: Counter[str]) -> None:
@@ -107,7 +107,7 @@ class _Told:
         }
 
     def take(self, topic: str, row: mcap_reader.Document) -> None:
-        """Take a message; what lies beyond the longest flight is left out and counted."""
+        """Take a message; messages beyond the limits are skipped and counted."""
         taker = self._takers.get(topic)
         if taker is not None:
             if self._num_rows < ROWS_MAX:
@@ -162,7 +162,7 @@ class _Told:
         self.fences = row.get("obstacles", self.fences)
 
 
-def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     about = told.about
     mission = mission_from_text(str(about["mission_file"]), str(folder / MCAP))
     flown = _table(told.flown, 7, ROWS_MAX)
@@ -184,12 +184,12 @@ def _from_messages(folder: Path, told: _Told) -> tuple[MissionConfig, Snapshot, 
 
 
 def report_name(record: FlightRecord) -> str:
-    """Name of the report made of a recording: the simulator's own, with the true paths, may lie beside it."""
+    """Return the name of a report from a recording, next to the simulator's own."""
     return "report-on-board" if record.summary.get("clock") == SIMULATED else "report"
 
 
 def _with_fences(world: Snapshot, rows: object) -> Snapshot:
-    """The world with what the autopilot's fences added to it."""
+    """Return the world with the obstacles of the autopilot's fences."""
     if not isinstance(rows, list) or not 0 < len(rows) <= OBSTACLES_MAX:
         return world
     obstacles = tuple(
@@ -207,14 +207,14 @@ def _with_fences(world: Snapshot, rows: object) -> Snapshot:
 
 
 def _is_whole(obstacle: Obstacle) -> bool:
-    """Whether everything is known of an obstacle's shape."""
+    """Return whether an obstacle's shape is completely known."""
     corners = obstacle.polygon_enu_m
     sides = np.array([obstacle.base_m, obstacle.top_m])
     return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
 
 
-def _summary(told: _Told, flown: FloatArray) -> dict[str, float | int | bool | str]:
-    """Figures of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
+def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bool | str]:
+    """Return the values of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
     about = told.about
     times = np.array(told.plan_ms or [np.nan])
     versions = about.get("versions")
@@ -245,7 +245,7 @@ def _floats(value: object, count: int) -> list[float]:
 
 
 def _table(rows: object, columns: int, rows_max: int = POINTS_MAX) -> FloatArray:
-    """Lists of numbers as rows, (N, C) with as many ``columns``; NaN where a number is missing."""
+    """Return lists of numbers as rows, (N, C) with C ``columns``; NaN where a number is missing."""
     listed = rows[:rows_max] if isinstance(rows, list) else []
     table = [_floats(row, columns) for row in listed]
     return np.array(table, dtype=np.float64).reshape(-1, columns)

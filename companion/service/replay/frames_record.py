@@ -1,4 +1,4 @@
-"""What a report shows of a flight of which only the frames are there."""
+"""Makes the record of a flight for a report from frames only."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STATE_S = 0.2
 
 
 def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
-    """What the estimators make of a tlog's frames."""
+    """Return the record that the estimators make of a tlog's frames."""
     codec, situation, recorder = Codec(), Situation(rules_of(mission), 1), Recorder()
     due_s = 0.0
     for heard in recording.frames:

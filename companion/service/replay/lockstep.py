@@ -1,8 +1,8 @@
-"""The service on a clock that others move: what a simulated flight and a replay share.
+"""Runs the service on a clock that others move, for simulated flights and replays.
 
-Time moves in steps and stands still while it is the service's turn to speak: while it plans, and while
-MAVSDK's threads prepare an answer. So a flight runs as fast as the computer can, and the same bytes at the
-same instants make the service say the same, however slow the computer is.
+Time moves in steps and does not move while the service works: while it plans, and while MAVSDK's threads
+prepare a message. A flight therefore runs as fast as the computer can, and the same bytes at the same
+instants make the service send the same messages, however slow the computer is.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from companion.flight.tasks.app import App
 from companion.link.wire.memory_transport import MemoryTransport
 
 STEP_S = 0.02
-SETTLE_TURNS = 10  # event-loop turns in which the service's tasks take what a step brought
-TURN_TIMEOUT_S = 5.0  # wall clock, for MAVSDK's next word; far beyond what a busy computer needs
+SETTLE_TURNS = 10  # Iterations of the event loop in which the service's tasks handle a step.
+TURN_TIMEOUT_S = 5.0  # Wall-clock limit for MAVSDK's next message, far above what a busy computer needs.
 _POLL_S = 0.0002
 
 
@@ -28,46 +28,47 @@ async def step(
     until_s: float,
     turn_timeout_s: float = TURN_TIMEOUT_S,
 ) -> None:
-    """Let bytes arrive now, move the clock, and let the service act on both.
+    """Deliver bytes now, move the clock, and let the service handle both.
 
     Parameters
     ----------
     app : App
         The service.
     clock : ManualClock
-        The clock that the service reads.
+        Clock of the service.
     theirs : MemoryTransport
-        The other end of its link.
+        Other end of the service's link.
     data : bytes
-        What arrives, at the clock's present reading.
+        Bytes that arrive at the present clock reading.
     until_s : float
-        Reading of the clock after the step [s].
+        Clock reading after the step [s].
     turn_timeout_s : float
-        How long MAVSDK is waited for, by the computer's clock.
+        Time limit for MAVSDK on the computer's clock [s].
     """
     if data:
         theirs.send(data)
     clock.advance_to(until_s)
-    while await _is_waited_for(app, turn_timeout_s):
+    while await _wait_for_mavsdk(app, turn_timeout_s):
         pass
 
 
-async def _is_waited_for(app: App, turn_timeout_s: float) -> bool:
-    """Let the service take what it has; then, if it is MAVSDK's turn, wait for its word.
+async def _wait_for_mavsdk(app: App, turn_timeout_s: float) -> bool:
+    """Let the service handle what it has; then wait for MAVSDK if it is about to send.
 
-    Returns whether it was: what it said may have begun its next call, which must not begin a step
-    later on a slower computer.
+    Returns whether it waited: MAVSDK's message may start its next call, which must not start one step later
+    on a slower computer.
     """
-    was_waited_for = app.link.autopilot.is_our_turn
+    was_waited_for = app.link.autopilot.is_mavsdk_turn
     for _ in range(SETTLE_TURNS):
         await asyncio.sleep(0)
-        was_waited_for = was_waited_for or app.link.autopilot.is_our_turn  # its last word may come meanwhile
+        # MAVSDK may send its last message meanwhile.
+        was_waited_for = was_waited_for or app.link.autopilot.is_mavsdk_turn
     waited_from = time.perf_counter()
-    # Its threads cannot tell when they are about to speak, so their turn is polled.
-    while app.link.autopilot.is_our_turn:
+    # MAVSDK's threads give no notice before they send, so their state is polled.
+    while app.link.autopilot.is_mavsdk_turn:
         if time.perf_counter() - waited_from > turn_timeout_s:
-            # Over a bad link what MAVSDK was passed may call for no word: a repetition, say.
-            app.link.autopilot.give_up_turn()
+            # Over a bad link MAVSDK may have nothing to send, for example after a repetition.
+            app.link.autopilot.end_mavsdk_turn()
             return False
         await asyncio.sleep(_POLL_S)
     return was_waited_for

@@ -1,4 +1,4 @@
-"""``companion replay``: a replay with its progress shown, and what came of it as text."""
+"""``companion replay`` and ``companion export``: progress, results as text, and files."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from companion.ui.page.playback import Playback, mcap_of, recorded_playback
 from companion.ui.page.playback_page import show_playbacks
 
 __all__ = [
-    "beside", "document_of", "exported", "first_difference", "flown_in", "remarks", "replayable", "replayed",
+    "beside", "document_of", "exported", "first_difference", "remarks", "replayable", "replayed",
     "show", "show_page",
 ]  # fmt: skip
 
 DECISIONS_SHOWN = 60
-RERUN_SUFFIX = ".rrd"  # by which the viewer knows its files
+RERUN_SUFFIX = ".rrd"  # The viewer recognises its files by this suffix.
 
 
 def replayed(
@@ -45,20 +45,20 @@ def replayed(
     screen: Console,
     listener: Listener | None = None,
 ) -> Replayed:
-    """Replay to the end, with a bar.
+    """Replay to the end, with a progress bar.
 
     Parameters
     ----------
     recording : Recording
-        What was heard and said.
+        The recorded flight.
     mission : MissionConfig
-        The mission file; it need not be the flown one.
+        Mission file, which may differ from the recorded one.
     seed : int or None
         Seed of plans and filters; None for the recorded one.
     screen : Console
-        Where the bar is shown.
+        Console of the progress bar.
     listener : callable, optional
-        Told what is written down now.
+        Gets each message recorded in the replay.
     """
     bar = Progress(
         TextColumn("replaying {task.fields[name]}"), BarColumn(), TaskProgressColumn(),
@@ -73,26 +73,22 @@ def replayed(
 
 
 def replayable(log: Path) -> Recording:
-    """Read a recording to replay.
+    """Read a recording for a replay, from a tlog or a flight's folder.
 
     Raises
     ------
     RecordError
-        If it cannot be read, or nothing in it is a frame of MAVLink.
+        If it cannot be read, or contains no MAVLink frame.
     """
-    recording = load_recording(log / TLOG if log.is_dir() else log)
+    file = log / TLOG if log.is_dir() else log
+    recording = load_recording(file)
     if not recording.frames:
-        raise RecordError(f"{log}: no frame of MAVLink in it")
+        raise RecordError(f"{file}: no frame of MAVLink in it")
     return recording
 
 
-def flown_in(folder: Path) -> Recording:
-    """Read the recording in a flight's folder, to hold a replay against."""
-    return replayable(folder / TLOG)
-
-
 def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
-    """What about a recording, or beside it, keeps a replay from being the flight."""
+    """Return remarks on why a replay may differ from the flight."""
     if not recording.is_ours:
         return []
     about, said = recording.about, []
@@ -119,21 +115,21 @@ def remarks(recording: Recording, mission: MissionConfig) -> list[str]:
 
 
 def exported(flight: Path, target: Path | None, *, is_for_rerun: bool) -> str:
-    """Write a flight's recording as a picture for Foxglove or rerun; what to tell of that.
+    """Write the picture of a recording for Foxglove or rerun; returns a text about the files.
 
     Parameters
     ----------
     flight : Path
-        Folder of the flight, ``flight.mcap`` in it, or the tlog beside that.
+        Folder of the flight, its ``flight.mcap``, or its tlog.
     target : Path or None
-        The picture; None for one beside the recording, which only rerun's can be.
+        The picture; None, for rerun only, writes it next to the recording.
     is_for_rerun : bool
-        Whether it is for rerun, not for Foxglove.
+        True for rerun, false for Foxglove.
 
     Raises
     ------
     ConfigError
-        If it is not said where Foxglove's goes, or the name is the other viewer's.
+        If the target for Foxglove is missing, or the name is one of the other viewer.
     ModuleNotFoundError
         If rerun is not installed.
     RecordError
@@ -165,32 +161,32 @@ def show_page(
     Parameters
     ----------
     log : Path
-        A flight's folder, or a tlog; without an mcap beside it, only what would be decided now is shown.
+        A flight's folder, or a tlog; without an mcap of the same name only the replay is shown.
     mission : MissionConfig or None
-        Shows what would be decided now by it, beside the recording.
+        Mission file of a replay to show next to the recording.
     other : Path or None
-        Another recording to show beside it.
+        Another recording to show next to it.
     seed : int or None
         Seed of plans and filters; None for the recorded one.
     page : tuple of int and Path or None
-        TCP port of the page; file or folder of what is drawn under its map.
+        TCP port of the page; file or folder of the terrain under its map.
     screen : Console
-        Where its address is told.
+        Console that shows the page's address.
 
     Raises
     ------
     RecordError
         If there is nothing to show.
     LinkError
-        If the port is taken.
+        If the port is in use.
     ConfigError
-        If a file of the ground cannot be used.
+        If a terrain file cannot be used.
     """
     port, ground = page[0], ground_at(page[1])
     shown = [
         recorded_playback(path)
         for path in ([log] if other is None else [log, other])
-        if _is_told(path, mission)
+        if _shows_as_flown(path, mission)
     ]
     if mission is not None:
         recording = replayable(log)
@@ -203,18 +199,18 @@ def show_page(
     )
 
 
-def _is_told(path: Path, mission: MissionConfig | None) -> bool:
-    """Whether a recording is to be shown as it was flown: not a tlog alone, where it can be replayed."""
+def _shows_as_flown(path: Path, mission: MissionConfig | None) -> bool:
+    """Return whether to show a recording as flown; a tlog alone is only replayed if possible."""
     return mission is None or path.is_dir() or path.with_suffix(".mcap").exists()
 
 
 def beside(expected: Recording, result: Replayed) -> Replayed:
-    """A result beside another flight than the one replayed."""
+    """Return a result that is compared with another flight than the replayed one."""
     return replace(result, flown_decisions=expected.decisions, flown_uploads=flown_uploads(expected))
 
 
 def show(recording: Recording, result: Replayed, differs: Difference | None, screen: Console) -> None:
-    """Tell what came of a replay."""
+    """Print the result of a replay."""
     speed = result.duration_s / result.wall_s if result.wall_s > 0.0 else 0.0
     screen.print(
         f"{printable(recording.name)}: {result.duration_s:.0f} s replayed in {result.wall_s:.1f} s, "
@@ -242,7 +238,7 @@ def show(recording: Recording, result: Replayed, differs: Difference | None, scr
 
 
 def _table(result: Replayed, since_s: float) -> Table:
-    """Decisions from an instant on, flown and now, by time."""
+    """Return a table of decisions from an instant on, flown and replayed, by time."""
     table = Table()
     table.add_column("time [s]", justify="right")
     for column in ("flown", "now"):
@@ -258,7 +254,7 @@ def _table(result: Replayed, since_s: float) -> Table:
 def _by_time(
     flown: Sequence[Decision], now: Sequence[Decision], since_s: float
 ) -> Iterator[tuple[float, str, str]]:
-    """Rows of time and what was decided then, flown and now; one row where both decided at once."""
+    """Yield time, flown decisions and replayed decisions; simultaneous ones share a row."""
     told: dict[float, list[list[str]]] = {}
     for column, decisions in enumerate((flown, now)):
         for entry in decisions:

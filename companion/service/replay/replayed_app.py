@@ -1,4 +1,4 @@
-"""The service as it was when a recording began, over a link on which the recorded autopilot answers."""
+"""Sets up the service as at the start of a recording, over a link with the recorded autopilot's answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.tasks.app import App
 from companion.flight.tasks.composition import composed
 from companion.link.wire.transport import Transport
-from companion.planning.plan_runner import InlineRunner, PlanRunner, RecordedRunner
+from companion.planning.plan_runner import InlineRunner, RecordedRunner
 from companion.recording.reader import Recording
 from companion.recording.recorder import Recorder
 from companion.safe_files import replace_file
@@ -30,24 +30,24 @@ def replayed_app(
     seed: int | None,
     folder: Path,
 ) -> App:
-    """Begin the service as it was begun.
+    """Create the app as it was at the start of a recording.
 
     Parameters
     ----------
     recording : Recording
-        What was heard, said and remembered.
+        The recorded flight, with what the service remembered.
     mission : MissionConfig
-        The mission file; it need not be the flown one.
+        Mission file, which may differ from the recorded one.
     transport : Transport
-        Over which the recorded frames come.
+        Transport over which the recorded frames arrive.
     clock : Clock
-        The replay's.
+        Clock of the replay.
     link_kind : callable
-        Makes what answers for the recorded autopilot.
+        Makes the link that answers for the recorded autopilot.
     seed : int or None
-        From which plans and filters draw their numbers; None for the recorded one, else the mission file's.
+        Seed of plans and filters; None for the recorded one, else that of the mission file.
     folder : Path
-        For what the pilot had set before the recording.
+        Folder for the parameters that the pilot had set before the recording.
     """
     about, recorder = recording.about, Recorder()
     if seed is None:
@@ -62,15 +62,11 @@ def replayed_app(
         clock,
         recorder,
         seed=seed,
-        runner=_runner(recording),
+        runner=InlineRunner() if recording.is_simulated else RecordedRunner(recording.taken),
         checkpoint=checkpoint_of(about),
         parameters_file=parameters_file,
     )
     return App(parts)
-
-
-def _runner(recording: Recording) -> PlanRunner:
-    return InlineRunner() if recording.is_simulated else RecordedRunner(recording.taken)
 
 
 def _remembered(about: dict[str, object]) -> dict[str, object]:
@@ -79,7 +75,7 @@ def _remembered(about: dict[str, object]) -> dict[str, object]:
 
 
 def checkpoint_of(about: dict[str, object]) -> Checkpoint:
-    """What the service remembered of the flight when the recording began; damage counts for nothing."""
+    """Return what the service remembered when the recording began; damaged parts are ignored."""
     kept = _remembered(about).get("memory")
     entries = kept.items() if isinstance(kept, dict) else ()
     kept_bytes = {}

@@ -135,7 +135,7 @@ def plain_crc(data):
 def test_it_goes_out_signed_where_there_is_a_key():
     signer = signer_of(b"k" * 32, 1, Timestamps(None, lambda: 1.8e9))
     codec = Codec(SYSTEM, signer=signer)
-    data = codec.on_the_wire(codec.component_metadata(0.0, 1, "mftp:///general.json"))
+    data = codec.signed(codec.component_metadata(0.0, 1, "mftp:///general.json"))
     assert (data[2], len(data)) == (1, 10 + 28 + 2 + 13)
     assert Codec.unsigned(data) == Codec(SYSTEM).component_metadata(0.0, 1, "mftp:///general.json")
 

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.messages.codec import Codec
 from companion.link.messages.settings_reader import AGAIN_CALLS, ASKED_AT_ONCE, TRIES, SettingsReader
-from companion.link.wire.decoded_frame import ParameterTold
+from companion.link.wire.decoded_frame import ParameterValue
 from companion.types.events import Dialect
 from companion.types.state import AutopilotSettings
 from tests.flight.test_operator import BOTH
@@ -19,7 +19,7 @@ class Told:
     """A frame of the autopilot's with a PARAM_VALUE."""
 
     def __init__(self, name, value, bits=0, is_whole=False):
-        self.reply = ParameterTold(name, value, bits, is_whole)
+        self.reply = ParameterValue(name, value, bits, is_whole)
 
 
 def asked(data):

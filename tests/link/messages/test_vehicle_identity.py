@@ -1,4 +1,4 @@
-"""Who is taken for the vehicle, and what is believed of heartbeats under its ids."""
+"""Who is taken for the vehicle, and what is accept_heartbeat of heartbeats under its ids."""
 
 import pytest
 from hypothesis import given
@@ -169,11 +169,13 @@ def test_whatever_heartbeats_say_the_dialect_never_changes_in_the_air(said):
     identity, now, before, was_armed = VehicleIdentity(1), 0.0, None, False
     for dialect, is_armed, mode, pause in said:
         now += pause
-        believed, armed, is_contradicted = identity.believed(dialect, mode, now, is_armed=is_armed)
-        assert before in (None, believed) or not was_armed
-        assert is_contradicted or (believed is dialect and armed is is_armed)
-        before, was_armed = believed, armed
-        told = identity._told
+        accept_heartbeat, armed, is_contradicted = identity.accept_heartbeat(
+            dialect, mode, now, is_armed=is_armed
+        )
+        assert before in (None, accept_heartbeat) or not was_armed
+        assert is_contradicted or (accept_heartbeat is dialect and armed is is_armed)
+        before, was_armed = accept_heartbeat, armed
+        told = identity._reported
         assert len(told.mode_changes_s) <= 4
         assert len(told.armed_changes_s) <= 4
 

@@ -37,7 +37,7 @@ async def ended(kind, number):
         if kind == "answered" and data[7] == REQUEST_LIST:
             take(messages(packer, packer.mission_count_encode(1, 195, 0)))
 
-    reader = MavsdkReader(codec, send, Counter(), None, 5.0)
+    reader = MavsdkReader(codec, send, Counter(), 5.0)
     take(messages(packer, packer.heartbeat_encode(1, 3, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 5, 4)))
     download = reader.download_rally_points if kind == "rally points" else reader.download
     call = asyncio.create_task(download())
@@ -57,7 +57,7 @@ async def main():
     kind, count = sys.argv[1], int(sys.argv[2])
     for number in range(count):
         await ended(kind, number)
-    sys.stdout.write(f"{count} ended, {len(mavsdk_reader._LEFT)} left alone\n")
+    sys.stdout.write(f"{count} ended, {len(mavsdk_reader._UNDESTROYED)} left alone\n")
 
 
 if __name__ == "__main__":

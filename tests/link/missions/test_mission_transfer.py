@@ -19,8 +19,14 @@ from companion.clock import ManualClock
 from companion.errors import TransferError
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
-from companion.link.missions.mission_transfer import PATIENCE_S, REPEAT_MAX_S, REPEAT_MIN_S, RoundTrip, Upload
-from companion.link.wire.decoded_frame import MissionAck, MissionQuestion
+from companion.link.missions.mission_transfer import (
+    REPEAT_MAX_S,
+    REPEAT_MIN_S,
+    TRANSFER_TIMEOUT_S,
+    RoundTrip,
+    Upload,
+)
+from companion.link.wire.decoded_frame import MissionAck, MissionItemRequest
 from companion.link.wire.framing import frames_in
 from companion.mission.item_difference import difference
 from sim.autopilot.arduplane.arduplane_store import MissionStore
@@ -273,7 +279,7 @@ def test_an_acknowledgement_from_before_ends_nothing():
     upload.note_ack(MissionAck(0.1, 0, 0, 0), 0.1)
     assert upload.failure is None
     for number in range(COUNT):
-        upload.note_question(MissionQuestion(number, 0), 0.2)
+        upload.note_request(MissionItemRequest(number, 0), 0.2)
         assert upload.due(0.2) == [number]
     upload.note_ack(MissionAck(0.3, 0, 0, 77), 0.3)
     assert (upload.failure, upload.opaque_id) == ("", 77)
@@ -282,7 +288,7 @@ def test_an_acknowledgement_from_before_ends_nothing():
 def test_fences_and_rallies_of_others_are_no_concern():
     upload = Upload(ITEMS, RoundTrip(), 0.0)
     upload.due(0.0)
-    upload.note_question(MissionQuestion(0, 1), 0.1)
+    upload.note_request(MissionItemRequest(0, 1), 0.1)
     assert upload.due(0.1) == []
     upload.note_ack(MissionAck(0.1, 14, 1, 0), 0.1)
     assert upload.failure is None
@@ -293,37 +299,37 @@ def test_fences_and_rallies_of_others_are_no_concern():
 def test_an_unanswered_item_goes_again_with_the_next():
     upload = Upload(ITEMS, RoundTrip(), 0.0)
     upload.due(0.0)
-    upload.note_question(MissionQuestion(4, 0), 0.1)
+    upload.note_request(MissionItemRequest(4, 0), 0.1)
     assert upload.due(0.1) == [4]
     assert upload.due(0.15) == []
     assert upload.due(2.0) == [4, 5]
-    assert upload.due(0.1 + PATIENCE_S + 0.1) == []
+    assert upload.due(0.1 + TRANSFER_TIMEOUT_S + 0.1) == []
     assert upload.failure == "TIMEOUT"
 
 
 def test_the_time_to_repeat_follows_rfc_6298():
     # First answer R: SRTT = R, RTTVAR = R/2, RTO = SRTT + 4·RTTVAR = 3 R; then α = 1/8, β = 1/4.
     trip = RoundTrip()
-    trip.note(0.2)
+    trip.note_answer(0.2)
     assert trip.repeat_s == pytest.approx(0.6)
-    trip.note(0.3)  # RTTVAR = 0.75·0.1 + 0.25·|0.2 − 0.3| = 0.1; SRTT = 0.875·0.2 + 0.125·0.3 = 0.2125
+    trip.note_answer(0.3)  # RTTVAR = 0.75·0.1 + 0.25·|0.2 − 0.3| = 0.1; SRTT = 0.875·0.2 + 0.125·0.3 = 0.2125
     assert trip.repeat_s == pytest.approx(0.2125 + 0.4)
 
 
 def test_what_the_line_takes_is_known_though_everything_is_repeated():
     """3.5 s there and back: each item is asked for again before the line can have answered."""
     trip = RoundTrip()
-    assert trip.least_s == 0.0
+    assert trip.shortest_s == 0.0
     upload = Upload(ITEMS, trip, 0.0)
     sent = upload.due(0.0)
     for number in range(3):
         begun_s = 3.5 * number
         for tick in range(1, 7):
             sent += upload.due(begun_s + 0.5 * tick)
-        upload.note_question(MissionQuestion(number, 0), begun_s + 3.5)
+        upload.note_request(MissionItemRequest(number, 0), begun_s + 3.5)
         sent += upload.due(begun_s + 3.5)
     assert sent.count(0) > 1
-    assert trip.least_s == pytest.approx(3.5)
+    assert trip.shortest_s == pytest.approx(3.5)
     assert trip.repeat_s < 1.6  # of which answers to what was repeated tell nothing
 
 
@@ -331,18 +337,18 @@ def test_of_the_last_answers_the_quickest_tells_what_the_line_takes():
     """A lost frame makes an answer late; a line that has become slow is noticed ten answers later."""
     trip = RoundTrip()
     for took_s in (0.1, 1.6, 0.12, 1.5):
-        trip.note_first(took_s)
-    assert trip.least_s == 0.1
+        trip.note_first_answer(took_s)
+    assert trip.shortest_s == 0.1
     for _ in range(10):
-        trip.note_first(2.0)
-    assert trip.least_s == 2.0
+        trip.note_first_answer(2.0)
+    assert trip.shortest_s == 2.0
 
 
 @given(st.lists(st.floats(0.0, 60.0), min_size=1, max_size=40))
 def test_the_time_to_repeat_stays_within_its_limits(answers):
     trip = RoundTrip()
     for took_s in answers:
-        trip.note(took_s)
+        trip.note_answer(took_s)
         assert REPEAT_MIN_S <= trip.repeat_s <= REPEAT_MAX_S
 
 

@@ -233,7 +233,7 @@ def test_no_frame_is_more_than_a_minute_ahead_of_the_clock(ahead_s, caplog):
     frame = raw_frame(theirs(HEARTBEAT, time=NOW + int(ahead_s * UNITS)))
     assert [signer.accepts(frame) for _ in range(3)] == [False] * 3
     assert signer.counters["too_new"] == 3
-    assert caplog.text.count("its clock is wrong, or this one") == 1
+    assert caplog.text.count("its clock or this one is wrong") == 1
     assert signer.accepts(raw_frame(theirs(HEARTBEAT, time=NOW + 59 * UNITS)))
 
 
@@ -501,7 +501,7 @@ def test_the_codec_believes_signed_frames_only_and_signs_its_own():
     assert codec.counters["unsigned"] == 1
     reader = mavlink.MAVLink(None)
     reader.signing.secret_key = KEY
-    (heard,) = reader.parse_buffer(codec.on_the_wire(codec.heartbeat()))
+    (heard,) = reader.parse_buffer(codec.signed(codec.heartbeat()))
     assert heard.get_signed()
 
 

@@ -12,7 +12,6 @@ from companion.clock import ManualClock, WallClock
 from companion.errors import ConfigError, LinkError
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.link.wire.transport import (
-    LastingTransport,
     SerialTransport,
     TcpTransport,
     UdpInTransport,
@@ -91,25 +90,6 @@ async def test_udp_both_ways():
     await inward.close()
     outward.send(b"late")
     assert outward.dropped_bytes == 4
-
-
-async def test_a_lasting_line_stays_open_from_user_to_user():
-    ours, theirs = MemoryTransport.pair()
-    line, heard = LastingTransport(ours), []
-    await theirs.open()
-    line.set_receiver(lambda data: heard.append(("first", data)))
-    await line.open()
-    theirs.send(b"1")
-    await line.close()
-    theirs.send(b"between")
-    assert line.is_open
-    line.set_receiver(lambda data: heard.append(("second", data)))
-    await line.open()
-    theirs.send(b"2")
-    assert heard == [("first", b"1"), ("second", b"2")]
-    assert theirs.dropped_bytes == 0
-    await line.end()
-    assert not line.is_open
 
 
 async def test_udp_errors():

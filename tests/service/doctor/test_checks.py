@@ -10,7 +10,7 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import VersionTold
+from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.service.doctor import host_checks as doctor
 from companion.service.doctor.finding import Verdict
@@ -160,7 +160,7 @@ def test_px4s_serial_ports_are_judged_by_the_line_that_is_used(changes, advice):
 @pytest.mark.parametrize(("baud_rate", "verdict"), [(None, OK), (921_600, WARN)])
 def test_serial_ports_that_are_not_told_are_not_judged(dialect, baud_rate, verdict):
     found = parameter_findings(dialect, {}, MISSION, baud_rate)[-1]
-    assert (found.check, found.found, found.verdict) == ("serial ports", "not told", verdict)
+    assert (found.check, found.found, found.verdict) == ("serial ports", "not reported", verdict)
     assert "set" not in found.advice
 
 
@@ -171,8 +171,8 @@ def test_a_parameter_that_is_not_told_is_a_warning():
 
 
 def test_another_version_than_those_measured_is_a_warning():
-    assert version(Dialect.ARDUPILOT, VersionTold((4, 7, 0), 255)).verdict is OK
-    assert version(Dialect.ARDUPILOT, VersionTold((4, 5, 7), 255)).verdict is WARN
+    assert version(Dialect.ARDUPILOT, AutopilotVersion((4, 7, 0), 255)).verdict is OK
+    assert version(Dialect.ARDUPILOT, AutopilotVersion((4, 5, 7), 255)).verdict is WARN
     assert version(Dialect.PX4, None).verdict is WARN
 
 

@@ -65,7 +65,7 @@ class Bench:
     async def let_mavsdk_speak(self):
         """Hold time while it is MAVSDK's turn, or it would ask at another moment each time."""
         for _ in range(ROUNDS_MAX):
-            if not self.service.app.link.autopilot.is_our_turn:
+            if not self.service.app.link.autopilot.is_mavsdk_turn:
                 return
             await asyncio.sleep(2e-4)
         raise AssertionError("MAVSDK says nothing")

@@ -35,7 +35,7 @@ def test_decisions_and_missions_are_those_flown(seed, dialect):
     folder, flight = recorded("first-flight", seed, dialect)
     recording, result = replayed(folder / "flight.tlog", load_mission(folder / "mission.yaml"))
     assert first_difference(recording, result) is None
-    assert result.apart_s is None
+    assert result.diverged_s is None
     told = [(entry.stamp_s, entry.kind, entry.text) for entry in flight.recorder.decisions]
     assert [(entry.stamp_s, entry.kind, entry.text) for entry in result.decisions] == told
     assert len(result.uploads) >= 2
@@ -86,8 +86,8 @@ def test_a_changed_threshold_names_the_first_decision_and_goes_on():
     assert differs.flown.startswith("'keep: cost ")
     assert differs.now.startswith("'swap: better, cost ")
     assert 15.0 < differs.stamp_s == pytest.approx(first_kept_s(flight), abs=0.05)
-    assert result.apart_s >= differs.stamp_s
-    later = [entry for entry in result.decisions if entry.stamp_s > result.apart_s]
+    assert result.diverged_s >= differs.stamp_s
+    later = [entry for entry in result.decisions if entry.stamp_s > result.diverged_s]
     assert [entry.kind for entry in later].count("swap") >= 2  # the model answers where nobody did
     assert not [entry for entry in later if entry.kind == "rejected"]
     assert later[-1].kind == "arrived"
@@ -97,7 +97,7 @@ def test_what_was_swapped_and_is_kept_now_is_noticed_too():
     """The recorded autopilot answers an upload that is not made."""
     folder, _ = recorded("first-flight", 3, Dialect.PX4)
     _, result = replayed(folder / "flight.tlog", with_planning(time_horizon_s=40.0))
-    assert result.apart_s is not None
+    assert result.diverged_s is not None
     assert len(result.uploads) < len(result.flown_uploads)
     assert result.decisions[-1].kind == "arrived"
 

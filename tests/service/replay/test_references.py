@@ -57,7 +57,7 @@ def test_replays_as_before(name, request, tmp_path):
     log = FOLDER / f"{name}.tlog" if is_ours else part_of(name, tmp_path / "part.tlog")
     mission = load_mission(FOLDER / f"{name}.yaml" if is_ours else DATA / RECORDINGS[f"{name}.tlog"])
     result = asyncio.run(Replay(load_recording(log), mission).run())
-    lines = [f"said as in flight until {result.apart_s:.2f} s" if result.apart else "said as in flight"]
+    lines = [f"said as in flight until {result.diverged_s:.2f} s" if result.apart else "said as in flight"]
     lines += lines_of(result.decisions, result.uploads)
     reference = FOLDER / f"{name}.txt"
     if request.config.getoption("--update-refs", default=False):
