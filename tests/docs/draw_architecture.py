@@ -11,6 +11,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 IMAGES = ROOT / "docs" / "img"
 STAY = re.compile(r"^\| (\d+) \| `([\w.]+):([\w.]+)` \| (.*) \|$", re.M)
 WIDTH, ROW, GAP = 860, 54, 10
+PER_ROW = 4  # More rooms of one layer go on in the next row: their names do not fit.
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 
 
@@ -64,10 +65,15 @@ def lines_of(words, most):
 
 
 def rooms_svg():
-    """One row a layer, one box a room."""
+    """One colour a layer, one box a room."""
     parts = [f"<rect width='{WIDTH}' height='100%' fill='#ffffff'/>"]
     y = GAP
-    for number, row in enumerate(layers()):
+    rows = [
+        (number, layer[first : first + PER_ROW])
+        for number, layer in enumerate(layers())
+        for first in range(0, len(layer), PER_ROW)
+    ]
+    for number, row in rows:
         width = (WIDTH - GAP * (len(row) + 1)) / len(row)
         for place, room in enumerate(row):
             x = GAP + place * (width + GAP)
