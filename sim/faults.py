@@ -90,7 +90,7 @@ class Schedule:
         return next((faults for begin, end, faults in self.spells if begin <= now_s < end), LinkFaults())
 
     def is_cut(self, now_s: float) -> bool:
-        """Whether the link is cut at an instant."""
+        """Return whether the link is cut at an instant."""
         return any(
             event.kind is FaultKind.DISCONNECT and event.begin_s <= now_s < event.end_s
             for event in self.events

@@ -36,5 +36,5 @@ class Verdict(IntEnum):
 
 
 def is_navigation(command: int) -> bool:
-    """Whether the item is flown to, rather than done in passing."""
+    """Return whether the item is flown to, rather than done in passing."""
     return command <= _LAST_NAV_COMMAND

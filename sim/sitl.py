@@ -153,7 +153,7 @@ class Flight:
             self.recorder.close()
 
     def _has_arrived(self) -> bool:
-        """Whether the service says so, or, where the mission is not the service's, the truth."""
+        """Return whether the service says so, or, where the mission is not the service's, the truth."""
         if not self.route_enu_m:
             return self.app.mode is Mode.ARRIVED
         goal, here = self.mission.goals[-1], self.simulator.truth.path[-1]

@@ -26,7 +26,7 @@ Int1D = Annotated[IntArray, Array("i", 1)]
 Int2D = Annotated[IntArray, Array("i", 2)]
 
 
-NUM_CELLS = 48  # along each side of the grid that finds near nodes
+NUM_CELLS = 48  # The grid that finds near nodes has so many cells along each side.
 
 
 class Obstacles(Struct):

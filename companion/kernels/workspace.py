@@ -13,13 +13,13 @@ import numpy as np
 from companion.kernels.arrays import Float1D, Float2D, FloatArray, Int1D, ThreatModel, Threats
 from companion.kernels.native.struct import Struct
 
-MAX_THREATS = 32  # felt at one point
-MAX_NEAR = 16  # nodes of a query by the reachability estimator
-MAX_K = 64  # nodes of a query by the search
-PATH_PICKS = 4  # waypoints of the path that RRT* joins each new node with, beside its k nearest
-MAX_STRAIGHT = 64  # steps of a greedy connection to the sub goal
-MAX_ROWS = 128  # of one Dubins edge
-MAX_PATH = 4096  # nodes of a path
+MAX_THREATS = 32  # So many threats can act on one point.
+MAX_NEAR = 16  # A query of the reachability estimator returns at most so many nodes.
+MAX_K = 64  # A query of the search returns at most so many nodes.
+PATH_PICKS = 4  # RRT* joins each new node with so many waypoints of the path besides its k nearest.
+MAX_STRAIGHT = 64  # A greedy connection to the sub goal has at most so many steps.
+MAX_ROWS = 128  # One Dubins edge has at most so many rows.
+MAX_PATH = 4096  # A path has at most so many nodes.
 
 
 class KNearest(Struct):

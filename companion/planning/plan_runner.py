@@ -9,7 +9,7 @@ from typing import Protocol
 from companion.clock import Clock
 from companion.errors import CompanionError
 
-POLL_S = 0.2  # between looks at whether a plan is due
+POLL_S = 0.2  # Time between two looks at whether a plan is due.
 NEAR_S = 2.0
 
 
@@ -46,7 +46,7 @@ class StopRule:
         self.is_broken_off = True
 
     def __call__(self) -> bool:
-        """Whether to stop."""
+        """Return whether to stop."""
         if not self.is_stopped:
             self.asked += 1
             self.is_stopped = self.is_broken_off or self._is_over(self.asked)

@@ -27,10 +27,10 @@ from companion.planning.problem import GoalRegion, Problem, rows_at_goals
 from companion.types.path import Path
 from companion.types.plan import PursuitRisk
 
-FLOWN_SLACK_S = 0.5  # what is flown may have lost of the slack that it was planned with
-BACK_STEPS = (3, 5, 8, 12, 16, 24)  # rows before the goal from which an edge to it is tried
+FLOWN_SLACK_S = 0.5  # The flown path may have lost this much of the time to spare that it was planned with.
+BACK_STEPS = (3, 5, 8, 12, 16, 24)  # An edge to the goal is tried from so many rows before it.
 SPARE_ROWS = 64
-COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # tried on the bearing to the goal
+COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # These offsets from the bearing to the goal are tried.
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +303,7 @@ def reassessed(problem: Problem, path: Path) -> tuple[Path, PursuitRisk]:
 
 
 def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
-    """Whether a path passes all goals but the last, in order, each within its radius.
+    """Return whether a path passes all goals but the last, in order, each within its radius.
 
     Parameters
     ----------

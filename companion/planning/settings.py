@@ -9,14 +9,14 @@ from companion.kernels.arrays import Limits, Search, ThreatModel
 from companion.planning.comparators import METHODS, Certainty, Strategies
 from companion.world.vehicle.vehicle_model import VehicleModel
 
-LEVEL_SHARE = 0.9  # of the limit is planned with: what is flown is judged by the whole
+LEVEL_SHARE = 0.9  # Plans keep this share of the limit; the flown path is judged by the whole limit.
 
 # Comparators share what is not their subject: samples that follow the distance field, the connection to the
 # goal and restarts. Their budgets are larger than the paper's, since a tree takes more samples where threats
 # make paths costly.
 SUB_TASK_ITERATIONS, STALL_ITERATIONS = 3_000, 1_200
 ITERATIONS_SHARE = 4
-STAR_ITERATIONS = 800  # of RRT* where it is the whole method: its gain has levelled off by then
+STAR_ITERATIONS = 800  # Iterations of RRT* where it is the whole method: its gain has levelled off by then.
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ class MissionPilot(Autopilot):
 
     @abstractmethod
     def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
-        """Whether the end of a leg counts as reached."""
+        """Return whether the end of a leg counts as reached."""
 
     def _steer_item(self, item: MissionItem) -> None:
         """Steer for a navigation item: from the last target if there is one, else from here."""
@@ -81,7 +81,7 @@ class MissionPilot(Autopilot):
         return radius_m
 
     def has_arrived(self, item: MissionItem) -> bool:
-        """Whether a navigation item is done."""
+        """Return whether a navigation item is done."""
         steering = self.flight.steering
         if item.command == Command.NAV_LAND:
             return False  # until it is on the ground, which ends the flight
@@ -114,7 +114,7 @@ class MissionPilot(Autopilot):
         return math.hypot(east - steering.centre[0], north - steering.centre[1]) < 1.25 * steering.radius_m
 
     def _has_circled(self, circle: Circle, item: MissionItem) -> bool:
-        """Whether a loiter's turns, time or height are done; counted from when the circle is met."""
+        """Return whether a loiter's turns, time or height are done; counted from when the circle is met."""
         east, north = self.flight.position
         bearing = math.atan2(east - circle.centre[0], north - circle.centre[1])
         if self._arrived_us is None:

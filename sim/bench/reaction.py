@@ -87,7 +87,7 @@ class _Reaction:
         self._known = self._places()
 
     def is_over(self) -> bool:
-        """Whether it is answered, or will not be; asked after every step."""
+        """Return whether it is answered, or will not be; asked after every step."""
         now = self.simulator.now_s
         if self.begun_s == math.inf:
             if self._flies_anew():
@@ -109,7 +109,7 @@ class _Reaction:
         return {(item.latitude_e7, item.longitude_e7) for item in self.simulator.autopilot.mission_items}
 
     def _flies_anew(self) -> bool:
-        """Whether an item is flown that was in no list before."""
+        """Return whether an item is flown that was in no list before."""
         items, current = self.simulator.autopilot.mission_items, self.simulator.autopilot.current_sequence
         if current >= len(items):
             return False

@@ -70,7 +70,7 @@ def lay(world: EdgeWorld, a: Pose, b: Pose) -> int:
 
 @kernel
 def is_free(world: EdgeWorld, a: Pose, b: Pose) -> bool:
-    """Whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
+    """Return whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
     n = lay(world, a, b)
     rows, box = world.rows, world.limits.bounds
     for k in range(n):
@@ -112,7 +112,7 @@ class Edges:
         )  # fmt: skip
 
     def is_free(self, first: Pose, second: Pose) -> bool:
-        """Whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
+        """Return whether an edge is within the limits and bounds, and keeps the margin from obstacles."""
         return is_free(self._world, first, second)
 
     def cost(self, first: Pose, second: Pose) -> float:

@@ -53,7 +53,7 @@ class Roads:
             self._lengths, self._previous = dijkstra(graph, directed=False, return_predecessors=True)
 
     def is_free(self, east_m: float, north_m: float) -> bool:
-        """Whether a point is off every obstacle, without the clearance."""
+        """Return whether a point is off every obstacle, without the clearance."""
         return not bool(shapely.intersects_xy(self.walls, east_m, north_m))
 
     def is_clear(self, points: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -11,9 +11,9 @@ from companion.kernels.arrays import Float1D, Limits
 from companion.kernels.native.kernel import inlined, kernel
 
 OK, OUT_OF_BOUNDS, TOO_SLOW_OR_FAST = 0, 1, 2
-SLOWEST = 0.1  # of the airspeed, over the ground
-WIND_RESERVE = 1.1  # of the wind is reckoned with, where more of it allows less
-STRAIGHT_RATE = 2e-3  # up to this turn rate [rad/s] an edge counts as straight
+SLOWEST = 0.1  # The ground speed counts as at least this share of the airspeed.
+WIND_RESERVE = 1.1  # Limits are taken for a wind stronger by this factor.
+STRAIGHT_RATE = 2e-3  # Up to this turn rate an edge counts as straight [rad/s].
 
 
 @inlined

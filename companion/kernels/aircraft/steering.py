@@ -19,11 +19,11 @@ from companion.kernels.native.kernel import kernel, local_floats
 from companion.kernels.native.struct import Struct
 
 GRAVITY = 9.80665
-STEP = 0.05  # of the integration [s]
-SLOWEST = 3.0  # ground speed by which guidance reckons at least [m/s]
-SHORTEST = 1.0  # a leg below it has no direction [m]
+STEP = 0.05  # Step of the integration [s].
+SLOWEST = 3.0  # Guidance takes the ground speed for at least this [m/s].
+SHORTEST = 1.0  # A shorter leg has no direction [m].
 HALF_PI = 0.5 * math.pi
-SIN_45 = 0.7071  # sine of the angle at which a leg far off is met
+SIN_45 = 0.7071  # Sine of 45°, the angle at which an aircraft far off meets its leg.
 
 
 class SteeringLaw(Struct):
@@ -146,7 +146,7 @@ def _height(share: float, begin: Float1D, end: Float1D, law: SteeringLaw) -> flo
 
 @kernel
 def _is_reached(state: Float1D, share: float, end: Float1D, law: SteeringLaw) -> bool:
-    """Whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
+    """Return whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
     if abs(state[2] - end[2]) > law.height_acceptance:
         return False
     away = math.sqrt((end[0] - state[0]) ** 2 + (end[1] - state[1]) ** 2)

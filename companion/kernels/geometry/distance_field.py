@@ -15,9 +15,9 @@ from companion.kernels.arrays import Float1D, Float2D, Guide, Limits, Obstacles,
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.native.kernel import kernel
 
-FIRST_PICK = 8  # column of the draws from which nodes are picked
-PICKS = 8  # nodes compared: the one farthest on is followed
-SPREAD = 0.5  # radius of the disc a sample is drawn from, of the way it lies ahead
+FIRST_PICK = 8  # Nodes are picked by the random numbers from this column on.
+PICKS = 8  # So many nodes are compared; the one farthest ahead is followed.
+SPREAD = 0.5  # A sample is drawn from a disc whose radius is this share of its distance ahead.
 
 
 def fill_distance_field(

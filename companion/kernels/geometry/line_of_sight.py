@@ -17,7 +17,7 @@ from companion.kernels.native.kernel import kernel_numpy_errors
 
 @kernel_numpy_errors
 def is_rectangle(edges: Float2D, first: int, last: int) -> bool:
-    """Whether a polygon has four sides, all along the axes: then it fills its box.
+    """Return whether a polygon has four sides, all along the axes: then it fills its box.
 
     It is rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m].
     """
@@ -44,7 +44,7 @@ def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: Float2D, firs
 
 @kernel_numpy_errors
 def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: float, prisms: Obstacles) -> bool:
-    """Whether any prism meets the segment p–q: line of sight, and ground lines at constant z."""
+    """Return whether any prism meets the segment p–q: line of sight, and ground lines at constant z."""
     boxes, heights, edges, offsets = prisms.boxes, prisms.heights, prisms.edges, prisms.offsets
     x_low, x_high = min(px, qx), max(px, qx)
     y_low, y_high = min(py, qy), max(py, qy)

@@ -102,7 +102,7 @@ def fill_field(field: Float3D, grid: Float1D, obstacles: Obstacles) -> None:
 def edges_cross(
     px: float, py: float, qx: float, qy: float, x0: float, y0: float, x1: float, y1: float
 ) -> bool:
-    """Whether two segments of the plane share a point; touching counts."""
+    """Return whether two segments of the plane share a point; touching counts."""
     d1 = (qx - px) * (y0 - py) - (qy - py) * (x0 - px)
     d2 = (qx - px) * (y1 - py) - (qy - py) * (x1 - px)
     d3 = (x1 - x0) * (py - y0) - (y1 - y0) * (px - x0)
@@ -125,7 +125,7 @@ def edges_cross(
 def segment_clear(
     px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, margin: float
 ) -> bool:
-    """Whether every point of p–q is at least ``margin`` from every prism.
+    """Return whether every point of p–q is at least ``margin`` from every prism.
 
     Conservative advancement: the distance is 1-Lipschitz, so a point with clearance ``c`` proves
     ``c - margin`` of the way. Steps below 0.5 m are refused as blocked.

@@ -62,7 +62,7 @@ def shadow_behind(rx: float, ry: float, rz: float, x: float, y: float, obstacles
 
 @kernel
 def casts_shadow(rz: float, obstacles: Obstacles, o: int) -> bool:
-    """Whether prism ``o`` stands on the ground, or on that of a radar at height ``rz`` [m]."""
+    """Return whether prism ``o`` stands on the ground, or on that of a radar at height ``rz`` [m]."""
     base = obstacles.heights[o, 0]
     return base <= min(rz, 0.0) + 1.0 or base <= 1.0
 
@@ -124,7 +124,7 @@ def fill_shadows(shadows: Float2D, grid: Float1D, radar: Float1D, obstacles: Obs
 
 @kernel
 def is_hidden(x: float, y: float, z: float, shadows: Float2D, grid: Float1D) -> bool:
-    """Whether a point is in a radar's shadow: it must be below all four nodes of its cell.
+    """Return whether a point is in a radar's shadow: it must be below all four nodes of its cell.
 
     Taking the lowest corner shrinks shadows by at most a cell: masking is never claimed where the
     grid cannot show it. ``shadows`` (NX, NY) heights at the nodes [m]; ``grid`` (3,) x0 y0 and the

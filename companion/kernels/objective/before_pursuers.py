@@ -30,8 +30,8 @@ from companion.kernels.objective.cost_to_go import (
 from companion.kernels.objective.row_costs import Objective, pursuit_danger
 from companion.kernels.threat.pursuit_game import pop_least, push
 
-BEGUN_RADII = 4.0  # about the start, where the wave begins with exact times
-EARLY = 0.98  # Upwind differences find ways too long, by less than this.
+BEGUN_RADII = 4.0  # The wave begins with exact times within so many turn radii of the start.
+EARLY = 0.98  # Upwind differences overestimate times by less than 2 %; this factor takes that off.
 
 
 class Wave(Struct):
@@ -67,7 +67,7 @@ def time_to_fly(length: float, v: float, limits: Limits) -> float:
 
 @kernel_numpy_errors
 def is_in_sight(rate: Float3D, u: float, v: float, i: int, j: int, k: int) -> bool:
-    """Whether something flies at every node between (u, v), in nodes, and node (i, j) at level ``k``.
+    """Return whether something flies at every node between (u, v), in nodes, and node (i, j) at level ``k``.
 
     ``rate`` (NX, NY, NZ) as in :class:`Wave`.
     """

@@ -42,11 +42,11 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 from companion.kernels.workspace import Workspace
 
 DIRECTIONS, TURNS = 16, 3
-STRAIGHT_STEPS = 2  # A straight motion is at least so long, so that fewer nodes are looked at.
-HEIGHT_CELLS = 0.5  # of a step, the height of a cell
-NEAR_RADII = 6.0  # So many turning radii from a goal turns count.
-EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is so much earlier.
-PRIME = 1_048_573  # the largest prime below 2^20: a cell's place in the table is its number modulo this
+STRAIGHT_STEPS = 2  # A straight motion has at least so many steps, so that fewer nodes are extended.
+HEIGHT_CELLS = 0.5  # Height of a cell, as a share of a step.
+NEAR_RADII = 6.0  # Within so many turn radii of a goal, turns count.
+EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is this much earlier.
+PRIME = 1_048_573  # The largest prime below 2^20: a cell's place in the table is its number modulo this.
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
 
 

@@ -29,10 +29,11 @@ from companion.kernels.native.struct import Struct
 from companion.kernels.objective.row_costs import Objective, collision_price, exposure
 from companion.kernels.threat.pursuit_game import pop_least, push
 
-SETTLED_S = 1e-6  # A smaller change of V is none.
-LEAST_PART = 1e-6  # Each node counts at least so much, so that a point on a blocked node has a value.
-BENT_CELLS = 4.0  # From so many spacings on the front is straight enough for differences of the second order.
-GOAL_CELLS = 1.5  # V begins at the nodes so many spacings about the goal.
+SETTLED_S = 1e-6  # A smaller change of V does not count.
+LEAST_PART = 1e-6  # Each node has at least this weight, so that a point on a barred node has a value.
+# So many spacings from its origin, the front is straight enough for second-order differences.
+BENT_CELLS = 4.0
+GOAL_CELLS = 1.5  # V begins at the nodes within so many spacings of the goal.
 
 
 class CostField(Struct):
@@ -244,7 +245,7 @@ def beside(i: int, j: int, k: int, side: int) -> tuple[int, int, int]:
 
 @inlined
 def is_inside(value: Float3D, i: int, j: int, k: int) -> bool:
-    """Whether a node lies in the grid of ``value`` (NX, NY, NZ)."""
+    """Return whether a node lies in the grid of ``value`` (NX, NY, NZ)."""
     n, m, p = value.shape
     return 0 <= i < n and 0 <= j < m and 0 <= k < p
 

@@ -23,7 +23,7 @@ from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
-SEEN = 0.5  # From this m on a second counts as in sight.
+SEEN = 0.5  # A second counts as in sight from this membership on.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
 

@@ -14,7 +14,7 @@ from companion.kernels.search.growth import next_stage, renew_covariance
 from companion.kernels.search.path_edit import breaks_turn_rule
 from companion.kernels.workspace import FilterScratch, Walk
 
-SETTLED = 1e-4  # change of δ_q below which descendants keep their covariance
+SETTLED = 1e-4  # Below this change of δ_q the descendants keep their covariance.
 
 
 @inlined
@@ -122,7 +122,7 @@ def still_time(tree: Tree, i: int, limits: Limits) -> float:
 def keeps_turn_rule_below(
     tree: Tree, branches: Branches, b: int, turn: int, straight: float, limits: Limits, walk: Walk
 ) -> bool:
-    """Whether all edges below ``b`` stay flyable when it is reached after another turn.
+    """Return whether all edges below ``b`` stay flyable when it is reached after another turn.
 
     Only as deep as the change is felt: past ``sl_min`` of straight flight, or a turn, it is not.
     """

@@ -20,7 +20,7 @@ from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import MAX_STRAIGHT, Straight, Workspace
 
 RUNNING, REACHED, FULL = 0, 1, 2
-TURN_STEPS = 12  # of a greedy connection, for the turn towards the sub goal
+TURN_STEPS = 12  # A greedy connection turns towards the sub goal for at most so many steps.
 
 
 @kernel

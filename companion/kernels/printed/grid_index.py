@@ -13,7 +13,7 @@ from companion.kernels.arrays import NUM_CELLS, Float1D, Float2D, GridIndex, Int
 from companion.kernels.native.kernel import inlined_numpy_errors, kernel_numpy_errors
 from companion.kernels.workspace import KNearest
 
-FEW = 48  # rows up to which looking at all of them is quicker
+FEW = 48  # Up to so many rows, comparing all of them is faster than the grid.
 
 
 @inlined_numpy_errors

@@ -19,10 +19,11 @@ from companion.kernels.arrays import Float1D, Obstacles
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.native.kernel import kernel_numpy_errors
 
-NUM_BEARINGS = 16  # at which q_B is looked for, those nearest to the TTree node first
-EYE_M = 2.0  # sight lines start this far above the ground
-AIR_CLIMB = 0.5  # vertical speed of an airborne DT, of its speed: more than aircraft and most drones have
-NUM_HALVINGS = 4  # of the way from q_B on, where its end is not free or does not see the node
+NUM_BEARINGS = 16  # q_B is looked for at so many bearings, first at those nearest to the TTree node.
+EYE_M = 2.0  # Sight lines start this far above the ground.
+# An airborne DT climbs at most by this share of its speed: more than aircraft and most drones do.
+AIR_CLIMB = 0.5
+NUM_HALVINGS = 4  # The way on from q_B is halved so often where its end is not free or does not see the node.
 
 
 @kernel_numpy_errors
@@ -86,7 +87,7 @@ def gets_near(
     p: Float1D, heading: float, model: Float1D, slack: float, x: float, y: float, z: float,
     prisms: Obstacles, out: Float1D,
 ) -> bool:  # fmt: skip
-    """Whether a DT reaches a node through a TTree node within ``slack`` (paper Fig. 2).
+    """Return whether a DT reaches a node through a TTree node within ``slack`` (paper Fig. 2).
 
     A TTree node inside the circle that sees the node is its own q_B. ``p`` (3,) the TTree node [m];
     ``model`` (5,) the DT's speed, RD_max, turn radius, airborne flag, step length; ``out`` (6,) receives

@@ -33,9 +33,9 @@ from companion.kernels.printed.threat_tree import (
 from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
-NUM_NEIGHBOURS = 4  # of a directly reachable node that are tested too
-WELL_CLEAR_UP_M = 76.0  # 250 ft, of ASTM F3442
-NEWS_M = 15.0  # a DT position nearer by this much is news
+NUM_NEIGHBOURS = 4  # So many neighbours of a directly reachable node are tested as well.
+WELL_CLEAR_UP_M = 76.0  # Vertical separation of well clear: 250 ft, ASTM F3442.
+NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
 
@@ -65,7 +65,7 @@ def gets_to(
     trees: Pursuers, d: int, j: int, x: float, y: float, z: float, time: float, prisms: Obstacles,
     out: Float1D,
 ) -> bool:  # fmt: skip
-    """Whether a DT gets a place into its reach through TTree node ``j`` before ``time``.
+    """Return whether a DT gets a place into its reach through TTree node ``j`` before ``time``.
 
     ``out`` (6,) receives q_B, or the circle's nearest point where none is found, and where there is one
     the nearest position of the DT [m].

@@ -33,8 +33,8 @@ from companion.kernels.search.growth import collision_cost, grow, next_stage
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
-STAR_DRAWS = 16  # uniform numbers an iteration uses
-GAIN = 1e-6  # of cost, below which an edge is no better
+STAR_DRAWS = 16  # An iteration uses so many uniform random numbers.
+GAIN = 1e-6  # An edge that lowers the cost by less is no better.
 
 
 @kernel
@@ -82,7 +82,7 @@ def bound_of(tree: Tree, b: int, below: float, goal: int, search: Search) -> flo
 
 @kernel
 def may_gain(tree: Tree, a: int, b: int, below: float, goal: int, search: Search) -> bool:
-    """Whether an edge from ``a`` to ``b`` would be worth while if it were straight."""
+    """Return whether an edge from ``a`` to ``b`` would be worth while if it were straight."""
     per_metre = search.cost_distance / search.unit
     length = per_metre * distance_to(tree.state[a], tree.state[b])
     return not tree.cost[a] + length >= bound_of(tree, b, below, goal, search)
@@ -241,7 +241,7 @@ def draw_remaining(draws: Float1D, tree: Tree, scene: Scene, path: Int1D, n: int
 
 @kernel
 def can_improve(q_s: Float1D, start: Float1D, goal: Float1D, cost: float, scene: Scene) -> bool:
-    """Whether a path over a sample can cost less than ``cost``: its length alone must.
+    """Return whether a path over a sample can cost less than ``cost``: its length alone must.
 
     ``q_s`` (3,) the sample, ``start`` (≥ 3,) and ``goal`` (≥ 3,) the path's ends [m].
     """

@@ -25,9 +25,9 @@ from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import ThreatScene, threat_scene
 
 FREE, OCCUPIED, CONSTRAINED, HIGH_RISK = 0, 1, 2, 3
-FIELD_CELLS = 49  # of the distance field's square grid, each way
-DETOUR_MAX = 1.25  # distance round obstacles, in horizons, beyond which a candidate is removed
-CLIMB_SHARE = 0.8  # of the climb angle, kept for the rest from a sub goal to the goal
+FIELD_CELLS = 49  # The distance field's square grid has so many cells along each side.
+DETOUR_MAX = 1.25  # A candidate farther than this many horizons around obstacles is removed.
+CLIMB_SHARE = 0.8  # This share of the climb angle remains for the path from a sub goal to the goal.
 
 
 class Candidates(Struct):

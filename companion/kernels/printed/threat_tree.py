@@ -16,9 +16,9 @@ from companion.kernels.native.kernel import kernel, kernel_numpy_errors, local_f
 from companion.kernels.native.struct import Struct
 from companion.kernels.printed.intercept import way_length
 
-FLIES_ON = 2.0  # in place of the airborne flag: it hunts nobody
-LEAST_STEP_M = 1.0  # of an edge
-CORNER_GAP_M = 3.0  # from an obstacle's corner to the node beside it
+FLIES_ON = 2.0  # Value of the airborne flag for an aircraft that only passes and pursues nobody.
+LEAST_STEP_M = 1.0  # Shorter edges are not added to a tree.
+CORNER_GAP_M = 3.0  # Distance between an obstacle's corner and the node beside it.
 MAX_CORNERS = 400
 
 
@@ -57,7 +57,7 @@ def corners_of(z: float, prisms: Obstacles, bounds: Float1D, out: Float2D) -> in
 
 @kernel_numpy_errors
 def is_inside(x: float, y: float, z: float, prisms: Obstacles) -> bool:
-    """Whether a place lies in a prism."""
+    """Return whether a place lies in a prism."""
     edges, offsets, heights = prisms.edges, prisms.offsets, prisms.heights
     for p in range(heights.shape[0]):
         if heights[p, 0] <= z <= heights[p, 1] and point_in_polygon(x, y, edges, offsets[p], offsets[p + 1]):

@@ -37,10 +37,11 @@ from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.pursuit_game import is_threatened
 from companion.kernels.workspace import FilterScratch, GrowthScratch, ThreatScene
 
-DRAWS = 16  # uniform numbers of an extension; the paper's search draws its sample with some of them
-LEAST_DOMAIN = 0.3  # of DD that threat alone leaves: with less several DTs strangle the search
-LEAST_CLEAR = 1e-12  # p_c that is told from less
-FAR = 1.0e4  # clearance beyond which p_c is 1 anyhow [m]
+# An extension uses so many uniform random numbers; the paper's search draws its sample with some of them.
+DRAWS = 16
+LEAST_DOMAIN = 0.3  # Threat leaves at least this share of DD: with less, several DTs would stop the search.
+LEAST_CLEAR = 1e-12  # A smaller p_c counts as this one.
+FAR = 1.0e4  # Beyond this clearance p_c is 1 [m].
 
 
 @kernel
@@ -63,7 +64,7 @@ def domain_radius(clear: float, level: float, blocked: int, search: Search) -> f
 
 @kernel
 def is_edge_clear(state: Float1D, out: Float1D, w: float, obstacles: Obstacles, limits: Limits) -> bool:
-    """Whether one step keeps the margin: its chord does, widened by the arc's sagitta.
+    """Return whether one step keeps the margin: its chord does, widened by the arc's sagitta.
 
     It leads from ``state`` (6,) to ``out`` (6,) at the turn rate ``w``.
     """

@@ -25,17 +25,18 @@ from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.workspace import MAX_PATH, PathRows, Workspace
 
 JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
-ONE_TURN_M = 0.1  # of straight flight between two like turns is none
+ONE_TURN_M = 0.1  # Two turns to the same side with less straight flight between them are one turn.
 HEIGHT_TOLERANCE_M = 1e-3
-UNSURE = 0.25  # of the least turn, from which an edge is neither straight nor a turn
-SPEED_GAP_M_S = 0.5  # between the ends of an edge between two poses
-SPEED_TOLERANCE_M_S = 1e-3  # of what an edge can gain
-TURN_TOLERANCE = 1e-3  # of the turn rate limit, for edges sampled across the end of a turn
+UNSURE = 0.25  # From this share of the least turn on, an edge counts neither as straight nor as a turn.
+SPEED_GAP_M_S = 0.5  # The speeds at the ends of an edge between two poses may differ by this much.
+SPEED_TOLERANCE_M_S = 1e-3  # A speed may exceed what an edge can gain by this much.
+# Tolerance of the turn rate limit, for edges that are sampled across the end of a turn.
+TURN_TOLERANCE = 1e-3
 
 
 @kernel
 def keeps_turns_apart(kind: int, segments: Float1D, limits: Limits) -> bool:
-    """Whether two turns of a Dubins word have ``straight_min`` between them, or are one turn.
+    """Return whether two turns of a Dubins word have ``straight_min`` between them, or are one turn.
 
     ``segments`` (3,) t, p, q of the word in radii.
     """
@@ -202,14 +203,14 @@ def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
 
 @kernel
 def breaks_turn_rule(turn: int, straight: float, w: float, limits: Limits) -> bool:
-    """Whether an edge of turn rate ``w`` begins a turn too soon after another."""
+    """Return whether an edge of turn rate ``w`` begins a turn too soon after another."""
     sign = 1 if w > STRAIGHT_RATE else (-1 if w < -STRAIGHT_RATE else 0)
     return sign != 0 and sign != turn and (turn != 0 or straight < limits.straight_min - 1e-6)
 
 
 @kernel
 def is_clear(rows: PathRows, first: int, n: int, obstacles: Obstacles, limits: Limits) -> bool:
-    """Whether the edges that end in rows ``first`` to ``n - 1`` keep the margin from obstacles."""
+    """Return whether the edges that end in rows ``first`` to ``n - 1`` keep the margin from obstacles."""
     for k in range(first, n):
         p, q = rows.states[k - 1], rows.states[k]
         chord = math.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)

@@ -18,7 +18,8 @@ from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.workspace import MAX_THREATS, ThreatScene
 
-PASSES = 2.0  # of a point: an aircraft that is kept clear of whichever way one flies
+# Value of the airborne flag for an aircraft that only passes: it is kept clear of in any direction.
+PASSES = 2.0
 FORM_SHIFTED, FORM_LITERAL, FORM_PROBABILISTIC = 0, 1, 2
 
 

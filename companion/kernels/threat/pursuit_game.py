@@ -22,12 +22,15 @@ from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import inlined, kernel
 
 DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
-SHORTENED = 0.98  # sweeping finds ways too long, by less than this
-SEED_CELLS = 6  # about a DT in which its ways are straight lines
-STANDS_M = 1.0  # higher a wall does not stand on the ground: it is driven under, and hides nothing
-BEARING_CELLS = 1.5  # between two lines of sight at the rim of a DT's reach
-ROUNDED_CELLS = 3.0  # At most so much nearer are two cells than the difference of their arrivals says.
-BLOCK = 8  # cells each way; where a DT is in none of a block's in time, no line of sight need lead
+SHORTENED = 0.98  # Sweeping overestimates distances by less than 2 %; this factor takes that off.
+SEED_CELLS = 6  # Within so many cells of a DT, its paths are straight lines.
+# A wall whose base is higher does not stand on the ground: vehicles pass under it and see through.
+STANDS_M = 1.0
+BEARING_CELLS = 1.5  # Two lines of sight are at most so many cells apart at the rim of a DT's reach.
+# Two cells are nearer to each other than the difference of their arrivals says by at most so many cells.
+ROUNDED_CELLS = 3.0
+# Cells along each side of a block: where a DT reaches none of them in time, no line of sight is cast.
+BLOCK = 8
 
 
 @kernel
@@ -270,7 +273,7 @@ def _seen_along(game: Game, d: int, x: float, y: float, up: float, angle: float,
 
 @kernel
 def is_threatened(game: Game, x: float, y: float, z: float, time: float) -> bool:
-    """Whether a DT could threaten a place at a moment, ``game.slack`` taken off."""
+    """Return whether a DT could threaten a place at a moment, ``game.slack`` taken off."""
     if game.vehicles.shape[0] == 0:
         return False
     until = time + game.slack

@@ -28,11 +28,11 @@ from companion.planning.problem import Problem
 CELLS_2D, CELLS_3D = 120, 50  # along the longer side of the bounds
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
-HEAP_SHARE = 8  # of the nodes: how often each may wait to be settled
-ERROR_UNKNOWN = 0.1  # of V, where the coarse field says nothing
+HEAP_SHARE = 8  # Each node may wait so often in the heap.
+ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
-KEPT = 8  # of each sort, a megabyte each
-MOST_DANGER = 1.0  # g of J is never more
+KEPT = 8  # So many fields of each kind are kept, a megabyte each.
+MOST_DANGER = 1.0  # The danger rate g of J is at most this.
 
 _Key = tuple[object, ...]
 _Made = TypeVar("_Made")

@@ -26,7 +26,7 @@ from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 from companion.world.pursuer_trees import grown_trees
 
 HIGH_THREAT = 0.5
-MIN_ROWS = 4  # of a path that is worth improving
+MIN_ROWS = 4  # A path with fewer rows is not improved.
 NUM_SECONDARY = 10
 
 
@@ -47,7 +47,7 @@ def shortfall(route: Route, problem: Problem, num_nodes: int) -> str:
 
 
 def ends_at(route: Route, goal: GoalRegion) -> bool:
-    """Whether a route ends in a goal region.
+    """Return whether a route ends in a goal region.
 
     Parameters
     ----------

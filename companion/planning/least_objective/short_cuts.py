@@ -15,9 +15,9 @@ from companion.planning.least_objective.prices import objective_between
 from companion.planning.route import Route, assess_route, cost_between, pursuit_risk, visits_goals
 
 SPARE_ROWS = 64
-SPEED_SPARE_M_S = 0.1  # by which a short cut may be faster than the row that it leads to
-NOWHERE = np.zeros(6)  # stands for a pose that is not asked for
-LEAST_GAIN_S = 1e-9  # of J, below which a short cut gains nothing
+SPEED_SPARE_M_S = 0.1  # A short cut may be faster than the row that it leads to by this much.
+NOWHERE = np.zeros(6)  # Stands for a pose that is not given.
+LEAST_GAIN_S = 1e-9  # A short cut that lowers J by less gains nothing.
 
 
 def shortened_route(
@@ -87,7 +87,7 @@ def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[R
 
 
 def keeps_limits(exploration: Exploration, objective: Objective, route: Route) -> bool:
-    """Whether a route keeps below the limits of time in sight, threat level and collisions.
+    """Return whether a route keeps below the limits of time in sight, threat level and collisions.
 
     Parameters
     ----------

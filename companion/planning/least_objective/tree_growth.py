@@ -23,11 +23,12 @@ from companion.planning.explore import Exploration
 from companion.planning.route import Route
 from companion.types.plan import SearchTrace
 
-GOAL_SHARE = 0.75  # of a goal's radius, within which it counts as passed: the rest is the autopilot's
-LEAST_EXTENDED = 2_000  # nodes, however late it is: some 10 ms
-BURST = 500  # nodes extended between two looks at the time
-TABLE = 2**17  # of cells; some times as many as a tree comes to
-ROWS_EACH = 12  # of the tree, at most, for each node that is extended
+# A goal counts as passed within this share of its radius: the rest is the autopilot's error.
+GOAL_SHARE = 0.75
+LEAST_EXTENDED = 2_000  # So many nodes are extended however late it is: some 10 ms.
+BURST = 500  # So many nodes are extended between two looks at the time.
+TABLE = 2**17  # The table has so many cells, several times as many as a tree needs.
+ROWS_EACH = 12  # The tree has room for at most so many rows for each node that is extended.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from companion.kernels.arrays import Guide, Limits, Obstacles
 from companion.kernels.geometry.distance_field import fill_distances, fill_free
 from companion.planning.settings import PlannerSettings
 
-FIELD_CELLS = 97  # each way, of the grid about a sub goal
+FIELD_CELLS = 97  # The grid around a sub goal has so many cells along each side.
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
 NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 

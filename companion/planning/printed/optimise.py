@@ -27,9 +27,9 @@ from companion.planning.route import (
     visits_goals,
 )
 
-LEAST_GAIN = 0.002  # of the path's cost, below which a burst of RRT* has gained nothing
-PATIENCE = 200  # iterations without gain after which it ends
-RISK_SPARE = 1e-3  # of -log Q, which no optimising takes more of
+LEAST_GAIN = 0.002  # A burst of RRT* that lowers the path's cost by a smaller share has gained nothing.
+PATIENCE = 200  # RRT* ends after so many iterations without a gain.
+RISK_SPARE = 1e-3  # Optimising may raise −log Q by no more than this.
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +179,7 @@ def smoothed_route(
 
 
 def is_no_worse(exploration: Exploration, known: Assessment, log_risk: float) -> bool:
-    """Whether a route costs no Q, where that counts.
+    """Return whether a route costs no Q, where that counts.
 
     Parameters
     ----------

@@ -19,9 +19,9 @@ REACHES = (
     (16, 16),
     (24, 24),
 )  # rows relaid before and after, tried in turn
-SHIFT_MIN_M = 0.2  # smaller moves are below what is flown
-RISK_SAME = 1e-3  # of -log Q, by which no move is refused
-EVERY = 4  # rows between waypoints that are moved: neighbours share their particles' levels
+SHIFT_MIN_M = 0.2  # Smaller moves of a waypoint make no difference in flight.
+RISK_SAME = 1e-3  # A move may raise −log Q by this much.
+EVERY = 4  # Every so many rows a waypoint is moved: neighbours share their particles' threat levels.
 
 
 def adjusted_route(

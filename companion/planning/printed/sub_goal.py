@@ -22,8 +22,8 @@ from companion.planning.comparators import SubGoalRule
 from companion.planning.settings import PlannerSettings
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-DETOUR_SHARE = 0.15  # of the horizon: what a sub goal may lengthen the distance to go by
-REPEATED_SHARE = 0.25  # of the horizon: candidates this near to a sub goal used before come last
+DETOUR_SHARE = 0.15  # A sub goal may lengthen the remaining distance by this share of the horizon.
+REPEATED_SHARE = 0.25  # Candidates within this share of the horizon of an earlier sub goal come last.
 
 
 @dataclass(frozen=True, slots=True)

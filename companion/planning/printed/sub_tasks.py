@@ -17,7 +17,7 @@ from companion.planning.printed.sub_goal import choose_sub_goal
 from companion.planning.route import Route, route_from_tree
 
 ShouldStop = Callable[[], bool]
-RESTART_AFTER = 6  # failed sub tasks in a row after which the tree starts afresh
+RESTART_AFTER = 6  # After so many failed sub tasks in a row the tree starts anew.
 
 Found = tuple[bool, Route, int]  # whether all goals were passed, the route, and the node at its end
 
@@ -50,7 +50,7 @@ class SubTasks:
         self._homes: dict[tuple[float, ...], Guide] = {}
 
     def is_spent(self, should_stop: ShouldStop) -> bool:
-        """Whether the budget has ended."""
+        """Return whether the budget has ended."""
         return int(self.exploration.stats[3]) >= self._budget_end or should_stop()
 
     def let_pursuers_be(self) -> None:

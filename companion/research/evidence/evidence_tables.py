@@ -38,7 +38,7 @@ class ResultTable:
     note: str = ""
 
     def is_figure(self, column: int) -> bool:
-        """Whether a column has figures, which stand to the right."""
+        """Return whether a column has figures, which stand to the right."""
         return any(isinstance(row[column].value, float) for row in self.rows)
 
 

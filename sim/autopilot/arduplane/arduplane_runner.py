@@ -32,7 +32,7 @@ class Pilot(Protocol):
         """Start a navigation item."""
 
     def has_arrived(self, item: MissionItem) -> bool:
-        """Whether a navigation item is done."""
+        """Return whether a navigation item is done."""
 
     def do(self, item: MissionItem) -> None:
         """Carry out an item that is not flown to."""

@@ -123,7 +123,7 @@ class MissionStore:
 
     @staticmethod
     def _checked(kind: MissionKind, item: MissionItem) -> Verdict:
-        """Whether the item can be stored at all."""
+        """Return whether the item can be stored at all."""
         if kind is MissionKind.MISSION and item.sequence == 0:
             return Verdict.ACCEPTED
         if item.command not in _COMMANDS[kind]:
@@ -138,7 +138,7 @@ class MissionStore:
 
 
 def _verdict_on_place(item: MissionItem) -> Verdict:
-    """Whether an item's place is one on earth."""
+    """Return whether an item's place is one on earth."""
     if abs(item.latitude_e7) > 900_000_000:
         return Verdict.INVALID_PARAM5_X
     if abs(item.longitude_e7) > 1_800_000_000:

@@ -340,7 +340,7 @@ class Px4(MissionPilot):
         self._steer_circle(here, self.parameters["WP_LOITER_RAD"], end[2])
 
     def _is_astray(self) -> bool:
-        """Whether a rally point is in a frame that it took and cannot return by."""
+        """Return whether a rally point is in a frame that it took and cannot return by."""
         return any(item.frame not in _RALLY_FRAMES for item in self._lists[MissionKind.RALLY].items)
 
     def _chosen_return_end(self, height_m: float) -> Target:
@@ -375,7 +375,7 @@ class Px4(MissionPilot):
         self._previous = None
 
     def is_airborne(self) -> bool:
-        """Whether a takeoff has nothing left to do."""
+        """Return whether a takeoff has nothing left to do."""
         return not self.flight.is_standing
 
     def reached(self, sequence: int) -> None:

@@ -28,10 +28,10 @@ class Navigator(Protocol):
         """Fly to what comes next directly from here."""
 
     def has_arrived(self, item: MissionItem) -> bool:
-        """Whether a navigation item is done."""
+        """Return whether a navigation item is done."""
 
     def is_airborne(self) -> bool:
-        """Whether a takeoff has nothing left to do."""
+        """Return whether a takeoff has nothing left to do."""
 
     def do(self, item: MissionItem) -> None:
         """Carry out an item that is not flown to."""

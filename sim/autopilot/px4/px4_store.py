@@ -58,7 +58,7 @@ def mission_id(items: Sequence[MissionItem]) -> int:
 
 
 def verdict_on(kind: MissionKind, item: MissionItem) -> Verdict:
-    """Whether an item is taken during an upload; much that cannot be flown is."""
+    """Return whether an item is taken during an upload; much that cannot be flown is."""
     if kind is not MissionKind.MISSION:
         known = _FENCE_COMMANDS if kind is MissionKind.FENCE else _RALLY_COMMANDS
         if item.command not in known:

@@ -64,7 +64,7 @@ def flown_table(case: Case) -> ResultTable:
 
 
 def best_text(case: Case, name: str, words: str) -> str:
-    """Whether any method does better than the first on the same seeds, in a sentence."""
+    """Return whether any method does better than the first on the same seeds, in a sentence."""
     (first, ours), *others = ((method, sample) for method, sample in case.samples.items() if sample.rows)
     differences = {method: _difference(sample, ours, name) for method, sample in others}
     better = [method for method, (value, _, _) in differences.items() if value > 0.0]

@@ -41,7 +41,7 @@ class Reason(Section):
     """Under which settings."""
 
     def is_of(self, entry: Judged) -> bool:
-        """Whether it is why an ordering came out as it did."""
+        """Return whether it is why an ordering came out as it did."""
         ordering = entry.ordering
         wanted = (
             (self.measures, ordering.measure),
