@@ -33,9 +33,9 @@ from sim.flight_measures import FlightMeasures, Measures, measured
 from sim.simulator import Place, Simulator
 
 SILENT_S = 10.0
-LINGER_S = 2.0  # flown on after the goal
-STATION = (255, 190)  # who switches replanning off
-EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the simulated flights' day
+LINGER_S = 2.0  # The flight goes on for so long after the goal.
+STATION = (255, 190)  # System and component of the ground station that switches replanning off.
+EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the day of simulated flights.
 
 
 @dataclass

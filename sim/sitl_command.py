@@ -29,7 +29,7 @@ from companion.types.events import Dialect
 if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
     from sim.sitl import Flight
 
-REFRESH_S = 1.0  # simulated seconds between two looks of the live table
+REFRESH_S = 1.0  # Simulated time between two updates of the live table.
 
 _log = logging.getLogger(__name__)
 

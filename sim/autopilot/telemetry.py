@@ -13,7 +13,7 @@ from sim.autopilot.channel import Message
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight
 
-EPOCH_S = 1_767_225_600  # 2026-01-01, UTC at simulated second 0
+EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
 _SENSORS = 0x0120FC2F  # gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops
 _EKF_FLAGS = 831  # attitude, velocities and positions good, GPS in use
 _UNKNOWN_U16 = 65535

@@ -20,7 +20,7 @@ from companion.types.events import Dialect
 from sim.sitl import Flight
 
 AHEAD_S, EVERY_S = 30.0, 5.0
-PASSED_M = 20.0  # by which the aircraft passes a place that it was to pass, and not another's
+PASSED_M = 20.0  # The aircraft passes its place within this distance.
 SETTLED_S = 20.0
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 from companion.cli import EXIT_FAILED, write_json
 from companion.cli_options import JsonFile
 
-GOALS_S = {"ardupilot": 2.5, "px4": 1.5}  # median reaction that is promised
+GOALS_S = {"ardupilot": 2.5, "px4": 1.5}  # Promised median reaction times [s].
 
 
 def register(app: typer.Typer) -> None:

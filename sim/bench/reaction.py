@@ -34,9 +34,9 @@ from sim.simulator import Simulator
 CHANGES = ("pop_up", "turn", "fence")
 AHEAD_M, FENCE_RADIUS_M = 600.0, 150.0
 KNOWN_AHEAD_M, KNOWN_ASIDE_M, KNOWN_SPEED_M_S = 900.0, 700.0, 15.0
-PERIOD_S = 0.5  # between two sightings
-SETTLED_S = 12.0  # after the first mission is flown
-PATIENCE_S = 20.0  # longer an answer is not waited for
+PERIOD_S = 0.5  # Time between two sightings.
+SETTLED_S = 12.0  # The surprise comes so long after the first mission is flown.
+PATIENCE_S = 20.0  # A later answer does not count.
 LIMIT_S = 120.0
 GROUND_MM, AIRBORNE_MM = 584_000, 684_000  # above mean sea level: home's height, and 100 m above it
 SOURCE = (200, mavlink.MAV_COMP_ID_ADSB)

@@ -23,8 +23,8 @@ from sim.comparison.ompl_edges import Edges, Pose
 from sim.comparison.ompl_planners import searched
 
 MARKS_S = (0.1, 1.0, 10.0)
-ENDLESS = 10_000_000  # iterations: the clock ends the search
-OURS = "rrt-star"  # whose weights and limits others are judged by: (9) alone
+ENDLESS = 10_000_000  # Number of iterations that the clock ends first.
+OURS = "rrt-star"  # Method whose weights and limits judge the others: (9) alone.
 
 
 class AnytimeRunner:

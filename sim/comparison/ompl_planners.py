@@ -30,7 +30,7 @@ PLANNERS: dict[str, Callable[[Any], Any]] = {
     "ompl-aorrtc": geometric.AORRTC,
 }
 GOAL_RING, GOAL_COURSES, RING_SHARE = 8, 8, 0.9
-INTERVAL_S = 0.001  # between two looks of OMPL whether to stop
+INTERVAL_S = 0.001  # OMPL asks this often whether to stop.
 SLICE_S, SLICE_SHARE = 0.002, 0.05  # of the search so far: how exactly the first path's time is known
 _Typed = Any  # the bindings have no types
 

@@ -95,7 +95,7 @@ def test_a_row_has_all_that_sitl_tells_of_the_same_flight(campaign):
     assert found.timings.keys() == {key for name, value in timed.items() for key in _flat(name, value)}
 
 
-def flown_spec(tmp_path, methods, seeds="[4]", settings="as it is: {}", autopilot="ardupilot"):
+def flown_spec(tmp_path, methods, seeds="[4]", settings="default: {}", autopilot="ardupilot"):
     file = tmp_path / "flown.yaml"
     head, settings = SPEC.partition("settings:")[0], f"settings:\n  {settings}\n"
     head = head.replace("[edbm]", f"[{methods}]").replace("[4]", seeds)

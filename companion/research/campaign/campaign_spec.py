@@ -30,7 +30,7 @@ from companion.research.campaign.flown_methods import (
 )
 
 SEEDS_MAX = 100_000
-AS_IT_IS = "as it is"  # the name of no settings
+DEFAULT_SETTINGS = "default"  # Name of the setting that changes nothing.
 
 Scalar = bool | int | float | str
 Label = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$")]
@@ -70,7 +70,7 @@ class CampaignConfig(Section):
         BeforeValidator(_seeds), Field(min_length=1, max_length=SEEDS_MAX),
     ]  # fmt: skip
     """How many, from 1 on, or which."""
-    settings: Annotated[dict[Label, Overlay], Field(min_length=1)] = {AS_IT_IS: {}}  # noqa: RUF012
+    settings: Annotated[dict[Label, Overlay], Field(min_length=1)] = {DEFAULT_SETTINGS: {}}  # noqa: RUF012
     """Values by their dotted keys in mission files, under a name for each such set."""
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
     """Whose semantics the simulator has; of flights."""

@@ -11,8 +11,8 @@ from companion.config.models import Section
 
 PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
 FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)
-ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # of another library
-FAULTS = "faults"  # the first part of a setting's key that is no mission file's
+ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # Planners of OMPL.
+FAULTS = "faults"  # First part of a setting's key that changes the simulator instead of the mission file.
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Delay = Annotated[float, Field(ge=0.0, le=60.0)]

@@ -7,9 +7,9 @@ from importlib.metadata import entry_points
 
 import typer
 
-EXTRA_COMMANDS = "companion.commands"  # entry points of those who offer commands, and places as they do
-FLIGHT = "flight"  # who flies one flight for a Python program
-PURSUERS = "pursuers"  # who drives the moving threats against a plan
+EXTRA_COMMANDS = "companion.commands"  # Entry points of packages that add commands and places to run.
+FLIGHT = "flight"  # Place that flies one flight for a Python program.
+PURSUERS = "pursuers"  # Place that drives the moving threats against a plan.
 _PLACES = {"plans": "companion.research.campaign.plan_outcomes:PlanRunner"}
 
 

@@ -32,7 +32,7 @@ tr.reproduced td.verdict { color: #0d7a3f; font-weight: 600; }
 tr.not-reproduced td.verdict { color: #c8102e; font-weight: 600; }
 """
 )
-WORDS_MAX = 44  # characters in the head of a column
+WORDS_MAX = 44  # The head of a column has at most so many characters.
 SCRIPT = """
 for (const button of document.querySelectorAll("th button")) {
   button.addEventListener("click", () => {

@@ -15,9 +15,9 @@ from companion.research.evidence.intervals import Interval, bootstrap, paired_sh
 from companion.research.evidence.orderings import OURS, OURS_PRINTED, TABLES, Ordering, orderings
 from companion.research.evidence.samples import FAILURE, GROUPS, Case, Evidence, Measure, paired
 
-RUNS_MIN = 10  # of fewer, percentile intervals are far too narrow
+RUNS_MIN = 10  # With fewer runs, percentile intervals are far too narrow.
 RUNS_MAX = 1_000_000
-PAPER = "paper-"  # how the missions are called that are the paper's
+PAPER = "paper-"  # Names of the paper's missions begin with this.
 _MEASURES = {
     measure.name: measure for measure in (FAILURE, *(one for of in GROUPS["plans"] for one in of.measures))
 }

@@ -25,11 +25,12 @@ from companion.types.mavlink_enums import ComponentId, GpsFix, MessageId
 from companion.types.path import Path as FlownPath
 
 LOOK_AHEAD_ROWS = 20
-OFF_PATH_M = 100.0  # from it the aircraft flies something else: a pilot's mode, an operator's circle
-CLOCKS_APART_S = 5.0  # of a fix and a position at most, where both count from the autopilot's boot
-GAP_MAX_S = 2.5  # between two fixes
+# Beyond this distance the aircraft flies something else: a pilot's mode, an operator's circle.
+OFF_PATH_M = 100.0
+CLOCKS_APART_S = 5.0  # A fix and a position that both count from the autopilot's boot differ by at most this.
+GAP_MAX_S = 2.5  # Longest time between two fixes.
 POSITION_GAP_MAX_S = 0.5
-ROWS_MAX = 5_000  # of a plan
+ROWS_MAX = 5_000  # A plan has at most so many rows.
 # GPS_RAW_INT: time, latitude, longitude, altitude, dilutions, speed, course, fix type, satellites, height
 # above the ellipsoid, and the accuracies in mm.
 _FIX = struct.Struct("<Q3i4H2Bi3I")

@@ -26,17 +26,17 @@ from companion.research.identification.flown_samples import Deviations, Flown, T
 from companion.world.vehicle.lqg import tables_once
 from companion.world.vehicle.vehicle_model import VehicleModel
 
-TRACKED_MIN_S = 60.0  # of flight along plans, below which nothing is said
-INDEPENDENT_MIN = 8.0  # samples
-TOLD_MIN = 20  # fixes, or differences between them
+TRACKED_MIN_S = 60.0  # With less flight along plans nothing is estimated.
+INDEPENDENT_MIN = 8.0  # With fewer independent samples nothing is estimated.
+TOLD_MIN = 20  # Least number of fixes, or of differences between them.
 TAU_S = 1.0
 STRAIGHT_ON = (0.0, 0.0, 0.0)
 LAG_MAX_S = 60.0
-SETTLED = 1e-6  # change in a step by which Λ counts as stationary
+SETTLED = 1e-6  # Λ counts as stationary when a step changes it by less.
 STEPS_MAX = 2_000
 BISECTIONS = 40
 NORMAL_95 = 1.96
-OUTLIER = 6.0  # median deviations: a fix that jumped
+OUTLIER = 6.0  # A fix so many median deviations off has jumped.
 FIGURES = ("across the path", "ahead of its times", "above it", "course", "climb angle", "airspeed")
 FIGURE_UNITS = ("m", "m", "m", "°", "°", "m/s")
 ACROSS, ABOVE, SPEED = 0, 2, 5

@@ -16,21 +16,22 @@ from companion.recording.mcap_writer import encoded
 from companion.ui.page.world_document import WORLD, WorldDocument
 
 HISTORY, RESET = "/history", "/reset"
-HISTORY_S = 1.0  # between rows of the flown path; of longer flights half of the rows are left out
+HISTORY_S = 1.0  # Time between rows of the flown path; of longer flights every second row is left out.
 HISTORY_MAX = 2_000
 DECISIONS_KEPT = 300
-BRIEFS_KEPT = 1_000  # plans and exchanges without their paths, for the strips
-PLANS_KEPT = 8  # one of which is flown
-NEWS_MAX = 2_000  # messages that wait for the server: a minute and a half
+BRIEFS_KEPT = 1_000  # So many plans and exchanges are kept without their paths, for the strips.
+PLANS_KEPT = 8  # So many whole plans are kept; one of them is flown.
+NEWS_MAX = 2_000  # So many messages may wait for the server: a minute and a half of them.
 LAST = (
     channels.PLAN, channels.TREES, channels.TRACKS, channels.THREAT, channels.OWNSHIP, channels.LINK,
     channels.STANDING,
 )  # fmt: skip
-FLOWN = "flown"  # of exchanges' outcomes
+FLOWN = "flown"  # The outcome of an exchange whose mission is flown.
 _SOON_S, _DIGITS = 0.05, 2
 Row = tuple[Any, ...]  # time, east, north, up, airspeed, threat level
 
-UNTOLD = frozenset({channels.LOCATION})  # the same place as in the ownship's message
+# Channels that viewers do not get: the ownship's message has the same position.
+UNTOLD = frozenset({channels.LOCATION})
 
 
 def line_of(topic: str, data: bytes) -> bytes:

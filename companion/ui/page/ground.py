@@ -26,11 +26,11 @@ from companion.plain_text import printable
 
 FloatArray = NDArray[np.float64]
 TILES, HEIGHTS = ".mbtiles", ".hgt"
-TILE_MAX = 4 * 2**20  # bytes of a picture
+TILE_MAX = 4 * 2**20  # A picture has at most so many bytes.
 ZOOM_MAX = 24
-BUSY_S = 0.2  # that another program may hold the file
-SPREAD = 1.0  # of the bounds' longer side, by which the area is larger than they are on each side
-CELLS = 384  # of heights, along the area's longer side
+BUSY_S = 0.2  # Another program may hold the file for this long.
+SPREAD = 1.0  # The area extends the bounds on each side by this share of their longer side.
+CELLS = 384  # The height map has so many cells along the longer side of the area.
 _KINDS = {"png": "image/png", "jpg": "image/jpeg", "jpeg": "image/jpeg", "webp": "image/webp"}
 _UNKNOWN = -32_768
 _NO_STEP = 65_535

@@ -26,10 +26,10 @@ from companion.ui.page.ground import Ground
 from companion.ui.page.pages import Pages
 from companion.ui.page.playback import Playback
 
-CONNECTIONS_MAX = 48  # of three viewers' browsers, six each, and some
-TIMEOUT_S = 10.0  # to ask, and to go on taking what is told
-WAITING_MAX = 4 * 2**20  # bytes of news that wait for a viewer
-ALIVE_S = 10.0  # between words to a viewer when there is no news
+CONNECTIONS_MAX = 48  # Three viewers' browsers open six connections each; the rest is reserve.
+TIMEOUT_S = 10.0  # A viewer has this long to send a request, and to accept what is sent.
+WAITING_MAX = 4 * 2**20  # So many bytes may wait for a viewer.
+ALIVE_S = 10.0  # Without news, a viewer gets an empty message this often.
 POLL_S = 0.25
 STREAM = "/stream"
 _PORTION = 262_144

@@ -16,7 +16,7 @@ from companion.ui.page.world_document import WorldDocument
 from companion.ui.reports.vocabulary import as_script
 
 STATIC = "static"
-DIGITS = 9  # fewer has a tile's column
+DIGITS = 9  # A tile's column has at most so many digits.
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",

@@ -16,7 +16,7 @@ from companion.recording.recorder import MCAP
 from companion.ui.page.feed import UNTOLD, line_of
 from companion.ui.page.world_document import WORLD, WorldDocument
 
-MISSION_MAX = 2_000_000  # characters of a mission file
+MISSION_MAX = 2_000_000  # A mission file has at most so many characters.
 
 
 class Playback:

@@ -18,7 +18,7 @@ from companion.world.snapshot import Snapshot
 from companion.world.threat_field import threat_field
 
 WORLD = "/world"
-HEIGHT_STEP_M = 10.0  # to which the field's height is rounded
+HEIGHT_STEP_M = 10.0  # The field's height is rounded to this.
 FIELDS_KEPT = 64
 _CELLS = 160  # along the longer side
 

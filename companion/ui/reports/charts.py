@@ -24,12 +24,13 @@ from companion.world.snapshot import Snapshot
 # Shares of a chart's width at which its axes begin and end; further in where words stand beside them.
 LEFT, WORDS_LEFT, RIGHT = 0.085, 0.185, 0.885
 WIDTH_IN, HEIGHT_IN = 9.6, 3.1
-HIGH_THREAT = 0.5  # from which the paper counts a waypoint as highly threatened
+HIGH_THREAT = 0.5  # The paper counts a waypoint as highly threatened from this level on.
 BESIDE_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
-COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)  # of the threats that came nearest
-NAME_CHARACTERS = 14  # in a legend
-REACHES_SHOWN = 4.0  # farther away than that it does not matter how far
+# Colours of the threats that came nearest.
+COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)
+NAME_CHARACTERS = 14  # A name in a legend has at most so many characters.
+REACHES_SHOWN = 4.0  # Distances are shown up to so many reaches.
 KINDS_MAX, OTHERS = 40, "others"  # of decisions; the program knows fewer
 
 

@@ -19,7 +19,7 @@ WHO = {
     "other mission or item": "another mission or item of the operator's",
     "at the last goal": "the operator's items behind the goal",
 }
-CHANGES_MAX = 1_000  # of a flight
+CHANGES_MAX = 1_000  # So many changes of a flight are listed.
 CHANGES = frozenset({"mode", "suspended", "arrived"})
 WORTH_TELLING = frozenset(
     {"mission", "takeover", "fault", "ready", "handback", "landed", "restart", "stopped"}

@@ -36,7 +36,7 @@ def runner(tmp_path_factory):
 
 
 def judge_of(runner, mission):
-    return _exploration(runner._problem(Run(0, mission, "as it is", OURS, 1), OURS))
+    return _exploration(runner._problem(Run(0, mission, "default", OURS, 1), OURS))
 
 
 def test_a_straight_edge_costs_its_length_where_no_radar_reaches_and_none_through_a_wall(runner):
@@ -79,7 +79,7 @@ def test_lengths_are_those_of_ompls_own_dubins_paths(runner):
 
 
 def test_ours_is_costed_as_its_plan_says(runner):
-    problem = runner._problem(Run(0, "paper-2d", "as it is", OURS, 1), OURS)
+    problem = runner._problem(Run(0, "paper-2d", "default", OURS, 1), OURS)
     few = replace(problem.settings, optimise_iterations=80, max_iterations=60_000)
     plan = solve(replace(problem, settings=few))
     judge = judge_of(runner, "paper-2d")

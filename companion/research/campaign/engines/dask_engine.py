@@ -24,7 +24,7 @@ from companion.research.campaign.engines.runners import Packed, Runner, json_tex
 from companion.research.campaign.provenance import Provenance, provenance
 
 CONNECT_S = 10
-AHEAD = 2  # runs handed out for each thread of a worker, so that none waits for the next
+AHEAD = 2  # Each thread of a worker gets so many runs at a time, so that none waits for the next.
 _Typed = Any  # Dask's objects
 
 _lock = threading.Lock()
