@@ -51,7 +51,7 @@ _SHOWN = {
 
 @dataclass(slots=True)
 class _Tally:
-    """What is known so far of a method on a mission, under whatever settings."""
+    """The running results of a method on a mission, under all settings together."""
 
     num_runs: int = 0
     num_errors: int = 0
@@ -74,7 +74,7 @@ class _Tally:
 
 
 class _Display:
-    """The bar, and below it a line a method on each mission."""
+    """The progress bar, and below it one line for each method on each mission."""
 
     def __init__(self, campaign: Campaign, done: int) -> None:
         self._shown = _SHOWN[campaign.config.kind]
@@ -94,7 +94,7 @@ class _Display:
         return Group(self._bar, self.table())
 
     def table(self) -> Table:
-        """What was made now: runs, successes, errors, and medians of what reached the goal."""
+        """The results so far: runs, successes, errors, and medians of the runs that reached the goal."""
         names = Column("mission", no_wrap=True), Column("method", no_wrap=True)
         table = Table(*names, "runs", "success", "errors", *(entry.heading for entry in self._shown))
         for (mission, method), tally in self._tallies.items():
@@ -110,7 +110,7 @@ def _median(values: Sequence[float], factor: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CampaignResult:
-    """How a campaign ended: how many rows there are, how many of them now made, and how many errors."""
+    """How a campaign ended: how many rows there are, how many of them are new, and how many are errors."""
 
     num_rows: int
     num_made: int
@@ -126,7 +126,7 @@ def run_campaign(
     console: Console,
     scheduler: str | None = None,
 ) -> CampaignResult:
-    """Make a campaign's runs, and store each as it is over.
+    """Make a campaign's runs, and store each when it is finished.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ def run_campaign(
     jobs : int
         How many processes make runs.
     resumes : bool
-        Whether to go on where an earlier one ended; else a folder with rows is refused.
+        Whether to continue an earlier campaign; if not, a folder with rows is refused.
     console : Console
         Where progress is shown.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers make the runs, and no processes of this one.
+        Address of a Dask scheduler whose workers make the runs instead of processes of this computer.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def run_campaign(
     if kind not in known:
         found, expected = "no simulator installed", "pip install 'safe-rrt-companion[sim]'"
         raise ConfigError("companion", None, f"campaign of {kind}", found, expected)
-    runner_at(known[kind], campaign, known)  # what it lacks shows here, and not in every process
+    runner_at(known[kind], campaign, known)  # A missing part fails here, once, instead of in every process.
     store = RunStore.to_write(folder, campaign, resumes=resumes)
     try:
         there = store.numbers()
@@ -170,7 +170,7 @@ class Engine(Protocol):
     """What makes runs."""
 
     def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
-        """Make the runs, and tell of each as it is over."""
+        """Make the runs, and yield each when it is finished."""
         ...
 
 
@@ -183,7 +183,7 @@ def _engine(campaign: Campaign, known: dict[str, str], jobs: int, scheduler: str
 
 
 def _make(campaign: Campaign, store: RunStore, runs: Sequence[Run], engine: Engine, console: Console) -> int:
-    """Make runs and store them; how many were errors."""
+    """Make runs and store them; return how many were errors."""
     if not runs:
         return 0
     made_by, num_errors = provenance(), 0

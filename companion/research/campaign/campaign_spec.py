@@ -53,7 +53,7 @@ def _bound(value: int) -> dict[str, int]:
 
 
 class CampaignConfig(Section):
-    """A whole file of a campaign; its runs are all combinations."""
+    """The contents of a campaign file; its runs are all combinations."""
 
     name: Label
     """Names the campaign and its folder."""
@@ -91,14 +91,14 @@ class Run:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign that was read: its file, and what stands in its missions.
+    """A campaign that was read: its file, and the text of its missions.
 
     Parameters
     ----------
     file : str
         Name of its file.
     config : CampaignConfig
-        What stands in it.
+        The file's contents.
     texts : mapping
         Each mission file's text, by the mission's name.
     """
@@ -109,7 +109,7 @@ class Campaign:
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
-        """All runs; each seed's together, so that what is there of a campaign can be compared."""
+        """All runs, ordered by seed, so that a part of a campaign can be compared already."""
         config = self.config
         named = itertools.product(config.seeds, self.texts, config.settings, config.methods)
         return tuple(
@@ -123,7 +123,7 @@ class Campaign:
         return mission_from_document(_overlaid(parse(self.texts[name], name), overlay))
 
     def faults(self, setting: str) -> LinkFaultsConfig:
-        """How bad the link is under settings."""
+        """The link's faults under settings."""
         return LinkFaultsConfig.model_validate(faults_part(self.config.settings[setting]))
 
     def digest(self, mission: str) -> str:
@@ -131,7 +131,7 @@ class Campaign:
         return hashlib.sha256(self.texts[mission].encode()).hexdigest()
 
     def identity(self) -> dict[str, object]:
-        """What makes this campaign this one and no other, fit for JSON; in lists, for the order counts."""
+        """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
         told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
         return told | {
             "missions": [[name, self.digest(name)] for name in self.texts],
@@ -169,7 +169,7 @@ def load_campaign(path: Path) -> Campaign:
 
 
 def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
-    """What relates keys to each other, or to what there is."""
+    """Faults of keys that depend on each other, or on files that exist."""
     for key, entries in (("missions", config.missions), ("methods", config.methods), ("seeds", config.seeds)):
         for place, entry in enumerate(entries):
             if entry in entries[:place]:
@@ -206,7 +206,7 @@ def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, 
 
 
 def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: str) -> None:
-    """See that settings of the link are known, have values that pass, and that something is flown.
+    """Check that the link's settings are known and valid, and that the campaign flies.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: s
 
 
 def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, setting: str) -> None:
-    """See that settings name keys of mission files and give them values that pass.
+    """Check that settings name keys of mission files and give them valid values.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, se
 
 
 def _overlaid(document: Document, overlay: Overlay) -> Document:
-    """A mission file with values put in the place of its own, by their dotted keys."""
+    """A mission file with some values replaced, by their dotted keys."""
     data = copy.deepcopy(document.data)
     for key, value in overlay.items():
         data = _with(data, key.split("."), value)
@@ -254,7 +254,7 @@ def _overlaid(document: Document, overlay: Overlay) -> Document:
 
 
 def _with(data: object, keys: list[str], value: object) -> object:
-    """``data`` with a value where the keys lead; what is neither section nor list is replaced."""
+    """``data`` with a value at the place that the keys name; anything but sections and lists is replaced."""
     if not keys:
         return value
     first, rest = keys[0], keys[1:]

@@ -1,4 +1,4 @@
-"""What only some kinds of campaign have: methods besides the planner's, and how bad the link is."""
+"""Parts of some kinds of campaign only: methods besides the planner's, and faults of the link."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Delay = Annotated[float, Field(ge=0.0, le=60.0)]
 
 
 class LinkFaultsConfig(Section):
-    """How bad the link between the service and the autopilot is, the same in both directions."""
+    """Faults of the link between the service and the autopilot, the same in both directions."""
 
     loss: Share = 0.0
     """Share of the frames that are lost."""
@@ -36,16 +36,16 @@ class LinkFaultsConfig(Section):
 
     @property
     def is_none(self) -> bool:
-        """Whether the link is as good as a wire."""
+        """Whether the link has no faults."""
         return self == LinkFaultsConfig()
 
 
 def mission_part(overlay: Mapping[str, object]) -> dict[str, object]:
-    """The settings that are a mission file's."""
+    """The settings that change the mission file."""
     return {key: value for key, value in overlay.items() if key.partition(".")[0] != FAULTS}
 
 
 def faults_part(overlay: Mapping[str, object]) -> dict[str, object]:
-    """The settings that are of the link, by the names of :class:`LinkFaultsConfig`."""
+    """The settings that change the link, by the names of :class:`LinkFaultsConfig`."""
     parts = ((key.partition("."), value) for key, value in overlay.items())
     return {name: value for (first, _, name), value in parts if first == FAULTS}

@@ -1,4 +1,4 @@
-"""Measures of a moving threat against one path: what it did, and what was expected of it (paper Table 4)."""
+"""Measures of a moving threat against one path: the actual threat, and the estimated one (paper Table 4)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class PursuitMeasures:
 
     @property
     def estimated_share(self) -> float:
-        """ETDTA/TDTA; not a number where there was no threat, 1 where none was expected either."""
+        """ETDTA/TDTA; NaN if there was no threat, 1 if none was estimated either."""
         if self.total_threat > 0.0:
             return self.estimated_total_threat / self.total_threat
         return 1.0 if self.estimated_total_threat == 0.0 else math.nan
@@ -63,13 +63,13 @@ def pursuit_measures(
     Parameters
     ----------
     plan : Plan
-        The plan whose search is measured; its DTs' trees are asked.
+        The plan whose search is measured, with its DTs' trees.
     path : Path
         The path flown, usually the plan's.
     snapshot : Snapshot
         The world the plan was made in.
     which : int
-        Which of the snapshot's tracks.
+        Number of the snapshot's track.
     track : ndarray, shape (M, 3)
         True positions of the DT: clock reading [s], east, north [m], by rising time. It stands still
         before and after.

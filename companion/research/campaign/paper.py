@@ -1,7 +1,7 @@
-"""What the paper measured (its Table 1), to be shown beside our own figures.
+"""What the paper measured (its Table 1), for comparison with our own.
 
-Its machine was a Pentium 4 with Matlab and its maps are not published: ratios and orderings compare,
-absolute values do not. Its lengths are planning units, so that PC compares; its NTN is ESR · NCDC.
+Its machine was a Pentium 4 with Matlab and its maps are not published: ratios and orderings can be compared,
+absolute values cannot. Its lengths are planning units, so that PC can be compared; its NTN is ESR · NCDC.
 """
 
 from __future__ import annotations
@@ -34,5 +34,5 @@ TABLE_1: dict[tuple[int, str], PaperRow] = {
 
 
 def paper_row(mission_name: str, dimension: int, method: str) -> PaperRow | None:
-    """The row to show beside a method's figures on one of the paper's scenarios, if it has one."""
+    """The paper's row for a method on one of its scenarios, if it has one."""
     return TABLE_1.get((dimension, method)) if mission_name.startswith("paper-") else None

@@ -23,7 +23,7 @@ from companion.types.plan import Plan
 from companion.world.snapshot import Snapshot
 
 TIMED = ("PST", "TSI")
-_NAMED = ("seed", "method")  # which the run itself has
+_NAMED = ("seed", "method")  # The run itself has these.
 _DIGITS = 9
 
 Drives = Callable[[MissionConfig, Path], list[FloatArray]]
@@ -37,7 +37,7 @@ class PlanRunner:
     campaign : Campaign
         The campaign.
     known : dict
-        Places of code; with ``pursuers`` the moving threats are driven against each plan.
+        Places of code; with ``pursuers`` the moving threats drive against each plan.
     """
 
     def __init__(self, campaign: Campaign, known: dict[str, str]) -> None:
@@ -48,7 +48,7 @@ class PlanRunner:
         self._warm: set[tuple[str, str]] = set()
 
     def warm_up(self) -> None:
-        """Plan the first run, so that kernels are compiled once, by one process."""
+        """Make the first run's plan, so that one process compiles the kernels once."""
         run = self._campaign.runs[0]
         mission, world = self._world(run.mission, run.setting)
         self._warm_up(run, offline_problem(mission, world, run.method, run.seed))
@@ -73,14 +73,14 @@ class PlanRunner:
         return config, offline_world(config)
 
     def _warm_up(self, run: Run, problem: Problem) -> None:
-        """Plan once unmeasured: what a method needs besides is loaded at its first plan in a process."""
+        """Plan once without measuring: a method's first plan in a process loads its parts."""
         key = run.mission, run.method
         if key not in self._warm:
             self._warm.add(key)
             solve(problem)
 
     def _of_path(self, mission: MissionConfig, world: Snapshot, plan: Plan) -> dict[str, Scalar | None]:
-        """Length and duration, and what the moving threats did to it where somebody drives them."""
+        """Length and duration, and the moving threats' measures if they are driven."""
         path = plan.path
         if path is None:
             return {}

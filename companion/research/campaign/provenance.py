@@ -1,4 +1,4 @@
-"""What made a row, and where: the source's commit, the version, and the computer."""
+"""Provenance of a row: the source's commit, the version, and the computer."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ NO_COMMIT = "unknown"
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where rows come from.
+    """Provenance of rows.
 
     Parameters
     ----------
     commit : str
-        The source's, with ``-changed`` where it was changed since; ``unknown`` outside a checkout.
+        Commit of the source, with ``-changed`` if the source differs from it; ``unknown`` outside a checkout.
     version : str
-        The project's.
+        Version of the project.
     machine : str
         Processor, number of cores, and Python.
     """
@@ -35,20 +35,20 @@ class Provenance:
 
 
 def provenance() -> Provenance:
-    """Where rows that are made here and now come from."""
+    """The provenance of rows made by this program on this computer."""
     machine = f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     return Provenance(_commit(), __version__, machine)
 
 
 def _commit() -> str:
-    if not (_SOURCE / ".git").exists():  # installed, perhaps in a folder of somebody else's checkout
+    if not (_SOURCE / ".git").exists():  # The program is installed, perhaps in a folder of another checkout.
         return NO_COMMIT
     head, changed = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--untracked-files=no")
     return f"{head}{'-changed' if changed else ''}" if head else NO_COMMIT
 
 
 def _git(*arguments: str) -> str:
-    """What git says; nothing where there is none, or it fails."""
+    """The output of git; empty if there is no git, or if it fails."""
     try:
         done = subprocess.run(
             ["git", "-C", str(_SOURCE), *arguments], capture_output=True, text=True, check=False, timeout=30.0

@@ -1,4 +1,4 @@
-"""Where the code is that makes a campaign's runs. Other packages offer theirs with their commands."""
+"""Places of the code that makes a campaign's runs. Other packages register theirs with their commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PLACES = {"plans": "companion.research.campaign.plan_outcomes:PlanRunner"}
 
 
 def offer(kind: str, place: str) -> None:
-    """Tell where the code for a kind of run is, as ``module:name``; it is loaded when it is needed."""
+    """Register the code for a kind of run, as ``module:name``; it is loaded when needed."""
     _PLACES[kind] = place
 
 
@@ -26,7 +26,7 @@ def places() -> dict[str, str]:
 
 
 def _ask_others() -> None:
-    """Let other packages add their commands to nothing: they offer their places as they do."""
+    """Let other packages register their commands on a dummy: they register their places, too."""
     for entry in entry_points(group=EXTRA_COMMANDS):
         with contextlib.suppress(ImportError):
             entry.load()(typer.Typer())

@@ -1,7 +1,7 @@
-"""Rows of a campaign, one a run, in a database that any ending of the program leaves whole.
+"""Rows of a campaign, one for each run, in a database that stays whole however the program ends.
 
-Each row is written in one step; whatever ends the program, what was written stays, and runs that were under
-way are made again. On a full disk a row is not written at all.
+Each row is written in one step. Whatever ends the program, written rows stay, and unfinished runs are made
+again. On a full disk a row is not written at all.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ class Row:
     Parameters
     ----------
     number, mission, setting, method, seed
-        Which run.
+        The run.
     error : str or None
-        Why it has no measures.
+        The reason why it has no measures.
     measures : dict
-        All that was measured, timings included, by name.
+        All measures, timings included, by name.
     commit, machine : str
-        What made it, and on which computer.
+        The commit that made it, and the computer.
     """
 
     number: int
@@ -67,11 +67,11 @@ class RunStore:
     Parameters
     ----------
     folder : Path
-        Where they are.
+        The folder.
     connection : sqlite3.Connection
         The open database.
     lock : BufferedWriter, optional
-        Held open by whoever writes.
+        The file that a writer keeps locked.
     """
 
     def __init__(
@@ -81,12 +81,13 @@ class RunStore:
 
     @classmethod
     def to_write(cls, folder: Path, campaign: Campaign, *, resumes: bool) -> RunStore:
-        """Rows of a new campaign, or of one that goes on.
+        """Open the rows of a new campaign, or of one that continues.
 
         Raises
         ------
         ConfigError
-            If there are rows and it does not go on, those of another campaign, or somebody is at it.
+            If there are rows and the campaign does not continue, if the rows are another campaign's, or if
+            a program writes them now.
         RecordError
             If they cannot be stored there.
         """
@@ -105,7 +106,9 @@ class RunStore:
                 found = "a campaign that is running"
                 raise ConfigError(str(folder), None, "--out", found, "a folder nobody writes to") from None
             with _told(folder / DATABASE):
-                open_to_write(folder / DATABASE, append=True).close()  # with our permissions, through no link
+                open_to_write(
+                    folder / DATABASE, append=True
+                ).close()  # Created with our permissions, and through no symlink.
                 connection = sqlite3.connect(folder / DATABASE, timeout=_BUSY_S, isolation_level=None)
             store = cls(folder, connection, lock)
             undone.callback(connection.close)
@@ -115,7 +118,7 @@ class RunStore:
 
     @classmethod
     def to_read(cls, folder: Path) -> RunStore:
-        """Rows that are there; whoever writes goes on.
+        """Open existing rows for reading, also while a program writes them.
 
         Raises
         ------
@@ -136,13 +139,13 @@ class RunStore:
         return store
 
     def close(self) -> None:
-        """Let go of the folder."""
+        """Close the database and release the folder."""
         self._connection.close()
         if self._lock is not None:
             self._lock.close()
 
     def identity(self) -> dict[str, object]:
-        """What the rows are of, as :meth:`Campaign.identity` tells; empty where there is nothing yet."""
+        """The campaign's identity, see :meth:`Campaign.identity`; empty if there are no rows yet."""
         with _told(self._file):
             rows = self._connection.execute("SELECT value FROM campaign WHERE key = 'identity'").fetchall()
         return cast("dict[str, object]", json.loads(rows[0][0])) if rows else {}
@@ -154,7 +157,7 @@ class RunStore:
         return cast("dict[str, str]", json.loads(rows[0][0])) if rows else {}
 
     def numbers(self) -> set[int]:
-        """Which runs have a row."""
+        """Numbers of the runs that have a row."""
         with _told(self._file):
             return {number for (number,) in self._connection.execute("SELECT number FROM runs")}
 
@@ -173,7 +176,7 @@ class RunStore:
         Raises
         ------
         RecordError
-            If it cannot be written; then nothing of it is.
+            If the row cannot be written; then nothing is written.
         """
         run, outcome = over.run, over.outcome
         row = (
@@ -187,11 +190,11 @@ class RunStore:
             self._connection.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(row))})", row)
 
     def _prepare(self, campaign: Campaign, *, resumes: bool) -> None:
-        """Make the tables, or see that they are of this campaign."""
+        """Create the tables, or check that they belong to this campaign."""
         with _told(self._file):
             run = self._connection.execute
             run("PRAGMA journal_mode = WAL")
-            run("PRAGMA synchronous = NORMAL")  # a power cut may take the last rows, and nothing else
+            run("PRAGMA synchronous = NORMAL")  # A power cut may lose the last rows, and nothing else.
             run("CREATE TABLE IF NOT EXISTS campaign (key TEXT PRIMARY KEY, value TEXT)")
             run(f"CREATE TABLE IF NOT EXISTS runs ({_COLUMNS})")
         there, wanted = self.identity(), json.loads(json_text(campaign.identity()))
@@ -215,7 +218,7 @@ class RunStore:
 
 @contextlib.contextmanager
 def _told(file: Path) -> Iterator[None]:
-    """Tell what a database does not do."""
+    """Raise an error that names what the database cannot do."""
     try:
         yield
     except sqlite3.OperationalError as error:

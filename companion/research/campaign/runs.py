@@ -78,7 +78,7 @@ def plan_runs(
 ) -> tuple[Snapshot, list[Plan]]:  # fmt: skip
     """Plans with consecutive seeds, and the world they were made in.
 
-    ``get_ready`` is called when nothing is wrong with the request, before the first plan.
+    ``get_ready`` is called before the first plan, if the request is valid.
     """
     snapshot = offline_world(mission)
     problems = [offline_problem(mission, snapshot, method, first_seed + k) for k in range(runs)]
@@ -118,7 +118,7 @@ def result_of(plan: Plan) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """A measure of the table: its name, its value of a plan, and the paper's where that gives one."""
+    """A measure of the table: its name, its value for a plan, and the paper's value if there is one."""
 
     name: str
     of_plan: Callable[[Plan], float | None]
@@ -161,7 +161,7 @@ _ROWS = (
 
 
 def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
-    """Medians of the runs for the terminal, and the paper's values where it measured the like."""
+    """Medians of the runs for the terminal, and the paper's values where it has them."""
     reached = [plan for plan in plans if plan.reaches_goal]
     paper = paper_row(name, dimension, plans[0].method)
     table = Table(title=f"{name}: {plans[0].method}, {len(reached)} of {len(plans)} reach the goal")
@@ -178,7 +178,7 @@ def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
 
 
 def _beside(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
-    """The paper's column of a row; none where the paper has no such plans."""
+    """The paper's column of a row; empty if the paper has no such plans."""
     if paper is None:
         return ()
     printed = row.of_paper(paper)

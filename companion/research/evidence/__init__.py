@@ -1,4 +1,4 @@
-"""What a campaign's rows say: intervals, differences, and whether the paper's orderings hold.
+"""Evaluation of a campaign's rows: intervals, differences, and whether the paper's orderings hold.
 
-Reads stored rows and writes tables and a page; plans nothing and changes no row.
+It reads stored rows and writes tables and a page. It plans nothing and changes no row.
 """

@@ -1,4 +1,4 @@
-"""Distributions of measures: curves of which share of all runs has at most that value, and violins."""
+"""Distributions of measures: cumulative curves over all runs, and violins."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = ("-", (0, (5, 2)), (0, (
 NUM_COLUMNS = 3
 WIDTH_IN, PANEL_IN = 10.4, 2.5
 LEGEND_COLUMNS, LEGEND_ROW_IN, LEGEND_ROOM_IN = 5, 0.2, 0.35
-VIOLIN_IN, VIOLIN_ROOM_IN = 0.24, 1.0  # a method's share of a panel's height, and what else it needs
+VIOLIN_IN, VIOLIN_ROOM_IN = 0.24, 1.0  # Height of a panel for each method, and for the rest [in].
 
 
 def distributions(kind: str, case: Case) -> Figure | None:
-    """Curves of the measures that a case has values of, one panel each; None where it has none.
+    """Cumulative curves of a case's measures, one panel each; None if it has no values.
 
     A run without a value (one that fails has no path cost) counts as beyond every value, so that a curve
     ends at the share of runs that have one, and not at 1.
@@ -60,10 +60,10 @@ def distributions(kind: str, case: Case) -> Figure | None:
 
 
 def violins(kind: str, case: Case) -> Figure | None:
-    """Shapes of the measures that a case has values of, one panel each; None where it has none.
+    """Violins of a case's measures, one panel each; None if it has no values.
 
-    A violin is as wide as its values are frequent (a Gaussian kernel by Scott's rule); a dot is the median,
-    a bar holds the middle half. Runs without a value are not in it: how many have one stands behind the
+    A violin's width is the density of its values (Gaussian kernel, Scott's rule). A dot is the median, and
+    a bar spans the middle half. Runs without a value are left out; the number of the others stands behind the
     method's name.
     """
     drawn = _drawn(kind, case)
@@ -82,7 +82,7 @@ def violins(kind: str, case: Case) -> Figure | None:
 
 
 def _drawn(kind: str, case: Case) -> list[Measure]:
-    """The measures that are drawn and that a case has values of."""
+    """The measures to draw, of those that a case has values of."""
     known = {measure.name: measure for group in GROUPS[kind] for measure in group.measures}
     return [known[name] for name in DRAWN[kind] if _has_values(case, known[name])]
 
@@ -90,7 +90,7 @@ def _drawn(kind: str, case: Case) -> list[Measure]:
 def _fill(
     panels: Iterable[Axes], case: Case, drawn: Sequence[Measure], draw: Callable[[Axes, Case, Measure], None]
 ) -> None:
-    """Draw a measure in each panel; those left over are not shown."""
+    """Draw a measure in each panel; spare panels are hidden."""
     for n, axes in enumerate(panels):
         if n < len(drawn):
             draw(axes, case, drawn[n])
@@ -103,7 +103,7 @@ def _has_values(case: Case, measure: Measure) -> bool:
 
 
 def _draw(axes: Axes, case: Case, measure: Measure) -> None:
-    """One panel; every method has its line, so that each legend is whole."""
+    """Draw one panel; every method has a line, so that each legend is complete."""
     for n, (method, sample) in enumerate(case.samples.items()):
         values = np.sort(list(sample.values(measure).values()))
         shares = np.arange(1, len(values) + 1) / max(len(sample.rows), 1)
@@ -149,7 +149,7 @@ def _draw_violins(axes: Axes, case: Case, measure: Measure) -> None:
 
 
 def _dress(axes: Axes, measure: Measure) -> None:
-    """What all panels share."""
+    """Set what all panels share."""
     axes.grid(visible=True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_title(measure.name, fontsize=9.5)

@@ -1,4 +1,4 @@
-"""``companion campaign`` and ``companion results``, but for their options."""
+"""``companion campaign`` and ``companion results``, without their options."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def campaign_from_file(
     console: Console,
     scheduler: str | None = None,
 ) -> None:
-    """Make the runs that a campaign's file asks for, and tell where they are.
+    """Make the runs of a campaign's file, and print where they are.
 
     Raises
     ------
     CompanionError
-        If the file is wrong, the folder another's, or rows cannot be stored.
+        If the file has an error, the folder is another campaign's, or rows cannot be stored.
     """
     campaign = load_campaign(spec)
     where = RESULTS / campaign.config.name if folder is None else folder
@@ -47,23 +47,23 @@ def campaign_from_file(
 
 
 def results_in(folder: Path, console: Console, *, keep: Path | None = None, page: Path | None = None) -> None:
-    """Write what a campaign's rows say beside them, as tables, a page and figures for other programs.
+    """Write the results of a campaign next to its rows: tables, a page, and CSV files.
 
     Parameters
     ----------
     folder : Path
         A campaign's rows; with ``page``, a folder of kept rows.
     console : Console
-        Where the files written are told.
+        Console that the names of written files go to.
     keep : Path, optional
-        Where the rows are written as one small file, too.
+        File that the rows are also written to, in short form.
     page : Path, optional
-        Where one page of all kept rows is written, and nothing else.
+        File for one page of all kept rows; then nothing else is written.
 
     Raises
     ------
     CompanionError
-        If there are no rows, or nothing can be written there.
+        If there are no rows, or the files cannot be written.
     """
     from companion.research.evidence.document.kept_rows import kept_text  # noqa: PLC0415 - drawings are an extra
     from companion.research.evidence.document.results_document import results_document  # noqa: PLC0415
@@ -92,7 +92,7 @@ def results_in(folder: Path, console: Console, *, keep: Path | None = None, page
 
 
 def _written(file: Path, text: str) -> Path:
-    """Write a file that an option names, and tell its name.
+    """Write a file that an option names, and print its name.
 
     Raises
     ------

@@ -21,7 +21,7 @@ NONE = "–"
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What stands in one place of a table: its text, what it is sorted by, and what else is known."""
+    """One cell of a table: its text, its sorting value, and a remark."""
 
     text: str
     value: float | str
@@ -30,7 +30,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class ResultTable:
-    """One table: columns with what they mean, and rows of as many cells."""
+    """One table: columns with their meaning, and rows of as many cells."""
 
     title: str
     columns: tuple[tuple[str, str], ...]
@@ -38,12 +38,12 @@ class ResultTable:
     note: str = ""
 
     def is_figure(self, column: int) -> bool:
-        """Return whether a column has figures, which stand to the right."""
+        """Return whether a column has numbers, which are aligned to the right."""
         return any(isinstance(row[column].value, float) for row in self.rows)
 
 
 def number_text(value: float) -> str:
-    """A number as tables have it: in three digits, or to the unit."""
+    """A number for tables: three digits, or a whole number."""
     if not math.isfinite(value):
         return NONE
     if 0.0 < abs(value) < 1e-3:
@@ -84,7 +84,7 @@ def rates_table(kind: str, case: Case) -> ResultTable:
 
 
 def measures_table(case: Case, group: Group) -> ResultTable:
-    """Means of measures, a line a method."""
+    """Means of measures, one line for each method."""
     rows = []
     for method, sample in case.samples.items():
         cells = [_name(method)]
@@ -143,7 +143,7 @@ DIFFERENCES_HEAD = ("mission", "setting", "method", "less", "measure", "pairs", 
 
 
 def measure_rows(evidence: Evidence) -> Iterator[list[object]]:
-    """Every measure of every method, with the intervals of mean and median; of shares Wilson's."""
+    """Every measure of every method, with the intervals of mean and median; Wilson's for shares."""
     for case, method, sample in _samples(evidence):
         place = [case.mission, case.setting, method]
         for name, _ in RATES[evidence.kind]:

@@ -1,4 +1,4 @@
-"""How sure a number is: 95 % intervals of means, medians, shares and paired differences.
+"""95 % intervals of means, medians, shares and paired differences.
 
 References
 ----------
@@ -9,7 +9,8 @@ References
 
 Notes
 -----
-Of few values percentile intervals are too narrow: of ten about 90 % hold the true mean, of three 75 %.
+With few values percentile intervals are too narrow: with ten values about 90 % of them contain the true
+mean, with three 75 %.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from companion.frames import FloatArray
 RESAMPLES = 2_000
 SEED = 1
 LEVEL = 0.95
-_Z = 1.959963984540054  # of a normal deviate, 2.5 % are beyond it
-_Z_POWER = 0.8416212335729143  # 20 %
+_Z = 1.959963984540054  # 97.5 % quantile of the normal distribution.
+_Z_POWER = 0.8416212335729143  # 80 % quantile of the same.
 
 
 class Interval(NamedTuple):
@@ -66,7 +67,7 @@ def wilson(successes: int, runs: int) -> Interval:
     share, z2 = successes / runs, _Z**2
     middle = (share + z2 / (2.0 * runs)) / (1.0 + z2 / runs)
     half = _Z / (1.0 + z2 / runs) * math.sqrt(share * (1.0 - share) / runs + z2 / (4.0 * runs**2))
-    low = 0.0 if successes == 0 else middle - half  # which the sum misses by rounding
+    low = 0.0 if successes == 0 else middle - half  # The formula misses 0 by rounding.
     return Interval(share, low, 1.0 if successes == runs else middle + half)
 
 
@@ -88,7 +89,7 @@ def paired_shares(first: FloatArray, second: FloatArray) -> Interval:
 
 
 def runs_to_decide(differences: FloatArray) -> int | None:
-    """How many runs would show a difference of this size in 80 of 100 campaigns; None where there is none.
+    """Number of runs that show such a difference in 80 of 100 campaigns; None if there is no difference.
 
     ``n = ((z_0.975 + z_0.8) s / d)²`` of the paired differences' mean d and standard deviation s.
 

@@ -1,7 +1,7 @@
 """The paper's Tables 1 to 5 as printed, and the orderings that follow from them.
 
 Source: "Online UAV path planning in uncertain and hostile environments", section 5.3. Its machine was a
-Pentium 4 with Matlab, and its maps are not published: orderings compare, absolute values do not.
+Pentium 4 with Matlab, and its maps are not published: orderings can be compared, absolute values cannot.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 OURS = "safe-rrt"
-# What else may stand for the paper's method: without the game of 2.3, and without our samplers, too.
+# Methods that may also stand for the paper's: without the game of 2.3, and without our samplers, too.
 OURS_PRINTED = ("safe-rrt-rs", "safe-rrt-printed")
 
 
 @dataclass(frozen=True, slots=True)
 class PaperTable:
-    """One table: the names of its measures, and by dimension and method what is printed.
+    """One table: the names of its measures, and the printed values by dimension and method.
 
     Parameters
     ----------
     number : int
-        The table's.
+        Number of the table.
     subject : str
-        What it compares.
+        Subject of the comparison.
     measures : tuple of str
         Columns.
     printed : dict
-        By dimension, by method as it is called here: the columns' values.
+        The columns' values, by dimension and by our name of the method.
     """
 
     number: int
@@ -39,7 +39,7 @@ class PaperTable:
 
 
 class Ordering(NamedTuple):
-    """That one method's value is printed below another's: ``less`` has the smaller one."""
+    """A pair of methods whose printed values differ: ``less`` has the smaller one."""
 
     table: int
     dimension: int
@@ -138,7 +138,7 @@ TABLES = (
 
 
 def orderings() -> Iterator[Ordering]:
-    """Every pair of different values in a column of a table; equal ones order nothing."""
+    """Every pair of different values in a column of a table."""
     for table in TABLES:
         for dimension, rows in table.printed.items():
             for one, other in itertools.combinations(rows, 2):

@@ -1,4 +1,4 @@
-"""What ``companion results`` writes: Markdown, CSV and a page, the same for the same rows."""
+"""The files of ``companion results``: Markdown, CSV and a page, the same for the same rows."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ VERDICTS_HEAD = (
 
 
 def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
-    """Write all that the rows say into a folder.
+    """Write all results into a folder.
 
     Parameters
     ----------
     folder : Path
-        Where to.
+        The folder.
     evidence : Evidence
         The rows.
 
     Returns
     -------
     tuple of Path
-        What was written.
+        The written files.
     """
     every = list(judged(evidence))
     told = {case.title: list(tables_of(evidence, case)) for case in evidence.cases}
@@ -79,7 +79,7 @@ def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
 
 
 def _leads(evidence: Evidence) -> list[str]:
-    """What the rows are of."""
+    """The lines that describe the rows."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} {evidence.kind}."
     if evidence.num_rows < evidence.num_wanted:
         runs += " The campaign is not finished: companion campaign --resume goes on."

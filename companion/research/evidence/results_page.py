@@ -1,4 +1,4 @@
-"""A campaign's results on one page of HTML that needs nothing else; its tables are sorted by their heads."""
+"""A campaign's results as one self-contained HTML page; a click on a column's head sorts its table."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ for (const button of document.querySelectorAll("th button")) {
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of the page: its heading, what is told first, tables, and a drawing as SVG."""
+    """A part of the page: its heading, introduction, tables, and a drawing as SVG."""
 
     heading: str
     lead: str
@@ -72,11 +72,11 @@ def results_page(title: str, leads: Sequence[str], parts: Sequence[Part]) -> str
     Parameters
     ----------
     title : str
-        What stands at the top.
+        Title of the page.
     leads : sequence of str
         Lines below it.
     parts : sequence of Part
-        All else, in order.
+        The parts, in order.
     """
     links = "\n".join(f'<a href="#part-{n}">{in_page(part.heading)}</a>' for n, part in enumerate(parts))
     told = "\n".join(f'<p class="lead">{in_page(lead)}</p>' for lead in leads)
@@ -116,7 +116,7 @@ def _table(table: ResultTable) -> str:
 
 
 def _below(words: str) -> str:
-    """What a head means, where it is short enough to stand there."""
+    """The meaning of a head, if it is short enough to be shown there."""
     return f"<small>{in_page(words)}</small>" if 0 < len(words) <= WORDS_MAX else ""
 
 
@@ -134,7 +134,7 @@ def _row(table: ResultTable, row: Sequence[Cell]) -> str:
 
 
 def _kind(table: ResultTable, column: int) -> str:
-    """The class of a column: figures stand to the right, and verdicts are coloured."""
+    """The CSS class of a column: numbers are aligned to the right, and verdicts are coloured."""
     if table.columns[column][0] == "verdict":
         return ' class="verdict"'
     return ' class="value"' if table.is_figure(column) else ""

@@ -1,4 +1,4 @@
-"""What was measured, as columns: which measures there are, of which runs, and their values by seed."""
+"""Measures as columns: which there are, of which runs, and their values by seed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from companion.research.campaign.run_store import Row, RunStore
 
 
 class Measure(NamedTuple):
-    """A measure: its name in the rows, what it is, and whether only runs that reach the goal have it."""
+    """A measure: its name in the rows, its meaning, and whether only runs that reach the goal have it."""
 
     name: str
     words: str
@@ -23,7 +23,7 @@ class Measure(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Measures that stand in one table."""
+    """Measures of one table."""
 
     title: str
     measures: tuple[Measure, ...]
@@ -127,11 +127,11 @@ class Sample:
 
     @property
     def num_errors(self) -> int:
-        """Runs that ended in a fault."""
+        """Number of runs that ended in an error."""
         return sum(row.error is not None for row in self.rows.values())
 
     def share(self, name: str) -> FloatArray:
-        """1 or 0 for each seed in order, shape (N,): whether a measure is true; of a fault nothing is."""
+        """1 or 0 for each seed in order, shape (N,): whether a measure is true; 0 for runs with an error."""
         return np.array([float(row.measures.get(name) is True) for _, row in sorted(self.rows.items())])
 
     def values(self, measure: Measure) -> dict[int, float]:
@@ -173,9 +173,9 @@ class Evidence:
     cases : tuple of Case
         Missions by settings.
     num_rows, num_wanted : int
-        How many runs there are, and how many the campaign is to have.
+        Number of runs so far, and number of the campaign's runs.
     commits, machines : tuple of str
-        What made them.
+        Commits and computers that made them.
     """
 
     name: str
@@ -198,14 +198,14 @@ def paired(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[Flo
     Returns
     -------
     first, second : ndarray, shape (N,)
-        In the seeds' order.
+        Values in the seeds' order.
     """
     seeds = sorted(first.keys() & second.keys())
     return np.array([first[seed] for seed in seeds]), np.array([second[seed] for seed in seeds])
 
 
 def evidence_of(store: RunStore) -> Evidence:
-    """All that a campaign has measured so far.
+    """All measures of a campaign so far.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def evidence_of(store: RunStore) -> Evidence:
 
 
 def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[str, int]]:
-    """A campaign's rows, what they are of, and the dimension of each mission.
+    """A campaign's rows, its identity, and the dimension of each mission.
 
     Raises
     ------
@@ -231,16 +231,16 @@ def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[st
 
 
 def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: Mapping[str, int]) -> Evidence:
-    """Rows put in order.
+    """Arrange rows by mission, setting, method and seed.
 
     Parameters
     ----------
     rows : sequence of Row
-        In any order.
+        The rows, in any order.
     told : mapping
-        What they are of, as :meth:`companion.research.campaign.campaign_spec.Campaign.identity` tells.
+        The campaign's identity, see :meth:`companion.research.campaign.campaign_spec.Campaign.identity`.
     dimensions : mapping
-        How many dimensions each mission has.
+        Number of dimensions of each mission.
     """
     missions, settings, methods, seeds = (
         _names(told[key]) for key in ("missions", "settings", "methods", "seeds")
@@ -270,6 +270,6 @@ def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: M
 
 
 def _names(entries: object) -> list[str]:
-    """Names in a list, in which each may have something beside it."""
+    """Names in a list whose entries may be pairs."""
     known = entries if isinstance(entries, list) else []
     return [str(entry[0] if isinstance(entry, list) else entry) for entry in known]

@@ -1,4 +1,4 @@
-"""Whether the paper's orderings hold for what was measured here, or how many runs would tell."""
+"""Verdicts: whether the paper's orderings hold for our runs, or how many runs would decide."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MEASURES = {
 
 
 class Verdict(Enum):
-    """What our runs say of one of the paper's orderings."""
+    """A verdict on one of the paper's orderings."""
 
     REPRODUCED = "reproduced"
     NOT_REPRODUCED = "not reproduced"
@@ -34,22 +34,22 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """An ordering of the paper, and what became of it.
+    """An ordering of the paper, and the verdict on it.
 
     Parameters
     ----------
     case : Case
-        Where it was looked for.
+        The mission and setting.
     ordering : Ordering
-        What is printed, with the methods that stand for the paper's.
+        The printed ordering, with the methods that stand for the paper's.
     verdict : Verdict
-        What our runs say.
+        The verdict of our runs.
     difference : Interval or None
-        The smaller one's mean less the other's, of pairs: below zero as printed.
+        Paired mean of the smaller one less the other; below zero agrees with the print.
     num_pairs : int
-        How many pairs of runs that is the mean of.
+        Number of pairs of runs.
     remark : str
-        How many runs would decide, or why none would.
+        Number of runs that would decide, or why none would.
     """
 
     case: Case
@@ -74,7 +74,7 @@ def judged(evidence: Evidence) -> Iterator[Judged]:
 
 
 def judge(case: Case, ordering: Ordering) -> Judged:
-    """What the runs of one mission under one set of settings say of an ordering."""
+    """Judge an ordering by the runs of one mission under one setting."""
     absent = [name for name in (ordering.less, ordering.more) if not _has_rows(case, name)]
     if absent:
         return Judged(case, ordering, Verdict.NOT_MEASURED, None, 0, f"no runs of {' and '.join(absent)}")
@@ -94,7 +94,7 @@ def judge(case: Case, ordering: Ordering) -> Judged:
 
 
 def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
-    """One line an ordering."""
+    """A table with one line for each ordering."""
     heads = (
         ("table", "of the paper"),
         ("measure", ""),
@@ -146,7 +146,7 @@ def counts_table(every: list[Judged]) -> ResultTable:
 
 
 def _standing_for(ordering: Ordering, case: Case) -> Iterator[Ordering]:
-    """The ordering as it is, and with those of our methods in the paper's place that are nearer to it."""
+    """The ordering itself, and with methods of ours that are nearer to the paper's in its place."""
     yield ordering
     for name in OURS_PRINTED:
         if name in case.samples and ordering.less == OURS:
@@ -167,7 +167,7 @@ def _has_rows(case: Case, method: str) -> bool:
 def _remark(
     differences: np.ndarray[tuple[int], np.dtype[np.float64]], measure: Measure, runs_a_pair: float
 ) -> str:
-    """How many runs would decide; ``differences``, shape (N,), has one for every so many runs."""
+    """Number of runs that would decide; ``differences``, shape (N,), are the paired differences so far."""
     if not differences.any():
         return "no difference in any pair"
     needed = None if len(differences) < 2 else runs_to_decide(differences)

@@ -1,4 +1,5 @@
-"""Noise of the aircraft, identified from recorded flights: how it strays, and how well it knows its place.
+"""Noise of the aircraft from recorded flights: how far it strays, and how well it knows its position.
 
-Reads recordings as the reports do, and asks the planner's own uncertainty model which noise explains them.
+It reads recordings as the reports do. It finds the noise with which the planner's uncertainty model explains
+them.
 """

@@ -1,4 +1,4 @@
-"""What a recording tells of noise: deviations from the plans flown, and errors of the positions told."""
+"""Noise samples of a recording: deviations from the flown plans, and errors of the reported positions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _FIX = struct.Struct("<Q3i4H2Bi3I")
 
 @dataclass(frozen=True, slots=True)
 class Deviations:
-    """Of an aircraft from the plan that it flies, one after another.
+    """Deviations of an aircraft from the plan that it flies, in their order.
 
     Parameters
     ----------
@@ -55,17 +55,17 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """Errors of the positions told.
+    """Errors of the reported positions.
 
     Parameters
     ----------
     accuracies : ndarray, shape (M, 3)
-        One sigma that the autopilot tells of its place, its height [m] and its velocity [m/s]; NaN where it
-        tells none.
+        Standard deviations that the autopilot reports for its position, its height [m] and its velocity
+        [m/s]; NaN where it reports none.
     innovations : ndarray, shape (K, 3)
-        East, north, up from one fix to the next, less what the velocities told add up to meanwhile [m].
+        East, north, up from one fix to the next, less the integral of the reported velocities [m].
     jerks : ndarray, shape (J, 3)
-        Second differences of the velocities told, east, north, up [m/s].
+        Second differences of the reported velocities, east, north, up [m/s].
     """
 
     accuracies: FloatArray
@@ -75,7 +75,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What one recording tells; ``deviations`` has an element a plan that was flown."""
+    """The samples of one recording; ``deviations`` has an element for each flown plan."""
 
     name: str
     mission: MissionConfig
@@ -85,19 +85,19 @@ class Flown:
 
 
 def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
-    """Read a recording: a flight's folder, or a tlog, with the mcap beside it where there is one.
+    """Read a recording: a flight's folder, or a tlog and the mcap next to it, if there is one.
 
     Parameters
     ----------
     source : Path
         The folder or the tlog.
     mission_file : Path, optional
-        What was flown, where the recording does not say.
+        The mission file, if the recording has none.
 
     Raises
     ------
     RecordError
-        If nothing can be read there, or it does not say which mission was flown.
+        If the recording cannot be read, or does not have its mission.
     ConfigError
         If the mission file cannot be read.
     """
@@ -127,7 +127,7 @@ def _mission_of(recording: Recording, log: Path, mission_file: Path | None) -> M
 
 @dataclass
 class _Heard:
-    """What the autopilot has told, by the clock readings at which it was heard."""
+    """What the autopilot has reported, by the clock readings of its arrival."""
 
     frame: LocalFrame
     positions: list[list[float]] = field(default_factory=list)  # clock, boot, place, velocity, airspeed
@@ -137,7 +137,7 @@ class _Heard:
     _is_flying_mission: bool = False
 
     def listen(self, recording: Recording) -> None:
-        """Go through a recording."""
+        """Read all messages of a recording."""
         codec, vehicle = Codec(), (recording.vehicle, ComponentId.AUTOPILOT1)
         for heard in recording.frames:
             if heard.is_ours:
@@ -176,12 +176,12 @@ class _Heard:
             self.fixes.append([1e-6 * row[0], *place])
 
     def _note_accuracy(self, horizontal: float, vertical: float, speed: float) -> None:
-        """Zero is what is told where none is known."""
+        """Note a reported accuracy; autopilots report zero where they know none."""
         told = (horizontal, vertical, speed)
         self.accuracies.append(tuple(value if value > 0.0 else math.nan for value in told))  # type: ignore[arg-type]
 
     def errors(self) -> Told:
-        """What fixes, positions and velocities say of one another."""
+        """The errors that follow from fixes, positions and velocities together."""
         rows = np.array(self.positions).reshape(-1, 9)
         fixes = np.array(self.fixes).reshape(-1, 4)
         return Told(
@@ -192,12 +192,12 @@ class _Heard:
 
 
 def _innovations(rows: FloatArray, fixes: FloatArray) -> FloatArray:
-    """How far each fix lies from where the one before and the velocities since put it.
+    """Distance of each fix from its prediction by the fix before and the velocities since.
 
     Parameters
     ----------
     rows : ndarray, shape (N, 9)
-        Positions told: clock, boot [s], east, north, up [m], their velocities, airspeed [m/s].
+        Reported positions: clock, boot [s], east, north, up [m], their velocities, airspeed [m/s].
     fixes : ndarray, shape (M, 4)
         Time since boot [s], east, north, up [m].
 
@@ -224,7 +224,7 @@ def _innovations(rows: FloatArray, fixes: FloatArray) -> FloatArray:
 
 
 def _jerks(boot_s: FloatArray, velocities: FloatArray) -> FloatArray:
-    """Second differences of velocities told at even times.
+    """Second differences of velocities that were reported at even intervals.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _jerks(boot_s: FloatArray, velocities: FloatArray) -> FloatArray:
 
 
 def _plans_flown(mcap: Path) -> list[tuple[FlownPath, float, float]]:
-    """Plans that were flown, each from when to when by the clock [s]; none without an mcap."""
+    """Flown plans, each with the clock readings of its begin and end [s]; none without an mcap."""
     if not mcap.is_file():
         return []
     paths: dict[int, FlownPath] = {}
@@ -266,7 +266,7 @@ def _plans_flown(mcap: Path) -> list[tuple[FlownPath, float, float]]:
 
 
 def _swap_of(row: Document) -> list[tuple[float, int]]:
-    """When a mission began to be flown, and the number of its plan; empty where it was not."""
+    """When the flight of a mission began, and the number of its plan; empty if it was not flown."""
     ended_s, made = number(row.get("ended_s")), number(row.get("plan_number"))
     if row.get("outcome") != "flown" or ended_s is None or made is None:
         return []
@@ -274,7 +274,7 @@ def _swap_of(row: Document) -> list[tuple[float, int]]:
 
 
 def _path_of(row: Document) -> FlownPath | None:
-    """The path of a plan as it was written down."""
+    """The recorded path of a plan."""
     listed = row.get("path")
     rows = listed[:ROWS_MAX] if isinstance(listed, list) else []
     if len(rows) < MIN_ROWS or not all(isinstance(entry, list) and len(entry) == 7 for entry in rows):
@@ -292,7 +292,7 @@ def _path_of(row: Document) -> FlownPath | None:
 
 
 def _deviations(heard: _Heard, path: FlownPath, begin_s: float, end_s: float) -> tuple[Deviations, int]:
-    """Deviations from a path between two clock readings [s]; how many positions were left out."""
+    """Deviations from a path between two clock readings [s], and the number of positions left out."""
     times: list[float] = []
     values: list[list[float]] = []
     row, left_out = 0, 0

@@ -1,4 +1,4 @@
-"""``companion identify``: the figures as a table, and the keys as they are pasted into a mission file."""
+"""``companion identify``: the results as a table, and as keys to paste into a mission file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.research.identification.noise_estimate import Identified, NoiseKe
 
 
 def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[Flown], Identified]:
-    """Read recordings and identify the noise of the aircraft that flew them: that of the first one's mission.
+    """Read recordings and identify the noise of their aircraft, which is that of the first one's mission.
 
     Raises
     ------
@@ -67,12 +67,12 @@ def _finite(value: float) -> float | None:
 
 
 def _rounded(value: float) -> float:
-    """Three digits: more than is known."""
+    """Round to three digits, which is more than is known."""
     return float(f"{value:.3g}")
 
 
 def fragment_of(found: Identified) -> str:
-    """The keys in YAML; those of which there is too little as remarks."""
+    """The keys in YAML; keys with too little data are comments."""
     lines = ["vehicle:"]
     for key in found.keys:
         if key.value is None:
@@ -84,7 +84,7 @@ def fragment_of(found: Identified) -> str:
 
 
 def show(flights: Sequence[Flown], found: Identified, screen: Console) -> None:
-    """Tell what was measured, and the keys."""
+    """Print the measurements and the keys."""
     words = ", ".join(printable(flight.name) for flight in flights)
     screen.print(f"{words}: {found.tracked_s:.0f} s along plans", markup=False, soft_wrap=True)
     if found.num_left_out:

@@ -1,8 +1,8 @@
 """Which noise of LQG-MP explains recorded flights.
 
-What the autopilot tells of its position is its estimate, so that deviations from the plan are those whose
-covariance is Λ. Straight on at cruise LQG-MP ends in a stationary Λ that grows with the process noise:
-that noise is sought at which it has the deviations measured. Across the path only the rate of turn's noise
+The autopilot reports its estimate of the position, so that deviations from the plan have covariance Λ.
+Straight on at cruise LQG-MP ends in a stationary Λ that grows with the process noise. The process noise is
+identified as that at which Λ has the measured deviations. Across the path only the rate of turn's noise
 counts, in height only the climb's, in speed only the acceleration's.
 
 References
@@ -45,20 +45,20 @@ LARGEST = {"acceleration_std_m_s2": 20.0, "course_rate_std_rad_s": 1.0, "climb_r
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far samples spread.
+    """Spread of samples.
 
     Parameters
     ----------
     name, unit : str
-        What of, and in which unit.
+        Name of the quantity, and its unit.
     mean, std : float
-        Their mean, and the deviation: about zero of what the plan says, about the mean of speeds and angles.
+        Mean and standard deviation: about zero for positions, about the mean for speeds and angles.
     low, high : float
         95 % interval of the deviation.
     num : int
-        How many samples.
+        Number of samples.
     num_independent : float
-        How many independent ones they are worth.
+        Effective number of independent samples.
     """
 
     name: str
@@ -72,15 +72,15 @@ class Spread:
 
     @property
     def is_enough(self) -> bool:
-        """Whether anything can be said from it."""
+        """Whether there are enough samples for an estimate."""
         return self.num_independent >= INDEPENDENT_MIN
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseKey:
-    """A key of the mission file: its value with a 95 % interval, and what that rests on.
+    """A key of the mission file: its value with a 95 % interval, and the data behind it.
 
-    ``value`` is None where there is too little, ``note`` then says of what.
+    ``value`` is None if there is too little data; ``note`` then says of what.
     """
 
     name: str
@@ -92,7 +92,7 @@ class NoiseKey:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The noise of an aircraft: what was measured, and the keys that explain it."""
+    """The noise of an aircraft: the measurements, and the keys that explain them."""
 
     tracked_s: float
     num_left_out: int
@@ -101,7 +101,7 @@ class Identified:
 
     @property
     def known(self) -> dict[str, float]:
-        """Keys of which there is enough."""
+        """Keys with enough data."""
         return {key.name: key.value for key in self.keys if key.value is not None}
 
 
@@ -111,9 +111,9 @@ def identified(flights: Sequence[Flown], vehicle: VehicleModel) -> Identified:
     Parameters
     ----------
     flights : sequence of Flown
-        What their recordings tell.
+        The samples of their recordings.
     vehicle : VehicleModel
-        The aircraft; its own noise stands in for what is not told.
+        The aircraft; its own noise is used where nothing is reported.
     """
     runs = [run for flight in flights for run in flight.deviations]
     tracked_s = float(sum(run.times_s[-1] - run.times_s[0] for run in runs))
@@ -161,7 +161,7 @@ def _spread_of(runs: Sequence[Deviations], column: int) -> Spread:
 
 
 def independent_samples(parts: Sequence[FloatArray], lag_max: int) -> float:
-    """How many independent samples correlated ones are worth: all over the sum of their autocorrelations.
+    """Effective number of independent samples: the number of all over the sum of their autocorrelations.
 
     Summed up to the first lag at which the autocorrelation is no longer positive.
 
@@ -170,7 +170,7 @@ def independent_samples(parts: Sequence[FloatArray], lag_max: int) -> float:
     parts : sequence of ndarray, shape (N_i,)
         Series with a common mean taken off.
     lag_max : int
-        Samples apart to which correlation is looked for.
+        Largest lag at which correlation is looked for, in samples.
     """
     num = sum(len(part) for part in parts)
     power = sum(float(part @ part) for part in parts)
@@ -190,7 +190,7 @@ def independent_samples(parts: Sequence[FloatArray], lag_max: int) -> float:
 
 
 def interval_of(std: float, num_independent: float) -> tuple[float, float]:
-    """95 % interval of a standard deviation from so many independent samples."""
+    """95 % interval of a standard deviation from a number of independent samples."""
 
     def quantile(normal: float) -> float:
         share = 2.0 / (9.0 * num_independent)
@@ -205,9 +205,10 @@ def interval_of(std: float, num_independent: float) -> tuple[float, float]:
 def stationary_spreads(
     vehicle: VehicleModel, process: FloatArray | None = None
 ) -> tuple[float, float, float]:
-    """What LQG-MP ends in, straight on at cruise: deviations of airspeed [m/s], across and above [m].
+    """Stationary deviations of LQG-MP, straight on at cruise: airspeed [m/s], across and above the path [m].
 
-    Of the place the estimate's about the plan, which is what an autopilot tells; of the speed the true one's.
+    For the position they are those of the estimate that an autopilot reports; for the speed those of the true
+    speed.
 
     Parameters
     ----------
@@ -258,7 +259,7 @@ def _motion_key(name: str, spread: Spread, tracked_s: float, vehicle: VehicleMod
 
 
 def _sought(function: Callable[[float], float], goal: float, largest: float) -> float:
-    """Where a growing function comes to a value, between 0 and the largest argument."""
+    """The argument at which an increasing function has a value, between 0 and the largest argument."""
     if function(0.0) >= goal:
         return 0.0
     if function(largest) <= goal:
@@ -271,7 +272,7 @@ def _sought(function: Callable[[float], float], goal: float, largest: float) -> 
 
 
 def _sensor_keys(told: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
-    """How well the autopilot knows place and velocity: the larger of what it tells and what is seen."""
+    """The accuracy of position and velocity: the larger of the reported and the observed error."""
     accuracies = np.concatenate([entry.accuracies for entry in told])
     innovations = np.concatenate([entry.innovations for entry in told])
     jerks = np.concatenate([entry.jerks for entry in told])
@@ -290,18 +291,18 @@ def _sensor_keys(told: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
 
 
 def _sensor_key(name: str, told: FloatArray, seen: FloatArray, scale: float) -> NoiseKey:
-    """The larger of the accuracy told, in the middle, and the noise seen.
+    """The larger of the reported accuracy (its median) and the observed noise.
 
     Parameters
     ----------
     name : str
         The key.
     told : ndarray, shape (M,)
-        Accuracies, NaN where none was told.
+        Reported accuracies, NaN where there is none.
     seen : ndarray, shape (K,)
-        Errors of that standard deviation.
+        Observed errors.
     scale : float
-        Makes the key's unit of theirs.
+        Factor from their unit to the key's.
     """
     told = told[np.isfinite(told)]
     median = float(np.median(told)) if len(told) >= TOLD_MIN else math.nan
@@ -318,14 +319,14 @@ def _sensor_key(name: str, told: FloatArray, seen: FloatArray, scale: float) -> 
         words.append(f"seen {scale * noise:.2g} in {len(spread)} differences")
     note = "; ".join(words)
     if noise == max(values):
-        low, high = interval_of(noise, len(spread) / 2.0)  # neighbouring differences share a sample
+        low, high = interval_of(noise, len(spread) / 2.0)  # Neighbouring differences share a sample.
     else:
         low, high = float(np.percentile(told, 2.5)), float(np.percentile(told, 97.5))
     return NoiseKey(name, scale * max(values), scale * low, scale * high, note)
 
 
 def _without_outliers(values: FloatArray) -> FloatArray:
-    """Without what lies many times farther out than the middle: positions that jumped.
+    """Errors without outliers: positions that jumped.
 
     Parameters
     ----------

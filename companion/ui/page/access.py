@@ -19,7 +19,7 @@ _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost"})
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Where the page is listened for, and who may look.
+    """The address on which the page is served, and who may look.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ class Access:
     host : str
         Address to listen on.
     token : str
-        What viewers have to know; '' where only this computer's are let in.
+        What viewers have to know; '' if only this computer's viewers may look.
 
     Raises
     ------
     ConfigError
-        If the address is none, if others may look and there is no token, or it is too short.
+        If the address is invalid, if others may look without a token, or if the token is too short.
     """
 
     port: int
@@ -60,7 +60,7 @@ class Access:
 
     @property
     def _key(self) -> str:
-        """What a browser that knew the token keeps instead of it."""
+        """The value that a browser keeps instead of the token."""
         return hashlib.sha256(b"page " + self.token.encode()).hexdigest()
 
     def address(self, port: int) -> str:

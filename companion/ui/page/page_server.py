@@ -176,13 +176,15 @@ class PageServer:
         line = accepted(self._listener, is_full=len(self._viewers) >= CONNECTIONS_MAX)
         if line is None:
             return
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _PORTION)  # nor does the system keep much for it
+        line.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDBUF, _PORTION
+        )  # The system keeps little for the viewer, too.
         viewer = _Viewer(line, self._now_s() + TIMEOUT_S)
         self._viewers.add(viewer)
         self._selector.register(line, selectors.EVENT_READ, lambda: self._go_on(viewer))
 
     def _go_on(self, viewer: _Viewer) -> None:
-        """Hear or tell as much as goes without waiting."""
+        """Receive and send as much as is possible without waiting."""
         try:
             if viewer.waiting:
                 self._send(viewer)
@@ -222,12 +224,12 @@ class PageServer:
         if viewer.waiting:
             return
         if not viewer.is_stream:
-            # Closed at once, unheard words of the other's would take the answer back.
+            # If it were closed at once, unread bytes of the viewer would cancel the answer.
             viewer.line.shutdown(socket.SHUT_WR)
         self._selector.modify(viewer.line, selectors.EVENT_READ, lambda: self._go_on(viewer))
 
     def _tell_news(self) -> None:
-        """Tell those that look on what is new; the one that has not taken what was told before is dropped."""
+        """Send news to the viewers; a viewer that has not accepted earlier news is dropped."""
         if self._feed is None:
             return
         lines, is_lost = self._feed.news()
@@ -253,7 +255,7 @@ class PageServer:
         self._go_on(viewer)
 
     def _look_after_viewers(self) -> None:
-        """Drop who has not asked or taken anything for long; say something to those without news."""
+        """Drop viewers that have been silent for long; send an empty message to those without news."""
         now = self._now_s()
         for viewer in list(self._viewers):
             is_done = viewer.is_stream and not viewer.waiting
@@ -274,7 +276,7 @@ class PageServer:
 
 
 def _events(lines: Sequence[bytes], kind: str = "news") -> bytes:
-    """Lines as one event, which the browser gets together; its id is when it was sent [ms of UTC]."""
+    """Lines as one event, which the browser gets at once; its id is the time of sending [ms of UTC]."""
     kind = f"{kind}\nid: {time.time() * 1e3:.0f}"
     return (
         b"event: "

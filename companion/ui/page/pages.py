@@ -1,4 +1,4 @@
-"""What to ask the page's server for besides the stream: files, recordings, the radars' field, the ground."""
+"""Requests to the page's server besides the stream: files, recordings, the radars' field, the ground."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KINDS = {
     ".txt": "text/plain; charset=utf-8",
     ".json": "application/json",
 }
-# Nothing of another host is loaded, nothing that stands in a message is run, no other page frames this one.
+# The page loads nothing from other hosts, runs no script of a message, and no other page may frame it.
 HEADERS = (
     "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; frame-src 'self'; frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
@@ -45,7 +45,7 @@ class Pages:
     playbacks : sequence of Playback
         Recordings.
     ground : Ground or None
-        What is drawn under the map.
+        The ground under the map.
     """
 
     def __init__(self, feed: Feed | None, playbacks: Sequence[Playback], ground: Ground | None) -> None:
@@ -54,7 +54,7 @@ class Pages:
         self._files["/"] = self._files["/index.html"]
 
     def answer(self, request: Request) -> bytes:
-        """Answer to a request as it goes out."""
+        """The answer to a request, as bytes."""
         path = request.target.partition("?")[0]
         answer = self._found(path)
         return head_of(answer, *HEADERS) + (b"" if request.method == "HEAD" else answer.body)
@@ -80,7 +80,7 @@ class Pages:
                 return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"there is no such page\n")
 
     def _sources(self) -> dict[str, object]:
-        """What can be looked at."""
+        """The flights and recordings that can be shown."""
         live = [] if self._feed is None else [{"name": "live", "stream": "/stream"} | self._asides("live")]
         recordings = [
             {"name": playback.name, "recording": f"/recording/{number}"} | self._asides(str(number))
@@ -89,14 +89,14 @@ class Pages:
         return {"version": __version__, "sources": [*live, *recordings]}
 
     def _asides(self, number: str) -> dict[str, str]:
-        """Addresses of what is fetched beside a flight's messages."""
+        """Addresses of data that is fetched besides a flight's messages."""
         ground = {} if self._ground is None else {"ground": f"/ground/{number}"}
         return {"field": f"/field/{number}"} | ground
 
     def _tile(self, place: Sequence[str]) -> Answer | None:
-        """Picture of a tile, by zoom, column and row as they stand in an address; None where that names none.
+        """Picture of a tile, by zoom, column and row of its address; None if there is no such address.
 
-        A tile that no file has is no error: browsers would write down one for each.
+        A missing tile is no error: browsers would log one for each.
         """
         is_one = len(place) == 3 and all(
             part.isascii() and part.isdecimal() and len(part) < DIGITS for part in place
@@ -126,7 +126,7 @@ def _json(document: dict[str, object]) -> Answer:
 
 
 def _field(world: WorldDocument, height: str) -> Answer:
-    """The field at a height that is asked for [m]."""
+    """The radars' field at a requested height [m]."""
     try:
         return Answer(HTTPStatus.OK, KINDS[".json"], world.field(float(height[:20])))
     except ValueError:

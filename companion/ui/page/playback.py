@@ -1,4 +1,4 @@
-"""Recordings for the page: every message of a flight, one a line, for the browser to go through by itself."""
+"""Recordings for the page: every message of a flight, one on each line, for the browser to step through."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MISSION_MAX = 2_000_000  # A mission file has at most so many characters.
 
 
 class Playback:
-    """A recording, or what comes of a replay, as the page takes it.
+    """A recording, or the result of a replay, in the page's form.
 
     Parameters
     ----------
     name : str
-        What it is called on the page.
+        Name of the recording on the page.
     """
 
     def __init__(self, name: str) -> None:
@@ -34,7 +34,7 @@ class Playback:
         self._lines: list[bytes] = []
 
     def tell(self, topic: str, now_s: float, message: Mapping[str, object], data: bytes) -> None:
-        """Take a message, as a recorder tells it."""
+        """Add a message of a recorder."""
         if topic in UNTOLD:
             return
         if topic == channels.MISSION:
@@ -54,12 +54,12 @@ class Playback:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has not a line."""
+        """Whether it has no line."""
         return not self._lines
 
 
 def mcap_of(path: Path) -> Path:
-    """What the service wrote down of a flight: in its folder, or beside a tlog.
+    """The mcap of a flight: in its folder, or next to a tlog.
 
     Raises
     ------
@@ -73,17 +73,17 @@ def mcap_of(path: Path) -> Path:
 
 
 def recorded_playback(path: Path) -> Playback:
-    """Read the recording in a flight's folder, or beside a tlog.
+    """Read the recording in a flight's folder, or next to a tlog.
 
     Parameters
     ----------
     path : Path
-        The folder, ``flight.mcap`` in it, or the tlog beside that.
+        The folder, its ``flight.mcap``, or its tlog.
 
     Raises
     ------
     RecordError
-        When there is no mcap, or not a message in it.
+        If there is no mcap, or no message in it.
     """
     file = mcap_of(path)
     playback = Playback(file.parent.name)

@@ -20,13 +20,13 @@ def show_playbacks(
     Parameters
     ----------
     playbacks : sequence of Playback
-        Recordings, the one that is looked at first.
+        Recordings, in the order of the page's list.
     port : int
         TCP port; 0 for any that is free.
     told : callable
-        Told the page's address.
+        Called with the page's address.
     ground : Ground, optional
-        What is drawn under the map.
+        The ground under the map.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a mission file's world looks like on the page: one document, and the radars' field at any height."""
+"""A mission file's world for the page: one document, and the radars' field at any height."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class WorldDocument:
     mission_text : str
         The mission file.
     name : str
-        What it is called in the error of one that cannot be read.
+        The file's name, for error messages.
     """
 
     def __init__(self, mission_text: str, name: str) -> None:
@@ -42,7 +42,7 @@ class WorldDocument:
         self._ground: bytes | None = None
         try:
             mission = mission_from_text(mission_text, name)
-        except ConfigError as error:  # of another version's recording
+        except ConfigError as error:  # The recording is of another version.
             self.document = _json({"error": str(error)})
             return
         self.document = _json(_document(mission))
@@ -54,16 +54,16 @@ class WorldDocument:
             self._building.start()
 
     def _build(self, mission: MissionConfig) -> None:
-        """Work the radars' shadows out, a second or more of a core; in compiled code, beside all others."""
+        """Compute the radars' shadows, in a second or more, in compiled code and in a thread of their own."""
         self._snapshot = world_of(mission, none_known=False)
 
     def finish(self) -> None:
-        """Wait until fields can be told."""
+        """Wait until the fields are ready."""
         if self._building is not None:
             self._building.join()
 
     def ground(self, ground: Ground) -> bytes:
-        """Where tiles lie about the mission, and the ground's heights; nothing where it cannot be read."""
+        """The tiles around the mission, and the ground's heights; empty if they cannot be read."""
         if self._ground is None:
             mission = self._mission
             self._ground = _json(
@@ -75,7 +75,7 @@ class WorldDocument:
         """The radars' joint membership, masked, at a height that is rounded to 10 m.
 
         Levels are bytes, 255 for 1, in base64: rows from south to north, each from west to east. While
-        shadows are worked out, that is told instead.
+        the shadows are being computed, the answer says so instead.
         """
         if self._snapshot is None or not math.isfinite(height_m):
             return _json({"is_later": self._building is not None and self._building.is_alive()})
@@ -105,7 +105,7 @@ def _json(document: dict[str, object]) -> bytes:
 
 
 def _document(mission: MissionConfig) -> dict[str, object]:
-    """What ``/world`` says of a mission."""
+    """The answer to ``/world`` about a mission."""
     start, origin, planning, vehicle = mission.start, mission.origin, mission.planning, mission.vehicle
     goals = [] if mission.goals_from_autopilot else mission.goals
     return {

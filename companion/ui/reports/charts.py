@@ -21,7 +21,7 @@ from companion.ui.reports.threats_met import closest_text, nearest_first, second
 from companion.ui.reports.vocabulary import decision_words
 from companion.world.snapshot import Snapshot
 
-# Shares of a chart's width at which its axes begin and end; further in where words stand beside them.
+# Shares of a chart's width at which its axes begin and end; narrower where labels stand next to them.
 LEFT, WORDS_LEFT, RIGHT = 0.085, 0.185, 0.885
 WIDTH_IN, HEIGHT_IN = 9.6, 3.1
 HIGH_THREAT = 0.5  # The paper counts a waypoint as highly threatened from this level on.
@@ -31,7 +31,7 @@ NUM_OBSTACLE_SAMPLES_MAX = 1500
 COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)
 NAME_CHARACTERS = 14  # A name in a legend has at most so many characters.
 REACHES_SHOWN = 4.0  # Distances are shown up to so many reaches.
-KINDS_MAX, OTHERS = 40, "others"  # of decisions; the program knows fewer
+KINDS_MAX, OTHERS = 40, "others"  # The program has fewer kinds of decisions.
 
 
 def altitude_chart(

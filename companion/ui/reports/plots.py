@@ -1,4 +1,4 @@
-"""Maps of a mission, a plan and a flight; the elements of the paper's Figs. 7 and 8."""
+"""Maps of a mission, a plan and a flight; with the elements of the paper's Figs. 7 and 8."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def _draw_search(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot, pl
 
 
 def _draw_reach(sheet: MapSheet, circles: FloatArray) -> None:
-    """Draw ``circles`` (K, 3), east, north, radius [m], about reachable nodes; of many an even sample."""
+    """Draw ``circles`` (K, 3), east, north, radius [m], about reachable nodes; a sample if there are many."""
     if len(circles) == 0:
         return
     step = -(-len(circles) // NUM_REACH_CIRCLES_MAX)

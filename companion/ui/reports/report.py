@@ -1,4 +1,4 @@
-"""The report of a flight: one HTML file that needs nothing else, and its map as a picture."""
+"""The report of a flight: one self-contained HTML file, and its map as a picture."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ p.lead + .scroll { margin-top: .6rem; }
 def write_report(
     folder: Path, mission: MissionConfig, snapshot: Snapshot, record: FlightRecord, name: str = "report"
 ) -> tuple[Path, Path]:
-    """Write a report, page and picture, into a folder, which is made if need be.
+    """Write a report, page and picture, into a folder, which is created if missing.
 
     Parameters
     ----------
@@ -148,18 +148,18 @@ def write_report(
 
 
 def html_page(title: str, head: str, body: str, style_sheet: str, *, after: str = "") -> str:
-    """Page of HTML that needs nothing else.
+    """A self-contained HTML page.
 
     Parameters
     ----------
     title : str
         Title as plain text, and the heading, too.
     head, body : str
-        HTML below the heading, and of the rest.
+        HTML below the heading, and HTML of the rest.
     style_sheet : str
         CSS.
     after : str
-        HTML behind all that is seen.
+        HTML behind the visible content.
     """
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -281,7 +281,7 @@ def _value(key: str, value: float | int | bool | str) -> str:
 
 
 def _end_s(record: FlightRecord) -> float:
-    """When the recording ended, as far as it tells [s]."""
+    """When the recording ended, as far as it is known [s]."""
     flown = float(record.flown[-1, 0]) if len(record.flown) else 0.0
     return max([flown, *(entry.stamp_s for entry in record.decisions[-1:])])
 
@@ -318,7 +318,7 @@ def _decision_row(record: FlightRecord, entry: Decision, start_s: float) -> str:
 
 
 def _why(decision: Decision) -> str:
-    """Why a plan was made, and the numbers that led to what came of it."""
+    """Why a plan was made, and the numbers behind the decision."""
     why = dict(decision.why)
     parts = [in_page(why.pop("occasion"))] if "occasion" in why else []
     for key, value in why.items():

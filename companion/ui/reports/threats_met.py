@@ -1,4 +1,4 @@
-"""What the threats were to a flight, in words and numbers; the numbers are the record's."""
+"""How a flight met its threats, in words and numbers; the numbers are the record's."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def nearest_first(record: FlightRecord) -> list[tuple[Encounter, Closest]]:
 
 
 def words_of(record: FlightRecord) -> str:
-    """Whose paths the encounters are told by."""
+    """The source of the paths that encounters are measured on, in words."""
     return "by the true paths" if record.dt_paths else "as known on board"
 
 
@@ -41,14 +41,14 @@ def seconds_text(entry: Encounter) -> str:
 
 
 def encounter_table(record: FlightRecord, start_s: float) -> str:
-    """HTML of what each threat was to the flight, moving ones first.
+    """HTML table of the flight's encounters with each threat, moving ones first.
 
     Parameters
     ----------
     record : FlightRecord
         The flight.
     start_s : float
-        From which the flight's time counts [s].
+        Begin of the flight's time [s].
     """
     entries = [entry for entry, _ in nearest_first(record)]
     entries += [entry for entry in record.encounters if not entry.is_moving]

@@ -1,4 +1,4 @@
-"""Words that the page and the report share: how each kind of decision begins, and how loud it is."""
+"""Words that the page and the report share: the heading of each kind of decision, and its severity."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ DANGER: Final = "danger"
 
 
 class Words(NamedTuple):
-    """How a decision is told.
+    """The words for a kind of decision.
 
     Parameters
     ----------
     head : str
-        First words.
+        The heading.
     state : str
-        ``danger``, ``watch``, or '' for what is as it should be.
+        ``danger``, ``watch``, or '' for a normal state.
     """
 
     head: str
@@ -54,10 +54,10 @@ KINDS: Final = {
 
 
 def decision_words(kind: str) -> Words:
-    """How a kind is told; one of another version by its own name."""
+    """The words for a kind; a kind of another version has its own name."""
     return KINDS.get(kind, Words(kind))
 
 
 def as_script() -> bytes:
-    """The same for the page: a module of JavaScript with ``KINDS``, each a head and a state."""
+    """The same for the page: a JavaScript module with ``KINDS``, each with a heading and a state."""
     return f"export const KINDS = {json.dumps(KINDS)};\n".encode("ascii")

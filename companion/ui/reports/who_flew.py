@@ -1,4 +1,4 @@
-"""Who flew when, and why: read off the decisions of a recording, so that it needs nothing else."""
+"""Who flew when, and why, from the decisions of a recording alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from companion.plain_text import in_page
 from companion.types.record import Decision
 from companion.ui.reports import style
 
-# By the words with which a change of the service's state is told.
+# The texts of a change of the service's mode, and who flies then.
 WHO = {
     "waiting for the autopilot": "not known: the autopilot was not heard",
     "standing by": "the pilot: on the ground, or in a mode of his own",
@@ -28,18 +28,18 @@ WORTH_TELLING = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """A stretch of a flight in which one flew.
+    """A part of a flight with one pilot: the service, a person or the autopilot.
 
     Parameters
     ----------
     from_s, to_s : float
-        By the recording's clock [s].
+        Clock readings of the recording [s].
     who : str
         Who flew.
     why : str
-        What was decided at its beginning.
+        The decision at its beginning.
     told : tuple of str
-        What the pilot was told in it, repetitions left out.
+        The texts that the pilot got, without repetitions.
     """
 
     from_s: float
@@ -50,7 +50,7 @@ class Watch:
 
 
 def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
-    """Who flew, one stretch after the other.
+    """The parts of a flight, one after the other.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
 
 
 def who_of(text: str) -> str:
-    """Who flies by the words of a change; the words themselves where they are not known."""
+    """Who flies after a change, by its text; the text itself if it is unknown."""
     return next((who for words, who in WHO.items() if text.startswith(words)), text)
 
 
 def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float) -> str:
-    """HTML of the stretches; '' where no change was recorded.
+    """HTML of the parts; '' if no change was recorded.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float)
     ends_s : float
         When the recording ended [s].
     start_s : float
-        From which the flight's time counts [s].
+        Begin of the flight's time [s].
     """
     rows = "\n".join(
         f'<tr><td class="number">{style.clock_text(watch.from_s - start_s)}</td>'

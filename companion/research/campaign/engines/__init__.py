@@ -1,4 +1,4 @@
-"""What makes a campaign's runs: processes of this computer, or workers on many.
+"""Engines that make a campaign's runs: processes of this computer, or workers on several computers.
 
-Knows what a run is and what came of it, and nothing of rows or progress.
+They know runs and outcomes, but neither rows nor progress.
 """

@@ -1,8 +1,8 @@
 """Runs of a campaign on the workers of a Dask scheduler, on as many computers as there are.
 
-A worker makes one run at a time, whatever its number of threads. The run of a worker that dies is made by
-another; one that several of them died of becomes a row with that error. Each row tells the commit and the
-computer of the worker that made it.
+A worker makes one run at a time, whatever its number of threads. If a worker dies, another
+makes its run; a run that several workers died of becomes a row with that error. Each row names the commit and
+the computer of the worker that made it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _runners: dict[str, tuple[Runner, Provenance]] = {}
 
 
 class DaskEngine:
-    """Makes runs on a scheduler's workers, which have the same version of the project.
+    """Engine on a scheduler's workers, which have the same version of the project.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ class DaskEngine:
     places : dict
         Places of the code that makes runs, by kind.
     address : str
-        The scheduler's, such as ``tcp://host:8786``.
+        The scheduler's address, such as ``tcp://host:8786``.
     """
 
     def __init__(self, campaign: Campaign, places: dict[str, str], address: str) -> None:
         self._campaign, self._places, self._address = campaign, places, address
 
     def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
-        """Make the runs, and tell of each as it is over; in no particular order.
+        """Make the runs, and yield each when it is finished, in no particular order.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class DaskEngine:
 
 
 def _result(future: _Typed) -> tuple[Packed, Provenance | None]:
-    """What came of a run; that it ended its workers is an outcome, too."""
+    """The outcome of a run; a run that ended its workers has an outcome, too."""
     try:
         outcome, made_by = future.result()
     except KilledWorker as error:
@@ -97,7 +97,7 @@ def _result(future: _Typed) -> tuple[Packed, Provenance | None]:
 
 
 def _made(campaign: Campaign, places: dict[str, str], run: Run) -> tuple[Packed, Provenance]:
-    """Make a run, on a worker; what makes runs is kept for the next one of the same campaign."""
+    """Make a run on a worker; the runner is kept for the next run of the same campaign."""
     with _lock:
         key = json_text(campaign.identity())
         if key not in _runners:

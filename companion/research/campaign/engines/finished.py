@@ -1,4 +1,4 @@
-"""A run that is over, whatever engine made it."""
+"""A finished run, whatever engine made it."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from companion.research.campaign.provenance import Provenance
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A run that is over.
+    """A finished run.
 
     Parameters
     ----------
     run : Run
-        Which.
+        The run.
     outcome : Packed
-        What came of it.
+        The outcome of the run.
     started : datetime
-        When it was handed out, in UTC.
+        When a process or worker got it, in UTC.
     duration_s : float
-        From then until its outcome was here [s].
+        Time from then until its outcome arrived [s].
     attempts : int
-        How many processes it took.
+        Number of processes that tried it.
     made_by : Provenance, optional
-        What made it, where that is not this program on this computer.
+        The program and computer that made it, if not these.
     """
 
     run: Run

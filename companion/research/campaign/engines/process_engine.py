@@ -1,8 +1,7 @@
-"""Runs of a campaign in processes of this computer, which stay, one run after the other.
+"""Runs of a campaign in processes of this computer; each process makes one run after the other.
 
-A run's fault becomes its outcome. One whose process dies is tried once more, for that can be somebody
-else's doing (the computer was short of memory, the whole campaign is being killed); when it dies again,
-that is the outcome.
+An error of a run becomes its outcome. A run whose process dies is tried once more, because the cause may lie
+elsewhere (too little memory, or the whole campaign is being killed). If it dies again, that is the outcome.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ ERROR_CHARACTERS = 2_000
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, and the run that it is at: none while it warms up or waits."""
+    """A process, and its present run: none while it warms up or waits."""
 
     process: BaseProcess
     connection: Connection
@@ -40,27 +39,27 @@ class _Worker:
     began_s: float = 0.0
 
     def be_ready(self) -> None:
-        """Be warm from now on."""
+        """Note that the process has warmed up."""
         self.is_ready = True
 
     def begin(self, run: Run) -> None:
-        """Hand it a run."""
+        """Give the process a run."""
         self.run, self.started, self.began_s = run, datetime.now(UTC), time.perf_counter()
         self.connection.send(run)
 
     def rest(self) -> None:
-        """Have no run any more."""
+        """Note that the run is finished."""
         self.run = None
 
     def end(self) -> None:
-        """End the process, whatever it is at."""
+        """End the process, whatever it does."""
         self.connection.close()
         self.process.kill()
         self.process.join()
 
 
 class ProcessEngine:
-    """Makes runs in processes that are started anew, and so share nothing with this one.
+    """Engine with newly started processes, which share nothing with this one.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ class ProcessEngine:
     places : dict
         Places of the code that makes runs, by kind.
     jobs : int
-        How many processes.
+        Number of processes.
     """
 
     def __init__(self, campaign: Campaign, places: dict[str, str], jobs: int) -> None:
@@ -78,16 +77,16 @@ class ProcessEngine:
         self._attempts: dict[int, int] = {}
 
     def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
-        """Make the runs, and tell of each as it is over; in no particular order.
+        """Make the runs, and yield each when it is finished, in no particular order.
 
         Raises
         ------
         CompanionError
-            If no process comes as far as its first run.
+            If no process gets to its first run.
         """
         waiting = deque(runs)
         try:
-            # One alone, so that what is compiled is compiled once; it works while the others warm up.
+            # One process starts first, so that kernels are compiled once; it works while the others warm up.
             self._greet(self._started(), waiting)
             while len(self._workers) < min(self._jobs, len(runs)):
                 self._started()
@@ -101,7 +100,7 @@ class ProcessEngine:
                 worker.end()
 
     def _started(self) -> _Worker:
-        """Start a process, which says when it is warm."""
+        """Start a process, which reports when it has warmed up."""
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(
@@ -113,12 +112,12 @@ class ProcessEngine:
         return self._workers[-1]
 
     def _greet(self, worker: _Worker, waiting: deque[Run]) -> None:
-        """Take a process's word that it is warm, and give it a run if there is one.
+        """Note that a process has warmed up, and give it a run if there is one.
 
         Raises
         ------
         CompanionError
-            If it ended before.
+            If the process ended before that.
         """
         try:
             fault = worker.connection.recv()
@@ -132,20 +131,20 @@ class ProcessEngine:
             worker.begin(waiting.popleft())
 
     def _talking(self) -> list[_Worker]:
-        """Processes that have something to tell; waits for one."""
+        """Wait until processes have messages, and return those processes."""
         busy = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
         told = wait([worker.connection for worker in busy])
         return [worker for worker in busy if worker.connection in told]
 
     def _heard(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
-        """What a process tells: that it is warm, which is of no run, or what came of one."""
+        """The message of a process: that it has warmed up, or the outcome of a run."""
         if worker.is_ready:
             return self._taken(worker, waiting)
         self._greet(worker, waiting)
         return None
 
     def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
-        """What a process has to tell; None where its run is to be tried again."""
+        """The outcome that a process reports; None if its run should be tried again."""
         run, started, began_s = worker.run, worker.started, worker.began_s
         assert run is not None
         attempts = self._attempts.get(run.number, 0) + 1
@@ -172,14 +171,14 @@ class ProcessEngine:
 
 
 def _end_of(process: BaseProcess) -> str:
-    """How a process ended, in words."""
+    """The way a process ended, in words."""
     code = process.exitcode
     return f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with code {code}"
 
 
 def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) -> None:
     """Make runs until there are no more, or the campaign's own process is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign's own process ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The campaign's main process ends this one.
     logging.disable(logging.CRITICAL)
     runner = runner_at(places[campaign.config.kind], campaign, places)
     runner.warm_up()
@@ -192,7 +191,7 @@ def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) ->
 
 
 def outcome_of(runner: Runner, run: Run) -> Packed:
-    """What comes of a run, its faults included."""
+    """The outcome of a run, errors included."""
     try:
         return packed(runner.outcome(run))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What makes the runs of a campaign, and what comes of each."""
+"""Runners, which make the runs of a campaign, and the outcomes of runs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of one run.
+    """The outcome of one run.
 
     Parameters
     ----------
     measures : dict
-        The same for the same run, whenever and wherever it is made; None where there is nothing to measure.
+        Measures that repeat with the run, on any computer; None where there is nothing to measure.
     timings : dict
-        What depends on the computer, too.
+        Measures that depend on the computer.
     paths : dict
         Paths as rows, by name.
     """
@@ -34,7 +34,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """An outcome as it is stored: JSON with sorted keys, the paths' compressed; no paths are no bytes."""
+    """An outcome as stored: JSON with sorted keys, and the paths compressed; without paths no bytes."""
 
     measures: str = "{}"
     timings: str = "{}"
@@ -43,7 +43,7 @@ class Packed:
 
 
 def packed(outcome: Outcome) -> Packed:
-    """Pack an outcome; what is infinite or no number counts as not measured.
+    """Pack an outcome; infinite values and NaN count as not measured.
 
     Raises
     ------
@@ -67,10 +67,10 @@ def _finite(measures: dict[str, Scalar | None]) -> dict[str, Scalar | None]:
 
 
 class Runner(Protocol):
-    """Makes one run after the other in a process of its own."""
+    """Makes one run after the other, in one process."""
 
     def warm_up(self) -> None:
-        """Do once what is not to be timed."""
+        """Do the work that must not be timed, once."""
         ...
 
     def outcome(self, run: Run) -> Outcome:
@@ -79,16 +79,16 @@ class Runner(Protocol):
 
 
 def runner_at(place: str, campaign: Campaign, known: dict[str, str]) -> Runner:
-    """Runner for a campaign.
+    """Load the runner for a campaign.
 
     Parameters
     ----------
     place : str
-        Where its code is.
+        Where the runner's code is, as ``module:name``.
     campaign : Campaign
         The campaign.
     known : dict
-        All places, for what it needs of other packages.
+        All known places, for parts in other packages.
     """
     made = cast("Callable[[Campaign, dict[str, str]], Runner]", pkgutil.resolve_name(place))
     return made(campaign, known)

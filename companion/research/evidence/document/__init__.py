@@ -1,4 +1,4 @@
-"""The page of results that the repository keeps: from small stored rows, and reasons that people wrote.
+"""The page of results in the repository, made from small stored rows and from reasons that people wrote.
 
-Made of rows and texts alone; whoever makes it anew gets the same bytes.
+It depends on rows and texts alone: made anew, it has the same bytes.
 """

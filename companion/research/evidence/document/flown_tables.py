@@ -1,4 +1,4 @@
-"""Whole flights of all methods: who arrives unhurt, and who is never threatened."""
+"""Tables of whole flights: which methods arrive without a collision, and which are never threatened."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MEASURES = {measure.name: measure for group in GROUPS["flights"] for measure in
 
 
 def flown_parts(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
-    """The parts of the page that are of a campaign of flights."""
+    """The page's parts about a campaign of flights."""
     yield f"## Whole flights: {evidence.name}"
     yield told_of(evidence)
     if "flights" in reasons.notes and evidence.name == "flights":
@@ -39,7 +39,7 @@ def flown_parts(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
 
 
 def flown_table(case: Case) -> ResultTable:
-    """One line a method: rates, their paired differences from the first method, and means."""
+    """One line for each method: rates, their paired differences from the first method, and means."""
     first = next(iter(case.samples))
     rows = []
     for method, sample in case.samples.items():

@@ -1,7 +1,7 @@
 """Rows of campaigns as one small file each, fit for a repository: measures without paths, in CSV.
 
-The first line, behind ``# ``, is what the rows are of, as JSON. Numbers have six digits, and only measures
-that tables show are kept.
+The first line, behind ``# ``, describes the campaign, as JSON. Numbers have six digits. Only measures that
+tables show are kept.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LENGTH_MAX = 50_000_000
 
 
 def kept_names(kind: str) -> tuple[str, ...]:
-    """Measures of a kind of run that are kept."""
+    """The kept measures of a kind of run."""
     rates = [name for name, _ in RATES[kind]]
     return tuple(dict.fromkeys([*rates, *(of.name for group in GROUPS[kind] for of in group.measures)]))
 
@@ -57,7 +57,7 @@ def kept_text(store: RunStore) -> str:
 
 
 def kept_evidence(file: Path) -> Evidence:
-    """What such a file says.
+    """Read such a file.
 
     Raises
     ------

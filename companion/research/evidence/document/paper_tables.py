@@ -1,4 +1,4 @@
-"""The paper's tables in its own shape, ours beside the printed, and a verdict on every ordering."""
+"""The paper's tables, with our values next to the printed ones, and a verdict on every ordering."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Key = tuple[str, Ordering]  # a map, and an ordering with the paper's own method
 
 
 def value_tables(evidence: Evidence) -> Iterator[tuple[int, ResultTable]]:
-    """The paper's tables by their numbers, one a map, with our means beside its values."""
+    """The paper's tables by their numbers, one for each map, with our means next to its values."""
     for table in TABLES:
         for dimension, printed in table.printed.items():
             cases = [
@@ -62,7 +62,7 @@ def _estimate(sample: Sample, measure: Measure) -> Cell:
 
 
 def ordering_tables(every: Sequence[Judged], reasons: Reasons) -> Iterator[tuple[int, ResultTable]]:
-    """By the number of the paper's table: each ordering, and what became of it under each of the settings."""
+    """For each of the paper's tables: each ordering, and its verdict under each setting."""
     settings = tuple(dict.fromkeys(entry.case.setting for entry in every))
     methods = {_ours(entry.ordering) for entry in every}
     nearer = tuple(name for name in OURS_PRINTED if name in methods)
@@ -79,7 +79,7 @@ def ordering_tables(every: Sequence[Judged], reasons: Reasons) -> Iterator[tuple
 
 
 def _ordering_heads(settings: Sequence[str], nearer: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Names of the columns, and what they mean where that needs to be said."""
+    """Names of the columns, and their meaning where it is not obvious."""
     return (
         *(("map", ""), ("measure", ""), ("printed as less", ""), ("than", ""), ("paper", "")),
         *((setting, "") for setting in settings),
@@ -94,14 +94,14 @@ def _found(
     settings: Sequence[str],
     nearer: Sequence[str],
 ) -> list[Judged | None]:
-    """What became of an ordering: under each of the settings, and with others in our method's place."""
+    """The verdicts on an ordering: under each setting, and with other methods of ours in its place."""
     ours = OURS if OURS in ordering else ""
     wanted = [(ours, setting) for setting in settings] + [(name, settings[0]) for name in nearer]
     return [known.get(one) for one in wanted]
 
 
 def _ordering_row(key: Key, found: Sequence[Judged | None], reasons: Reasons) -> tuple[Cell, ...]:
-    """One ordering, its verdicts, and the numbers of the reasons of those that are against the paper."""
+    """One ordering, its verdicts, and the numbers of the reasons where they contradict the paper."""
     mission, ordering = key
     values = f"{number_text(ordering.printed_less)} < {number_text(ordering.printed_more)}"
     against = (entry for entry in found if entry and entry.verdict is Verdict.NOT_REPRODUCED)
@@ -112,7 +112,7 @@ def _ordering_row(key: Key, found: Sequence[Judged | None], reasons: Reasons) ->
 
 
 def verdict_text(entry: Judged | None) -> str:
-    """A verdict, the difference that it is by, and how many runs would decide where that is open."""
+    """A verdict, its difference, and if it is open the number of runs that would decide it."""
     if entry is None or entry.difference is None:
         return NONE
     told = f"{entry.verdict.value} {interval_text(entry.difference)}"
@@ -138,7 +138,7 @@ def counts_table(every: Sequence[Judged]) -> ResultTable:
 
 
 def _key(entry: Judged) -> Key:
-    """Map and ordering, whoever stands for the paper's method."""
+    """Map and ordering, whichever method stands for the paper's."""
     less, more = (
         OURS if name in OURS_PRINTED else name for name in (entry.ordering.less, entry.ordering.more)
     )
@@ -146,5 +146,5 @@ def _key(entry: Judged) -> Key:
 
 
 def _ours(ordering: Ordering) -> str:
-    """Which of our methods stands for the paper's; empty between comparators."""
+    """The method of ours that stands for the paper's; empty between comparators."""
     return next((name for name in (OURS, *OURS_PRINTED) if name in (ordering.less, ordering.more)), "")

@@ -1,6 +1,6 @@
-"""Why orderings of the paper are not reproduced, as people found and wrote it down: a YAML file.
+"""Reasons why orderings of the paper are not reproduced, written by people in a YAML file.
 
-Each entry says which orderings it is about; what is left out stands for all.
+Each entry names the orderings that it is about; a key that is left out means all.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 class Reason(Section):
-    """One reason, and which orderings have it."""
+    """One reason, and the orderings that it explains."""
 
     why: Words
     """In words."""
@@ -41,7 +41,7 @@ class Reason(Section):
     """Under which settings."""
 
     def is_of(self, entry: Judged) -> bool:
-        """Return whether it is why an ordering came out as it did."""
+        """Return whether the reason explains an ordering's verdict."""
         ordering = entry.ordering
         wanted = (
             (self.measures, ordering.measure),
@@ -64,7 +64,7 @@ class Reasons(Section):
     """What else has to be said of campaigns of a kind."""
 
     def of(self, entry: Judged) -> int | None:
-        """Number of an ordering's reason, from 1 on; None where none was written down."""
+        """Number of an ordering's reason, from 1 on; None if there is none."""
         return next((n for n, reason in enumerate(self.orderings, 1) if reason.is_of(entry)), None)
 
 

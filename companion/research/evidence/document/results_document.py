@@ -35,7 +35,7 @@ def results_document(folder: Path) -> str:
     Parameters
     ----------
     folder : Path
-        Where kept rows and reasons are.
+        Folder of the kept rows and the reasons.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def results_document(folder: Path) -> str:
 
 
 def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
-    """The paper's tables, verdicts, and reasons."""
+    """Parts with the paper's tables, verdicts, and reasons."""
     verdicts = list(judged(evidence))
     yield "## The paper's Tables 1 to 5"
     yield f"{told_of(evidence)} {HOW}"
@@ -76,7 +76,7 @@ def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
 
 
 def _of_others(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
-    """Ours beside planners of other libraries."""
+    """Tables that compare ours with planners of other libraries."""
     yield "## Beside OMPL"
     yield f"{told_of(evidence)} {OF_WHICH['anytime']}"
     if "anytime" in reasons.notes:

@@ -1,15 +1,15 @@
-"""What rows come from, in a sentence."""
+"""The provenance of rows, in a sentence."""
 
 from __future__ import annotations
 
 from companion.research.evidence.samples import Evidence
 
-_HASH = 40  # characters of a commit's name
+_HASH = 40  # A commit's name has so many characters.
 _SHORT = 12
 
 
 def told_of(evidence: Evidence) -> str:
-    """How many rows there are, and what made them."""
+    """How many rows there are, and which program and computer made them."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} runs of `campaigns/{evidence.name}.yaml`"
     commits = ", ".join(f"`{commit[:_SHORT]}{commit[_HASH:]}`" for commit in evidence.commits)
     return f"{runs}, made by commit {commits} on {'; '.join(evidence.machines)}."
