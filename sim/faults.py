@@ -1,6 +1,6 @@
-"""A bad link and bad luck: frames lost, delayed, doubled, overtaken, damaged or refused, and worse.
+"""Faults of the link: frames that are lost, delayed, doubled, overtaken, damaged or refused, and more.
 
-Faults act on whole frames, each by itself, the same in both directions; a seed says which. A
+Faults act on whole frames, independently, and the same in both directions; a seed chooses them. A
 :class:`Schedule` makes a flight's worth of them, with the autopilot's reboots and other uploaders.
 """
 
@@ -20,7 +20,7 @@ from companion.types.mission import MissionItem
 from sim.simulator import Simulator
 
 _HEADER = 10
-_RESULT = 2  # place of the verdict in MISSION_ACK's payload, and in COMMAND_ACK's
+_RESULT = 2  # Place of the verdict in the payload of MISSION_ACK and COMMAND_ACK.
 _ACKS = {47: "mission", 77: "command"}
 _MISSION_NACKS = (1, 2, 3, 4, 5, 6, 9, 13, 14, 15)
 _COMMAND_NACKS = (1, 2, 3, 4, 6)
@@ -28,14 +28,14 @@ _COMMAND_NACKS = (1, 2, 3, 4, 6)
 
 @dataclass(frozen=True, slots=True)
 class LinkFaults:
-    """How bad the link is, the same in both directions.
+    """Faults of the link, the same in both directions.
 
     Parameters
     ----------
     loss, duplication, corruption : float
-        Probability for each frame; a corrupted one has a few bits turned.
+        Probability for each frame; a corrupted frame has a few bits inverted.
     delay_s, jitter_s : float
-        Fixed delay, and the most that is added to it; with jitter frames overtake each other.
+        Fixed delay, and the largest random addition to it; with jitter frames overtake each other.
     mission_nack, command_nack : int
         Verdict put in the place of ACCEPTED in MISSION_ACK and COMMAND_ACK; 0 leaves them alone.
     """
@@ -50,7 +50,7 @@ class LinkFaults:
 
 
 class FaultKind(Enum):
-    """What else may happen in a flight."""
+    """Further kinds of faults."""
 
     DISCONNECT = "the link is cut"
     REBOOT = "the autopilot reboots"
@@ -62,7 +62,7 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A fault, when it begins and ends [s], and how much of it."""
+    """A fault, its begin and end [s], and its amount."""
 
     begin_s: float
     end_s: float
@@ -77,7 +77,7 @@ class Schedule:
     Parameters
     ----------
     spells : tuple
-        Begin and end [s] of each spell of a bad link, and how bad it is; they do not overlap.
+        Begin and end [s] of each spell of a bad link, and its faults; spells do not overlap.
     events : tuple of Event
         Faults in the order in which they begin.
     """
@@ -86,7 +86,7 @@ class Schedule:
     events: tuple[Event, ...] = ()
 
     def faults_at(self, now_s: float) -> LinkFaults:
-        """How bad the link is at an instant."""
+        """Faults of the link at an instant."""
         return next((faults for begin, end, faults in self.spells if begin <= now_s < end), LinkFaults())
 
     def is_cut(self, now_s: float) -> bool:
@@ -128,7 +128,7 @@ def random_schedule(
 
 
 def _bad_link(random: np.random.Generator) -> LinkFaults:
-    """One of every kind of badness, or several."""
+    """One kind of fault, or several."""
     faults = LinkFaults()
     if random.random() < 0.6:
         faults = replace(faults, loss=float(random.uniform(0.0, 0.5)))
@@ -148,7 +148,7 @@ def _bad_link(random: np.random.Generator) -> LinkFaults:
 
 
 def refused(frame: bytes, faults: LinkFaults) -> bytes:
-    """A frame with its acceptance turned into a refusal, if it is one and the faults say so."""
+    """A frame, with an acceptance turned into a refusal if the faults say so."""
     if frame[0] != MAGIC_V2:
         return frame
     number = int.from_bytes(frame[7:10], "little")
@@ -166,7 +166,7 @@ def refused(frame: bytes, faults: LinkFaults) -> bytes:
 
 
 class _Pipe:
-    """One direction."""
+    """One direction of the link."""
 
     def __init__(self, generator: np.random.Generator) -> None:
         self._generator = generator
@@ -204,21 +204,21 @@ class FaultyLink:
     Parameters
     ----------
     simulator : Simulator
-        What is at the other end.
+        The simulator at the other end.
     faults : LinkFaults
-        How bad it is; may be replaced at any time.
+        The present faults; may be replaced at any time.
     seed : int
-        Seed of what is lost and when.
+        Seed of all random choices.
     schedule : Schedule, optional
         Replaces the faults as time goes on, and cuts the link.
 
     Attributes
     ----------
     is_up : bool
-        While ``False`` nothing passes and what was on its way is lost.
+        If ``False``, nothing passes and frames in transit are lost.
     watch : callable or None
-        Told each frame that enters the link, and whether it comes from the client; what it returns says
-        whether the frame goes on.
+        Called with each frame that enters the link, and whether it comes from the client; it returns whether
+        the frame goes on.
     """
 
     def __init__(
@@ -238,7 +238,7 @@ class FaultyLink:
         return self.simulator.now_s
 
     def step(self, duration_s: float = 0.02) -> None:
-        """Advance the simulator, after giving it what has arrived by now."""
+        """Advance the simulator, after giving it the frames that have arrived."""
         if self._schedule is not None:
             self.faults = self._schedule.faults_at(self.now_s)
             self.is_up = not self._schedule.is_cut(self.now_s)
@@ -249,7 +249,7 @@ class FaultyLink:
             self._down.put(self.now_s, data, self.faults)
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the client; they arrive when and if they do."""
+        """Take bytes from the client; they arrive later, if at all."""
         data = self._watched(data, True)
         if data and self.is_up:
             self._up.put(self.now_s, data, self.faults)
@@ -297,7 +297,7 @@ class OtherUploader:
         self._send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
 
     def step(self) -> None:
-        """Answer what the autopilot has asked since."""
+        """Answer the autopilot's requests since the last call."""
         for message in self._mav.parse_buffer(self._channel.take()) or []:
             kind = message.get_type()
             if kind == "MISSION_ACK" and message.target_system == self.SYSTEM:

@@ -1,4 +1,4 @@
-"""The measures of a simulated flight, from the true paths: what threatened it, for how long and how much."""
+"""Measures of a simulated flight from the true paths: what threatened it, how long and how much."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Measures = dict[str, float]
 
 @dataclass(frozen=True, slots=True)
 class FlightMeasures:
-    """What the threats of a flight were to it.
+    """The encounters of a flight with its threats.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class FlightMeasures:
 
     @property
     def num_threatening(self) -> int:
-        """Of how many dynamic threats the aircraft was in reach and in sight."""
+        """Number of dynamic threats that had the aircraft in reach and in sight."""
         return sum(len(entry.in_sight_s) > 0 for entry in self.dynamic_threats)
 
     def over_all(self) -> Measures:
@@ -61,7 +61,7 @@ class FlightMeasures:
 def of_dynamic_threats(encounters: Sequence[Encounter]) -> Measures:
     """The measures of one or several dynamic threats: seconds in which any of them, and the nearest approach.
 
-    Of what never was the value is infinite.
+    Values of events that never happened are infinite.
     """
     in_sight = joined(*(entry.in_sight_s for entry in encounters))
     known = [entry.closest for entry in encounters if entry.closest is not None]
@@ -85,9 +85,9 @@ def measured(truth: Truth, threats: Sequence[DynamicThreat], radars: Sequence[Ra
     truth : Truth
         What really happened.
     threats : sequence of DynamicThreat
-        As the mission file has them; told by their names, at their height.
+        The mission file's threats, found by their names, at their heights.
     radars : sequence of Radar
-        As the mission file has them, whether or not they were sensed.
+        The mission file's radars, whether or not they were sensed.
     """
     flown, masks = np.array(truth.path), Masks(truth.obstacles)
     moving = []

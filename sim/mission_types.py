@@ -1,4 +1,4 @@
-"""What both autopilots' mission lists are told apart by; apart from the companion's own words for it."""
+"""Kinds and results of both autopilots' mission lists, independent of the companion's types."""
 
 from __future__ import annotations
 

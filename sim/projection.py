@@ -1,4 +1,4 @@
-"""The local frame's projection at the price of a polynomial.
+"""The local frame's projection, approximated by polynomials.
 
 The simulator converts positions some hundred times a simulated second, far too often for a
 general projection library. Within the flying area two cubic polynomials do the same to the
@@ -38,7 +38,7 @@ class FastProjection:
     Parameters
     ----------
     frame : LocalFrame
-        What is to be matched, to 5 cm within 20 km of its origin.
+        Frame to approximate, to 5 cm within 20 km of its origin.
 
     Raises
     ------

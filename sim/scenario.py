@@ -1,4 +1,4 @@
-"""From a mission file to everything the simulator is made of."""
+"""From a mission file to the parts of the simulator."""
 
 from __future__ import annotations
 

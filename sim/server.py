@@ -46,7 +46,7 @@ class _Clients:
         self._simulator.receive_on(channel, data)
 
     def flush(self) -> None:
-        self._simulator.take_outgoing()  # nobody is on the simulator's own channel
+        self._simulator.take_outgoing()  # The simulator's own channel has no client.
         for channel, send in list(self._senders.items()):
             data = channel.take()
             if data:
@@ -74,7 +74,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._clients.receive(self._channel(key), data)
 
     def error_received(self, exc: Exception) -> None:
-        """Take no notice: whoever is not there yet may come."""
+        """Ignore the error: the other side may start later."""
 
     def _channel(self, address: Address) -> Channel:
         channel = self._channels.get(address)
@@ -105,7 +105,7 @@ async def _serve_stream(
         while data := await reader.read(_RECEIVE_BYTES):
             clients.receive(channel, data)
     except (ConnectionError, asyncio.CancelledError):
-        pass  # cancelled when all is over: Python 3.11's streams print a traceback of a task that says so
+        pass  # Cancelled at the end: Python 3.11's streams would print a traceback.
     finally:
         clients.remove(channel)
         writer.close()
@@ -160,18 +160,18 @@ async def _listening(clients: _Clients, url: str) -> AsyncIterator[None]:
 async def serve(
     simulator: Simulator, url: str, speed: float = 1.0, until: Callable[[], bool] | None = None
 ) -> None:
-    """Fly in step with the clock, and let clients come and go.
+    """Fly in step with the clock, while clients connect and leave.
 
     Parameters
     ----------
     simulator : Simulator
-        What flies.
+        The simulator.
     url : str
         Address to listen on.
     speed : float
-        Simulated seconds a second. Where the computer cannot keep up, it flies as fast as it can.
+        Simulated seconds for each second. If the computer cannot keep up, it flies as fast as it can.
     until : callable, optional
-        Asked after every step whether to end.
+        Called after every step; True ends the flight.
 
     Raises
     ------

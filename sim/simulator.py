@@ -25,20 +25,20 @@ _ENDLESS = frozenset({Command.NAV_LOITER_UNLIM, Command.NAV_RETURN_TO_LAUNCH, Co
 
 
 class Simulator:
-    """A flight in the making.
+    """A simulated flight.
 
     Parameters
     ----------
     mission : MissionConfig
-        Mission that says where it starts, in which weather, among which obstacles and threats.
+        Mission with the start, the weather, the obstacles and the threats.
     seed : int
         Seed of all randomness: turbulence, sensors, tracks.
     dialect : Dialect
-        Which autopilot flies.
+        The autopilot.
     on_ground : bool
-        Whether it begins on the ground, disarmed and without a mission.
+        Whether the flight begins on the ground, disarmed and without a mission.
     route_enu_m : tuple of (float, float, float)
-        Places that the operator's mission leads over [m]; none for a circle near the start.
+        Waypoints of the operator's mission [m]; empty for a circle near the start.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Simulator:
         return self._now_us * 1e-6
 
     def step(self, duration_s: float = 0.02) -> None:
-        """Advance; in turns of 20 ms at most, in which the autopilot acts once."""
+        """Advance in turns of at most 20 ms; the autopilot acts once in each."""
         end_us = self._now_us + round(duration_s * 1e6)
         while self._now_us < end_us:
             self._now_us = min(end_us, self._now_us + _TURN_US)
@@ -128,7 +128,7 @@ class Simulator:
         scenario.tracks.update(self._now_us)
 
     def _record(self) -> None:
-        """Drive the threats on, and write down where everything is."""
+        """Move the threats, and record all positions."""
         scenario = self._scenario
         self._next_record_us += PERIOD_US
         state = scenario.dynamics.state
@@ -145,7 +145,7 @@ class Simulator:
             self.truth.record_threat(self.now_s, name, pursuer.position)
 
     def _mission_ahead(self) -> tuple[tuple[float, float], ...]:
-        """East and north of what the autopilot is going to fly over, up to where it stays."""
+        """East and north of the autopilot's remaining waypoints, up to where it stays."""
         autopilot = self.autopilot
         key = (autopilot.mission_revision, autopilot.current_sequence, autopilot.mode)
         target = autopilot.telemetry.target

@@ -55,19 +55,19 @@ class Flight:
     speed : float
         Simulated seconds a second.
     turn_timeout_s : float
-        How long MAVSDK is waited for, by the computer's clock.
+        Longest wait for MAVSDK, by the computer's clock.
     mission_text : str
         The mission file, for the recording.
     on_ground : bool
         Whether it begins on the ground, disarmed and without a mission.
     route_enu_m : tuple of (float, float, float)
-        Places that the operator's mission leads over [m]; replanning is switched off then. Where there are
-        none, the service says what is flown.
+        Waypoints of the operator's mission [m]; with them replanning is switched off. Without any, the
+        service decides what is flown.
 
     Attributes
     ----------
     wire : Simulator or FaultyLink
-        What the service's bytes go to; a bad link may be put in the simulator's place.
+        Receiver of the service's bytes; a faulty link may replace the simulator.
     """
 
     mission: MissionConfig
@@ -101,7 +101,7 @@ class Flight:
 
     @property
     def limit_s(self) -> float:
-        """When the flight counts as failed: three times the straight way, and two minutes."""
+        """Time limit of the flight: three times that of the straight line, and two minutes."""
         points = [(self.mission.start.east_m, self.mission.start.north_m)]
         points += [(goal.east_m, goal.north_m) for goal in self.mission.goals]
         way = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
@@ -116,7 +116,7 @@ class Flight:
         return bool(away.min() <= goal.acceptance_radius_m)
 
     async def fly(self, on_step: Callable[[Flight], None] | None = None) -> None:
-        """Fly until the goal is reached, something is hit, or the limit passes.
+        """Fly until the goal is reached, something is hit, or the time limit has passed.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class Flight:
             self.recorder.close()
 
     def _has_arrived(self) -> bool:
-        """Return whether the service says so, or, where the mission is not the service's, the truth."""
+        """Return whether the goal is reached, by the service or, if that does not plan, by the truth."""
         if not self.route_enu_m:
             return self.app.mode is Mode.ARRIVED
         goal, here = self.mission.goals[-1], self.simulator.truth.path[-1]
@@ -168,12 +168,12 @@ class Flight:
             await running
 
     def measures(self) -> FlightMeasures:
-        """What the threats were to it, by the true paths."""
+        """The encounters with the threats, by the true paths."""
         mission = self.mission
         return measured(self.simulator.truth, mission.dynamic_threat_list, mission.radar_list)
 
     def summary(self) -> dict[str, float | int | bool | str]:
-        """The measures of ``sitl --json``, but for the paths and single threats; infinite what never was."""
+        """Measures of ``sitl --json`` without paths and single threats; infinite if never happened."""
         truth, recorder, measures = self.simulator.truth, self.recorder, self.measures()
         plan_ms = np.array(recorder.plan_ms or [math.nan])
         latency = np.array(recorder.track_to_mission_ms or [math.nan])
@@ -201,10 +201,10 @@ class Flight:
         }
 
     def document(self) -> dict[str, object]:
-        """The JSON of ``companion sitl``: measures by name, and the true paths; null what never was."""
+        """The JSON of ``companion sitl``: measures by name, and the true paths; null if never happened."""
         flat = _finite(self.summary())
         del flat["mission"], flat["seed"]
-        flat["min_dt_distance_m"] = flat["miss_distance_m"]  # its older name
+        flat["min_dt_distance_m"] = flat["miss_distance_m"]  # The older name of the measure.
         for name, keys in (("plan_ms", ("median", "p95", "max")), ("track_to_mission_ms", ("median", "p95"))):
             flat[name] = {key: flat.pop(f"{name}_{key}") for key in keys}
         by_name = self.measures().by_name()
@@ -221,7 +221,7 @@ def _rounded(measures: Measures) -> Measures:
 
 
 def _finite(measures: Mapping[str, object]) -> dict[str, object]:
-    """Measures fit for JSON, which knows no infinity."""
+    """Measures fit for JSON, which has no infinity."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in measures.items()

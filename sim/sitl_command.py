@@ -26,7 +26,7 @@ from companion.cli_options import (
 from companion.research.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.types.events import Dialect
 
-if TYPE_CHECKING:  # every command of companion loads this module, and most fly nothing
+if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.
     from sim.sitl import Flight
 
 REFRESH_S = 1.0  # Simulated time between two updates of the live table.
@@ -35,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to ``companion``, and to its campaigns what flies and who pursues."""
+    """Add the command to ``companion``, and the runners of flights and pursuers to its campaigns."""
     app.command("sitl")(sitl)
     offer("anytime", "sim.comparison.anytime_runs:AnytimeRunner")
     offer(FLIGHT, "sim.bench.offline_flight:flown")
@@ -76,7 +76,9 @@ def sitl(
     from sim.sitl import Flight
 
     if not headless and importlib.util.find_spec("matplotlib") is None:
-        raise ModuleNotFoundError(name="matplotlib")  # before the flight; it is loaded after it
+        raise ModuleNotFoundError(
+            name="matplotlib"
+        )  # Raised before the flight, because the report after it needs the package.
 
     config = load_mission(mission)
     require_goals(config, str(mission))
@@ -125,14 +127,14 @@ def sitl(
 
 
 def _pace(speed: float | None, *, has_page: bool) -> float:
-    """Simulated seconds a second: in real time where it is looked at, if nothing is said."""
+    """Simulated seconds for each second: by default real time if the page is shown."""
     if speed is None:
         return 1.0 if has_page else math.inf
     return speed if speed > 0.0 else math.inf
 
 
 def _progress(flight: Flight) -> Table:
-    """The live table: where the flight is and what was decided last."""
+    """The live table: the flight's position and the last decision."""
     table = Table(title=f"{flight.mission.name}, seed {flight.seed}", show_header=False, width=100)
     truth = flight.simulator.truth
     row = truth.path[-1]

@@ -17,12 +17,12 @@ PERIOD_US = 100_000
 
 @dataclass
 class Truth:
-    """Recorded at 10 Hz by the simulator; judged apart from everything that plans.
+    """The truth, recorded at 10 Hz by the simulator, and judged independently of everything that plans.
 
     Parameters
     ----------
     obstacles : tuple of Obstacle
-        What may be hit.
+        Obstacles that the aircraft may hit.
 
     Attributes
     ----------

@@ -1,5 +1,5 @@
-"""Simulated autopilots: what ArduPlane and PX4 make of missions, modes and commands, warts included.
+"""Simulated autopilots: how ArduPlane and PX4 treat missions, modes and commands, peculiarities included.
 
-Speaks MAVLink over channels that are passed in, flies the aircraft of ``sim/vehicle``, and shares only the
-data types of the program under test.
+They speak MAVLink over given channels and fly the aircraft of ``sim/vehicle``. They share only the data types
+of the program under test.
 """

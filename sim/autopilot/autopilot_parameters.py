@@ -1,4 +1,4 @@
-"""The autopilots' parameters: those that mean something here."""
+"""The autopilots' parameters that have an effect in the simulator."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _INT16 = mavlink.MAV_PARAM_TYPE_INT16
 _INT32 = mavlink.MAV_PARAM_TYPE_INT32
 _REAL = mavlink.MAV_PARAM_TYPE_REAL32
 
-# Name: default, type. Defaults are ArduPlane's where the scenario sets no other.
+# Name: default, type. Defaults are ArduPlane's unless the scenario sets others.
 _ARDUPLANE: dict[str, tuple[float, int]] = {
     "ADSB_TYPE": (0, _INT8),
     "AIRSPEED_CRUISE": (22, _REAL),
@@ -54,7 +54,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "WP_LOITER_RAD": (80, _INT16),
     "WP_RADIUS": (50, _INT16),
 }
-# PX4's, with its defaults; where the simulator's own loops read an ArduPlane name, that is given beside it.
+# PX4's, with its defaults; with the ArduPlane name that the simulator's own loops read, if there is one.
 _PX4: dict[str, tuple[float, int]] = {
     "FW_AIRSPD_MAX": (38, _REAL),
     "FW_AIRSPD_MIN": (12, _REAL),
@@ -139,14 +139,14 @@ class Parameters:
             return False
         kind = self._types[name]
         if kind == _INT32:
-            # PX4 sends whole numbers as they lie in memory.
+            # PX4 sends integers bytewise, as they are in memory.
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-        if name not in _READ_ONLY and abs(value) < 1e9:  # NaN is not, either
+        if name not in _READ_ONLY and abs(value) < 1e9:  # NaN is refused, too.
             self._values[name] = value if kind == _REAL else float(round(value))
         return True
 
     def name_of(self, identifier: str | bytes, index: int) -> str | None:
-        """Name asked for by index, or by identifier where the index is -1."""
+        """Name of a requested parameter: by index, or by identifier if the index is -1."""
         if index >= 0:
             return self._names[index] if index < len(self._names) else None
         name = identifier.decode("ascii", "replace") if isinstance(identifier, bytes) else identifier

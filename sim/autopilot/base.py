@@ -22,9 +22,9 @@ from sim.vehicle.control import Flight
 SYSTEM_ID = 1
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1
 _SECOND_US = 1_000_000
-_TOUCHDOWN_M = 1.5  # over ground at which a landing is over
-_ROLL_US = 2 * _SECOND_US  # from arming to the catapult
-_DISARM_US = 20 * _SECOND_US  # armed on the ground for so long it disarms by itself
+_TOUCHDOWN_M = 1.5  # Below this height above ground a landing is finished.
+_ROLL_US = 2 * _SECOND_US  # Time from arming to the catapult.
+_DISARM_US = 20 * _SECOND_US  # After so long armed on the ground it disarms by itself.
 _INTERVAL_MAX_US = 2**31 - 1
 _PARAMETERS_A_TURN = 5
 _TEXT_LENGTH = 50
@@ -74,7 +74,7 @@ class Autopilot(ABC):
     Parameters
     ----------
     flight : Flight
-        What it flies.
+        The aircraft's flight.
     projection : FastProjection
         Between local metres and degrees.
     parameters : Parameters
@@ -83,7 +83,7 @@ class Autopilot(ABC):
         Home position.
     """
 
-    # Message ids a client gets at 1 Hz without asking.
+    # Ids of messages that a client gets at 1 Hz without a request.
     default_streams: tuple[int, ...] = ()
 
     def __init__(
@@ -188,14 +188,14 @@ class Autopilot(ABC):
         self._wanted_parameters.pop(channel, None)
 
     def reboot(self) -> None:
-        """Start anew: time since boot from zero, stream rates as by default, whatever was asked forgotten."""
+        """Restart: time since boot is zero, stream rates are the defaults, requests are forgotten."""
         self.telemetry.boot_us = self.now_us
         self._wanted_parameters.clear()
         for channel in self.channels:
             self._reset_streams(channel)
 
     def relay_traffic(self, report: Message, source: tuple[int, int]) -> None:
-        """Pass on ADSB_VEHICLE of a source (system and component id) that all links hear."""
+        """Forward ADSB_VEHICLE of a source (system and component id) to all links."""
         for channel in self.channels:
             channel.send_as(report, *source)
 
@@ -264,7 +264,7 @@ class Autopilot(ABC):
         }
 
     def _route(self, source: Channel, message: Message, target: int) -> None:
-        """Pass on what is for everybody, or for a system heard on another channel."""
+        """Forward messages for everybody, or for a system on another channel."""
         for channel in self.channels:
             if (
                 channel is not source

@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-Message = Any  # pymavlink generates its message classes without a usable common type
+Message = Any  # pymavlink's generated message classes have no usable common type.
 
 
 @dataclass(slots=True)
@@ -25,12 +25,12 @@ class Channel:
     Parameters
     ----------
     system_id, component_id : int
-        The autopilot's own.
+        The autopilot's ids.
 
     Attributes
     ----------
     systems_seen : set of int
-        System ids heard on it, to which targeted messages may be forwarded.
+        System ids seen on the channel, to which targeted messages are forwarded.
     streams : dict
         Message id to :class:`Stream`.
     num_dropped : int
@@ -67,7 +67,7 @@ class Channel:
             messages.append(message)
 
     def use_signing(self, key: bytes, link_id: int = 0, time: int = 0) -> None:
-        """Sign what is sent and believe signed frames only, from now on.
+        """Sign sent frames and accept signed frames only, from now on.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Extended:
     Parameters
     ----------
     message : Message
-        Without them.
+        The message without them.
     extension : bytes
         The rest of the payload.
     """

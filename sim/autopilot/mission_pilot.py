@@ -1,4 +1,4 @@
-"""Flying mission items: what all autopilots here do alike once an item is begun."""
+"""Flying of mission items, which all autopilots here do alike once an item has begun."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LOITERS = (17, 18, 19, 31)
 
 
 class MissionPilot(Autopilot):
-    """Turns items into steering, and tells when they are done.
+    """Turns items into steering, and decides when they are done.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class MissionPilot(Autopilot):
         """Return whether a navigation item is done."""
         steering = self.flight.steering
         if item.command == Command.NAV_LAND:
-            return False  # until it is on the ground, which ends the flight
+            return False  # A landing is done on the ground, which ends the flight.
         if item.command == Command.NAV_TAKEOFF:
             is_waiting = self.now_us - self._begun_us < 100_000
             return not is_waiting and self.flight.estimate.up_m >= self._position(item)[2] - 2.0

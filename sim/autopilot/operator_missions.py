@@ -1,4 +1,4 @@
-"""What the operator's mission is at a flight's start: a circle near the start, and a way back to land."""
+"""The operator's mission at a flight's start: a circle near the start, and a landing."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ Place = tuple[float, float, float]
 _AHEAD_M = (400.0, 300.0, 200.0, 500.0)
 _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
 _MARGIN_M = 40.0
-_OVERSHOOT_M = 40.0  # a circle entered from its centre is first flown that much wider
+_OVERSHOOT_M = 40.0  # A circle that is entered from its centre is flown this much wider at first.
 _HEIGHT_MARGIN_M = 20.0
-_BEYOND_M = 500.0  # behind the last goal the aircraft still flies straight
-_LANDING_M, _PATTERN_HEIGHT_M = 1000.0, 60.0  # from the landing pattern's circle to the runway, and above it
+_BEYOND_M = 500.0  # The aircraft flies straight for so long behind the last goal.
+_LANDING_M, _PATTERN_HEIGHT_M = (
+    1000.0,
+    60.0,
+)  # The landing pattern's circle: its distance from the runway, and its height.
 
 
 def safe_loiter(
@@ -31,8 +34,7 @@ def safe_loiter(
 ) -> tuple[float, float]:
     """East and north [m] of a circle near the start that can be flown to and round without hitting anything.
 
-    Straight ahead if that is free; else to either side; else, with obstacles everywhere, where they
-    are farthest.
+    The circle lies straight ahead if that is clear, else to one side, else where obstacles are farthest.
     """
     east, north, up = start
     level = [
@@ -59,7 +61,7 @@ def safe_loiter(
 def operator_mission(
     home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
 ) -> list[MissionItem]:
-    """Make what the operator left in the autopilot: home, a waypoint, a loiter there."""
+    """Make the operator's mission: home, a waypoint, and a loiter there."""
     latitude, longitude = projection.degrees(*centre)
     place = (round(latitude * 1e7), round(longitude * 1e7), height_m)
     frame = MavFrame.GLOBAL_RELATIVE_ALT
@@ -73,7 +75,7 @@ def operator_mission(
 def px4_operator_mission(
     home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
 ) -> list[MissionItem]:
-    """Make what the operator left in a PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
+    """Make the operator's mission for PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
     relative, nothing = MavFrame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
 
     def place(east: float, north: float, height: float) -> tuple[int, int, float]:

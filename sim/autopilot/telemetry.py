@@ -14,15 +14,15 @@ from sim.projection import FastProjection
 from sim.vehicle.control import Flight
 
 EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
-_SENSORS = 0x0120FC2F  # gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops
-_EKF_FLAGS = 831  # attitude, velocities and positions good, GPS in use
+_SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops.
+_EKF_FLAGS = 831  # Attitude, velocities and positions are good; GPS is in use.
 _UNKNOWN_U16 = 65535
 _IGNORE_ALL_BUT_POSITION = 65016
 
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where home is: local [m], and as the messages carry it."""
+    """Position of home: local [m], and as in messages."""
 
     east_m: float
     north_m: float
@@ -43,9 +43,9 @@ class Telemetry:
     flight : Flight
         Flight whose estimate is reported.
     projection : FastProjection
-        Turns it into degrees.
+        Projection to degrees.
     home : Home
-        Heights are told above it too.
+        Home; messages also have heights above it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""``companion bench``: how fast the service plans and reacts, and how well it knows when it will be where.
+"""``companion bench``: how fast the service plans and reacts, and how well it predicts its arrival.
 
-Flies the service in the simulator, in real time where time is what is measured; changes nothing of either.
+It flies the unchanged service in the simulator, in real time where time is measured.
 """

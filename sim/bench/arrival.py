@@ -1,7 +1,7 @@
-"""How well flights in the wind know when they will be where.
+"""Errors of predicted arrival times in wind.
 
-Every five seconds it is noted where the flown path says that the aircraft will be in 30 s; once the true
-path passes there, by how much it came too late.
+Every five seconds the place where the flown path has the aircraft in 30 s is noted. When the true path passes
+that place, its delay is measured.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SETTLED_S = 20.0
 
 
 class WindyFlight(NamedTuple):
-    """How it ended, ``goal``, ``collision`` or ``flying``, and by how much places were passed late [s]."""
+    """How the flight ended (``goal``, ``collision`` or ``flying``), and the delays of places passed [s]."""
 
     ending: str
     errors_s: list[float]
@@ -43,7 +43,7 @@ def fly_in_wind(
     dialect : Dialect
         Which autopilot flies.
     speed_m_s, from_deg : float
-        The wind, and where it comes from.
+        Wind speed and the direction that the wind comes from.
     seed : int
         Seed of everything random.
     """
@@ -58,14 +58,14 @@ def fly_in_wind(
 
 
 class _StartPrediction:
-    """Where a flight says it will be, and when it is."""
+    """Predicted places and times of a flight."""
 
     def __init__(self) -> None:
         self._expected: list[tuple[float, FloatArray]] = []
         self._next_s = SETTLED_S
 
     def note(self, flight: Flight) -> None:
-        """Note it, after a step of the flight."""
+        """Note the prediction, after a step of the flight."""
         state = flight.app.state
         if flight.now_s < self._next_s or state.flown is None:
             return
@@ -78,7 +78,7 @@ class _StartPrediction:
             self._expected.append((flight.now_s + AHEAD_S, np.array(place)))
 
     def errors_s(self, truth: list[list[float]]) -> list[float]:
-        """By how much later than foreseen each place was passed, of those that were [s]."""
+        """Delay of each place that was passed, against its prediction [s]."""
         rows, found = np.array(truth), []
         for due_s, place in self._expected:
             window = rows[np.abs(rows[:, 0] - due_s) < AHEAD_S]

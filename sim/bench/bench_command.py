@@ -33,14 +33,14 @@ def bench(
     flights: Annotated[int, typer.Option(min=1, help="In real time, of each kind.")] = 5,
     jobs: Annotated[int, typer.Option(min=1, help="Flights at once.")] = 1,
 ) -> None:
-    """Measure reaction in real time, plans, and how well arrival is foreseen in the wind.
+    """Measure reactions in real time, plans, and the prediction of arrival in wind.
 
-    Exits with 1 if a reaction takes longer than is promised, or never comes.
+    Exits with 1 if a median reaction takes longer than promised, or a reaction never comes.
     """
     from sim.bench import bench_figures
 
     files = missions or sorted(Path("mission_configs").glob("paper-*.yaml"))
-    logging.disable(logging.CRITICAL)  # flights of which nothing is of interest but the figures
+    logging.disable(logging.CRITICAL)  # Of these flights only the figures matter.
     console = Console(stderr=json_file is not None and str(json_file) == "-")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with (

@@ -1,4 +1,4 @@
-"""The figures of ``companion bench``: what is measured, case by case, and how cases are put together."""
+"""The figures of ``companion bench``: the measured cases, and their summaries."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ WINDS_M_S, WINDS_FROM_DEG = (0, 5, 10, 14), (0, 135, 270)
 PLANS = 20
 
 Values = dict[str, float]
-Reaction = tuple[str, Dialect, int]  # what changes, the autopilot, the seed
-Wind = tuple[Path, Dialect, int, int]  # mission file, autopilot, wind [m/s], where it comes from [deg]
+Reaction = tuple[str, Dialect, int]  # The kind of change, the autopilot, the seed.
+Wind = tuple[
+    Path, Dialect, int, int
+]  # Mission file, autopilot, wind [m/s], direction that it comes from [deg].
 
 
 def quantiles(values: Iterable[float], unit: str = "") -> Values:
@@ -32,12 +34,12 @@ def quantiles(values: Iterable[float], unit: str = "") -> Values:
 
 
 def reactions(flights: int) -> list[Reaction]:
-    """So many flights of each kind."""
+    """A number of flights of each kind."""
     return list(itertools.product(CHANGES, Dialect, range(1, flights + 1)))
 
 
 def react(case: Reaction) -> float:
-    """How long the answer took [s]; see :func:`sim.bench.reaction.reaction_s`."""
+    """Time until the answer [s]; see :func:`sim.bench.reaction.reaction_s`."""
     return reaction_s(*case)
 
 
@@ -67,7 +69,7 @@ def winds(files: Sequence[Path]) -> list[Wind]:
 
 
 def arrive(case: Wind) -> list[float]:
-    """By how much arrival 30 s ahead was off in a flight [s]."""
+    """Errors of arrival predicted 30 s ahead in a flight [s]."""
     file, dialect, speed, direction = case
     return fly_in_wind(load_mission(file), dialect, speed, direction, 1).errors_s
 
@@ -81,7 +83,7 @@ def by_wind(cases: Sequence[Wind], errors_s: Sequence[Sequence[float]]) -> dict[
 
 
 def finite(document: object) -> object:
-    """The document with None for numbers that JSON does not know."""
+    """The document with None in place of infinite numbers and NaN."""
     if isinstance(document, dict):
         return {key: finite(value) for key, value in document.items()}
     return None if isinstance(document, float) and not math.isfinite(document) else document

@@ -24,7 +24,7 @@ PATHS = ("true_path", "dt_path", "dt_paths")
 
 
 class FlightRunner:
-    """Flies a campaign's flights, each with its method in the mission's place.
+    """Flies a campaign's flights, each with its method instead of the mission's.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class FlightRunner:
 
     def __init__(self, campaign: Campaign, known: dict[str, str]) -> None:
         del known
-        # Its simulator is an extra, and what drives threats against plans does without.
+        # The simulator is an extra; driving threats against plans works without it.
         from sim.bench.flown_runs import flight_of  # noqa: PLC0415
 
         self._campaign, self._flight_of = campaign, flight_of
@@ -77,7 +77,7 @@ def _flat(key: str, value: object) -> dict[str, Scalar | None]:
 
 
 def driven(mission: MissionConfig, path: Path) -> list[FloatArray]:
-    """Drive the mission's moving threats against a path that they know.
+    """Drive the mission's moving threats against a path that they know in full.
 
     Parameters
     ----------

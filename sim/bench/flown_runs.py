@@ -1,4 +1,4 @@
-"""Flights of a campaign: what those that never replan fly over, and the link that all have."""
+"""Flights of a campaign: the route of methods that never replan, and the link of all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def flight_of(mission: MissionConfig, run: Run, dialect: Dialect, faults: LinkFa
     Raises
     ------
     CompanionError
-        If it is to fly by an offline plan, and none reaches the goal.
+        If it should fly an offline plan, and none reaches the goal.
     """
     flight = Flight(mission, run.seed, dialect=dialect, route_enu_m=route_of(mission, run, dialect))
     if not faults.is_none:
@@ -30,7 +30,7 @@ def flight_of(mission: MissionConfig, run: Run, dialect: Dialect, faults: LinkFa
 
 
 def route_of(mission: MissionConfig, run: Run, dialect: Dialect) -> tuple[Place, ...]:
-    """Places that a method flies over from the start to the goal [m]; none where it replans.
+    """Waypoints of a method from the start to the goal [m]; empty if it replans.
 
     Raises
     ------

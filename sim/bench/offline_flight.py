@@ -29,5 +29,5 @@ def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:
     asyncio.run(flight.fly())
     document = flight.document()
     for name in ("true_path", "dt_path", "dt_paths"):
-        del document[name]  # the record has them
+        del document[name]  # The record has these.
     return Flown(mission, document, record_of(flight))

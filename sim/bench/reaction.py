@@ -1,7 +1,7 @@
-"""How long it takes from what changes the picture to the new mission that is flown, in real time.
+"""Reaction time: from a change of the world to the flight of a new mission, in real time.
 
 The service is a process of its own, as on board, and flies the simulator over TCP. In flight, at a moment
-that has nothing to do with its plans, a vehicle on the ground pops up 600 m ahead, an aircraft that flew
+that is independent of its plans, a vehicle on the ground appears 600 m ahead, an aircraft that flew
 beside ours turns towards it, or a fence is put across the path. A known vehicle on the ground that turns is
 no surprise: each plan assumes that it may. The clock stops when the autopilot steers for a place that was in
 none of its items before, nor in an upload that was under way.
@@ -65,9 +65,9 @@ Place = tuple[float, float]
 
 @dataclass
 class _Reaction:
-    """One flight: lets happen what changes the picture, and takes the time.
+    """One flight: it changes the world, and measures the time.
 
-    ``wait_s`` after the first mission is flown it happens; ``took_s`` is infinite until it is answered.
+    The change comes ``wait_s`` after the first mission is flown; ``took_s`` is infinite until the answer.
     """
 
     simulator: Simulator
@@ -109,7 +109,7 @@ class _Reaction:
         return {(item.latitude_e7, item.longitude_e7) for item in self.simulator.autopilot.mission_items}
 
     def _flies_anew(self) -> bool:
-        """Return whether an item is flown that was in no list before."""
+        """Return whether the autopilot flies an item that was in no list before."""
         items, current = self.simulator.autopilot.mission_items, self.simulator.autopilot.current_sequence
         if current >= len(items):
             return False
@@ -133,7 +133,7 @@ class _Reaction:
             self._fence(self._beside(AHEAD_M, 0.0))
         elif self.change == "pop_up":
             self._vehicle = self._beside(AHEAD_M, 0.0)
-        self._due_s = -math.inf  # seen at once
+        self._due_s = -math.inf  # The vehicle is reported at once.
 
     def _report(self, now_s: float) -> None:
         """A surveillance source reports the vehicle, if there is one."""
@@ -185,12 +185,12 @@ class _Reaction:
 
 
 def reaction_in(simulator: Simulator, change: str, seed: int) -> _Reaction:
-    """What happens in a flight, at a moment that has nothing to do with the service's plans."""
+    """The change in a flight, at a moment that is independent of the service's plans."""
     return _Reaction(simulator, change, SETTLED_S + 15.0 * (0.618034 * seed % 1.0))
 
 
 def reaction_s(change: str, dialect: Dialect, seed: int) -> float:
-    """Fly once, in real time; how long the answer took [s], infinite where none came.
+    """Fly once, in real time; return the time until the answer [s], infinite if there is none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Planners of others, on our maps: what they need to know of these, and what comes of it.
+"""Planners of other libraries on our maps.
 
-Uses the planner's kernels and nothing of the simulator; each library is loaded by what needs it alone.
+It uses the planner's kernels and nothing of the simulator. Each library is loaded only where it is used.
 """

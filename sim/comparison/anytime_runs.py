@@ -1,7 +1,7 @@
-"""Ours and others' planners on the same maps: how soon there is a path, and what it costs after a while.
+"""Our planner and others on the same maps: time of the first path, and its cost over time.
 
-Moving threats are left out and all radars are known from the start, since others know neither pursuers nor
-sensing horizons. What is found is costed by (9) for all alike, others' paths in steps of τ as ours.
+Moving threats are left out and all radars are known from the start, because other planners know neither
+pursuers nor sensing horizons. Formula (9) gives the cost of all paths, in steps of τ.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ OURS = "rrt-star"  # Method whose weights and limits judge the others: (9) alone
 
 
 class AnytimeRunner:
-    """Makes such runs.
+    """Makes the runs of an anytime campaign.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ class AnytimeRunner:
         edges.cost(here, here)
 
     def outcome(self, run: Run) -> Outcome:
-        """Search, and cost what was found."""
+        """Search, and compute the cost of the paths found."""
         if run.method in ANYTIME_METHODS:
             return self._by_others(run)
         told: dict[str, Scalar | None] = {}
         first_s = None
         judge = _exploration(self._problem(run, OURS))
         problem = self._problem(run, run.method)
-        solve(problem, lambda: True)  # what a method needs besides is loaded at its first plan
+        solve(problem, lambda: True)  # A method's first plan loads its other parts.
         for mark_s in MARKS_S:
             end_s = time.perf_counter() + mark_s
             plan = solve(problem, lambda end=end_s: time.perf_counter() >= end)  # type: ignore[misc]
@@ -96,7 +96,7 @@ class AnytimeRunner:
 
 
 def _exploration(problem: Problem) -> Exploration:
-    """What knows a problem's world and weights; nothing is searched."""
+    """The world and weights of a problem; it is not searched."""
     return Exploration(problem, np.random.default_rng(problem.seed))
 
 

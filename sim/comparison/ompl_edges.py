@@ -1,4 +1,4 @@
-"""Edges between two poses, as others' planners ask for them: whether one can be flown, and its cost by (9).
+"""Edges between two poses for other planners: whether an edge can be flown, and its cost by (9).
 
 An edge is the shortest Dubins path, its height growing evenly along it, in steps of at most what is flown
 in τ. One call of compiled code judges it whole.
@@ -26,7 +26,7 @@ ROWS_MAX = 2_000
 
 
 class EdgeWorld(Struct):
-    """What edges are judged by.
+    """The data by which edges are judged.
 
     ``rows`` receive an edge, ``segments`` (3,) are used up; ``delta`` is δ_q.
     """
@@ -41,7 +41,7 @@ class EdgeWorld(Struct):
 
 @kernel
 def lay(world: EdgeWorld, a: Pose, b: Pose) -> int:
-    """Lay an edge into the world's rows; how many there are, 0 where it is too steep or too long."""
+    """Write an edge into the world's rows; return their number, 0 if it is too steep or too long."""
     limits, segments, rows = world.limits, world.segments, world.rows
     kind = shortest(a[0], a[1], a[3], b[0], b[1], b[3], limits.r_min, segments)
     length = limits.r_min * (segments[0] + segments[1] + segments[2])
@@ -93,12 +93,12 @@ class Edges:
     Parameters
     ----------
     exploration : Exploration
-        It is not searched; its world, limits and weights are used.
+        Its world, limits and weights are used; it is not searched.
 
     Attributes
     ----------
     weight : float
-        What a metre costs by (9).
+        Cost of a metre by (9).
     """
 
     def __init__(self, exploration: Exploration) -> None:
@@ -125,7 +125,7 @@ class Edges:
         Parameters
         ----------
         poses : list of Pose
-            Where the edges meet.
+            Poses at which the edges meet.
         """
         laid = [np.array([[*poses[0], 0.0, self._speed]])]
         for a, b in itertools.pairwise(poses):

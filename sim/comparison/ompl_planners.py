@@ -31,13 +31,16 @@ PLANNERS: dict[str, Callable[[Any], Any]] = {
 }
 GOAL_RING, GOAL_COURSES, RING_SHARE = 8, 8, 0.9
 INTERVAL_S = 0.001  # OMPL asks this often whether to stop.
-SLICE_S, SLICE_SHARE = 0.002, 0.05  # of the search so far: how exactly the first path's time is known
-_Typed = Any  # the bindings have no types
+SLICE_S, SLICE_SHARE = (
+    0.002,
+    0.05,
+)  # Resolution of the first path's time: absolute, and as a share of the search so far.
+_Typed = Any  # The bindings have no types.
 
 
 @dataclass(slots=True)
 class Asked:
-    """How often Python was asked, and how long it took [s]."""
+    """Number of calls of Python, and their time [s]."""
 
     edges: int = 0
     costs: int = 0
@@ -47,16 +50,16 @@ class Asked:
 
 @dataclass(slots=True)
 class Found:
-    """What came of a search.
+    """Result of a search.
 
     Parameters
     ----------
     first_s : float or None
-        When the first path was there [s].
+        Time of the first path [s].
     poses : dict
         By seconds of search: the best path's poses, or None.
     asked : Asked
-        What Python was asked.
+        Calls of Python.
     """
 
     first_s: float | None = None
@@ -145,7 +148,7 @@ def searched(exploration: Exploration, method: str, seed: int, marks_s: tuple[fl
     method : str
         One of :data:`PLANNERS`.
     seed : int
-        Seed of OMPL's numbers; its end is the clock's, so that no two searches are alike.
+        Seed of OMPL's random numbers; the clock ends the search, so that no two searches are alike.
     marks_s : tuple of float
         Rising times of search after which the best path is noted [s]; the last ends it.
     """
@@ -169,7 +172,7 @@ def searched(exploration: Exploration, method: str, seed: int, marks_s: tuple[fl
         while spent_s < mark_s and not (method == "ompl-rrt" and found.first_s is not None):
             began = time.perf_counter()
             slice_s = mark_s - spent_s
-            if found.first_s is None:  # some tell of a path only as a search ends
+            if found.first_s is None:  # Some planners report a path only at the end of a search.
                 slice_s = min(slice_s, max(SLICE_S, SLICE_SHARE * spent_s))
             planner.solve(base.timedPlannerTerminationCondition(slice_s, min(slice_s, INTERVAL_S)))
             spent_s += time.perf_counter() - began

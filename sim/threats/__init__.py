@@ -1,4 +1,4 @@
-"""Moving threats that are simulated: how one drives round obstacles after the aircraft, and is reported.
+"""Simulated moving threats: vehicles that drive around obstacles after the aircraft, and their reports.
 
-It knows the truth, which the program under test never sees but through the reports that are sent.
+They know the truth; the program under test knows only the reports.
 """

@@ -1,4 +1,4 @@
-"""What a surveillance source tells of the dynamic threats: noisy ADSB_VEHICLE reports at 1 Hz."""
+"""A surveillance source: noisy ADSB_VEHICLE reports of the dynamic threats at 1 Hz."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PERIOD_US = 1_000_000
 _POSITION_STD_M = 8.0
 _HEIGHT_STD_M = 3.0
 _VELOCITY_STD_M_S = 1.0
-_FLAGS = 63  # coordinates, altitude, heading, velocity, callsign and squawk are valid
+_FLAGS = 63  # Coordinates, altitude, heading, velocity, callsign and squawk are valid.
 
 
 class TrackSource:

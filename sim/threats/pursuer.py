@@ -19,14 +19,14 @@ _PIVOT_RAD_S = 0.8
 
 @dataclass(frozen=True, slots=True)
 class TargetEstimate:
-    """What the pursuer knows of the aircraft.
+    """The pursuer's knowledge of the aircraft.
 
     Parameters
     ----------
     position : tuple of float
         East, north [m].
     speed_m_s : float
-        Ground speed it counts with.
+        Ground speed that the pursuer assumes.
     route : tuple of tuple of float
         East and north of the mission points still ahead [m].
     revision : int
@@ -42,13 +42,12 @@ class TargetEstimate:
 class Pursuer:
     """A vehicle of limited speed and turn radius that never enters an obstacle.
 
-    Where the turn radius would take it into a wall it stops and comes about on the spot, as a
-    driver shunting does.
+    If its turn radius would lead it into a wall, it stops and turns on the spot.
 
     Parameters
     ----------
     roads : Roads
-        Graph of the ways that it can drive.
+        Graph of the paths that it can drive.
     position : tuple of float
         East and north at which it starts: east, north [m].
     speed_m_s : float
@@ -86,12 +85,12 @@ class Pursuer:
         self._drive(duration_s)
 
     def follow(self, route: tuple[tuple[float, float], ...]) -> None:
-        """Hunt nobody: drive straight from place to place (east, north [m]), and stop at the last."""
+        """Pursue nobody: drive straight from place to place (east, north [m]), and stop at the last."""
         self._way = list(route)
         self._is_hunting = False
 
     def _intercept(self, target: TargetEstimate) -> list[tuple[float, float]]:
-        """Way to the first mission point where it arrives before the aircraft; else the least late one."""
+        """Path to the first mission point that it reaches before the aircraft, else to the least late one."""
         ahead = polyline_points([target.position, *target.route], _SPACING_M)
         flown = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ahead, axis=0).T))])
         is_clear = self._roads.is_clear(ahead)
@@ -105,7 +104,7 @@ class Pursuer:
         driven = np.minimum(direct, lengths)
         if not np.isfinite(driven).any():
             return []
-        # The last point is where the aircraft loiters: it can be waited for there.
+        # The aircraft loiters at the last point, so that the pursuer can wait there.
         late_s = driven / self._speed_max_m_s - arrival_s
         in_time = np.flatnonzero(late_s <= 0.0)
         chosen = int(in_time[0]) if len(in_time) else int(np.argmin(late_s))

@@ -1,4 +1,4 @@
-"""Where a ground vehicle can drive: shortest ways round the obstacles by a visibility graph."""
+"""Paths of a ground vehicle: shortest paths around the obstacles by a visibility graph."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Roads:
     Parameters
     ----------
     obstacles : sequence of Obstacle
-        Those whose base is above two metres are driven under.
+        Obstacles; a vehicle drives under those whose base is above two metres.
     bounds : tuple of float
-        West, south, east, north [m] that are not left.
+        West, south, east, north limits [m].
     clearance_m : float
-        How far ways keep from obstacles.
+        Distance of paths from obstacles.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Roads:
         if len(self.corners) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64)
         first = self.distances(origin, self.corners)
-        if not np.isfinite(first).any():  # within the clearance of a wall: leave it by the nearest corner
+        if not np.isfinite(first).any():  # Within the clearance of a wall: leave by the nearest corner.
             gaps = np.hypot(*(self.corners - origin).T)
             first = np.where(gaps <= gaps.min() + 1e-6, gaps, np.inf)
         totals = first[:, None] + self._lengths

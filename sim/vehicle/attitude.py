@@ -13,7 +13,7 @@ _REFERENCE_SPEED_M_S = 25.0
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """What the autopilot has been tuned to: the figures of ``sim/aircraft/small_uav`` it feeds forward.
+    """The airframe that the autopilot is tuned for: figures of ``sim/aircraft/small_uav``.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ Steering = Leg | Circle | Level
 
 @dataclass(slots=True)
 class NavigationOutput:
-    """What the loops last asked for and how far off they were."""
+    """The loops' last demands and errors."""
 
     bank_rad: float = 0.0
     pitch_rad: float = 0.0
@@ -126,7 +126,7 @@ class Flight:
         self.dynamics.run(FDM_STEPS_A_TICK)
 
     def stand(self, up_m: float) -> None:
-        """Come to rest where the aircraft is, on ground so high [m]."""
+        """Come to rest at the aircraft's place, on ground of a height [m]."""
         self.is_standing = True
         self.dynamics.state = replace(
             self.dynamics.state, up_m=up_m, bank_rad=0.0, pitch_rad=0.0, true_airspeed_m_s=0.0,

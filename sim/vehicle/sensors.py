@@ -1,4 +1,4 @@
-"""What the autopilot's estimator makes of the true state: noise, and a drift that GPS leaves in."""
+"""The autopilot's estimate of the true state: noise, and a drift that GPS does not remove."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Sensors:
     period_s : float
         Time between two calls of :meth:`estimate`.
     accuracy : Accuracy
-        How good the estimator is.
+        Errors of the estimator.
     """
 
     _WIND_TIME_S = 8.0
@@ -97,11 +97,11 @@ class Sensors:
         self._displaced_m = (0.0, 0.0)
 
     def displace(self, east_m: float, north_m: float) -> None:
-        """Have the estimate lie beside the truth by so much more from now on [m]: a receiver gone astray."""
+        """Shift the estimate against the truth from now on [m], as a faulty receiver does."""
         self._displaced_m = east_m, north_m
 
     def estimate(self, true: TrueState) -> Estimate:
-        """Estimate of a state; to be called once a period."""
+        """Estimate a state; to be called once in each period."""
         accuracy = self.accuracy
         n = self._generator.standard_normal(13).tolist()
         drift = self._drift = [

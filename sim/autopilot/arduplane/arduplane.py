@@ -105,7 +105,7 @@ class ArduPlane(MissionPilot):
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: self._switched("LOITER"),
         }
 
-    # --- what the base class asks for
+    # --- interface of the base class
 
     @property
     def mode(self) -> str:
@@ -222,7 +222,7 @@ class ArduPlane(MissionPilot):
             self.runner.resume(restart=False)
 
     def relay_traffic(self, report: Message, source: tuple[int, int]) -> None:
-        """With ADSB_TYPE 1 it swallows reports, and sends them as its own."""
+        """Forward a report; with ADSB_TYPE 1 it is sent as the autopilot's own instead."""
         if self.parameters["ADSB_TYPE"] != 1.0:
             super().relay_traffic(report, source)
             return
@@ -234,7 +234,7 @@ class ArduPlane(MissionPilot):
     # --- modes
 
     def start(self, items: list[MissionItem], mode: str) -> None:
-        """Take off from nowhere: the mission stored, the mode entered."""
+        """Begin in flight, with the mission stored and the mode entered."""
         for item in items:
             self.store.put(MissionKind.MISSION, item)
         self._told_total = len(items)
@@ -306,7 +306,7 @@ class ArduPlane(MissionPilot):
         self.set_mode("RTL")
 
     def _circled_radius(self, radius_m: float) -> float:
-        """Wider with height, by the square of true over equivalent airspeed: the bank stays (measured)."""
+        """Radius of a circle: it grows with the square of true over equivalent airspeed (measured)."""
         state = self.flight.dynamics.state
         ratio = state.true_airspeed_m_s / max(state.equivalent_airspeed_m_s, 1.0)
         return radius_m * max(ratio, 1.0) ** 2
@@ -360,7 +360,7 @@ class ArduPlane(MissionPilot):
         self._has_told_guided = False
 
     def _set_current(self, sequence: int, *, reset_jumps: bool = False) -> bool:
-        previous, self._previous = self._previous, None  # straight from here, not along the old leg
+        previous, self._previous = self._previous, None  # Fly straight from here, not along the old leg.
         done = self.runner.set_current(sequence, reset_jumps=reset_jumps)
         if not done:
             self._previous = previous

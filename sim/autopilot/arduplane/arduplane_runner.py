@@ -26,7 +26,7 @@ class MissionState(IntEnum):
 
 
 class Pilot(Protocol):
-    """Who flies the items."""
+    """The pilot that flies the items."""
 
     def begin(self, item: MissionItem) -> None:
         """Start a navigation item."""
@@ -73,7 +73,7 @@ class MissionRunner:
 
     @property
     def state(self) -> MissionState:
-        """What MISSION_CURRENT says."""
+        """The state in MISSION_CURRENT."""
         if len(self._store.mission) <= 1:
             return MissionState.NO_MISSION
         if self._is_complete:
@@ -121,7 +121,7 @@ class MissionRunner:
         self._is_running = True
         self._is_complete = False
         self.active = None
-        budget = 4 * len(self._store.mission) + 4  # jumps between items that are not flown never end
+        budget = 4 * len(self._store.mission) + 4  # Jumps between items that are not flown would never end.
         while sequence < len(self._store.mission) and budget > 0:
             budget -= 1
             item = self._store.mission[sequence]

@@ -59,7 +59,7 @@ def _stored_parameters(item: MissionItem) -> tuple[float, float, float, float]:
 
 def _stored_altitude_m(altitude_m: float) -> float:
     """Cut to whole centimetres in single precision, so that 80.13 may well become 80.12."""
-    if not abs(altitude_m) <= _ALTITUDE_MAX_M:  # only items without a position get this far with such
+    if not abs(altitude_m) <= _ALTITUDE_MAX_M:  # Only items without a position can have such a height.
         return 0.0
     return int(np.float32(altitude_m) * np.float32(100.0)) / 100.0
 
@@ -70,7 +70,7 @@ class MissionStore:
     Parameters
     ----------
     home : MissionItem
-        What slot 0 of the mission always reads back as.
+        Item that slot 0 of the mission always has.
     """
 
     def __init__(self, home: MissionItem) -> None:
@@ -80,11 +80,11 @@ class MissionStore:
 
     @property
     def mission(self) -> list[MissionItem]:
-        """The mission's items as they stand now; slot 0 is home."""
+        """The mission's items as they are now; slot 0 is home."""
         return self._lists[MissionKind.MISSION]
 
     def items(self, kind: MissionKind) -> list[MissionItem]:
-        """One list as it stands now."""
+        """One list as it is now."""
         return self._lists[kind]
 
     def truncate(self, kind: MissionKind, count: int) -> None:

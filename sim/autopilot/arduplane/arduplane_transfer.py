@@ -33,7 +33,7 @@ _KIND_OF_ALL = 255
 
 @dataclass(slots=True)
 class _Upload:
-    """A transfer under way: who sends, which slots, and when what happened [µs]."""
+    """A running transfer: the sender, the slots, and its times [µs]."""
 
     channel: Channel
     system_id: int
@@ -57,7 +57,7 @@ def item_from_message(message: Message) -> MissionItem:
     is_integer = message.get_type() == "MISSION_ITEM_INT"
     x, y = (message.x, message.y) if is_integer else (message.x * 1e7, message.y * 1e7)
     if not (math.isfinite(x) and math.isfinite(y)):
-        x = y = 2**31 - 1  # out of any range, and refused as that
+        x = y = 2**31 - 1  # Out of any range, so that the item is refused.
     return MissionItem(
         sequence=message.seq,
         command=message.command,
@@ -99,7 +99,7 @@ class MissionTransfer:
         return bool(self._uploads)
 
     def update(self, now_us: int) -> None:
-        """Ask for the items that are due, and give up on those who went silent."""
+        """Request the next items, and end transfers that went silent."""
         self._now_us = now_us
         for kind, upload in list(self._uploads.items()):
             if now_us - upload.heard_us >= _TIMEOUT_US:
@@ -153,7 +153,7 @@ class MissionTransfer:
         )
 
     def _is_taken(self, channel: Channel, message: Message, kind: MissionKind) -> bool:
-        """Refuse whoever comes between an uploader and its list."""
+        """Refuse another sender while a list is being uploaded."""
         upload = self._uploads.get(kind)
         if upload is None or upload.is_from(channel, message):
             return False
@@ -185,7 +185,7 @@ class MissionTransfer:
         self._begin(channel, message, kind, 0, message.count)
 
     def _partial(self, channel: Channel, message: Message, kind: MissionKind) -> None:
-        if kind in self._uploads:  # whoever's it is: a second one is denied, too (measured)
+        if kind in self._uploads:  # A second upload is denied, even of the same sender (measured).
             self._reply(channel, message, int(kind), Verdict.DENIED)
             return
         first, last, count = message.start_index, message.end_index, len(self._store.items(kind))

@@ -42,9 +42,9 @@ _CAPABILITIES = (
 _VERSION_1_17_DEV = 0x01110000
 _NO_MISSION = 65535
 _SECOND_US = 1_000_000
-_CHECK_US = 80_000  # from an upload to the check of it: a mode asked for meanwhile is not entered
+_CHECK_US = 80_000  # Time from an upload to its check; a mode that is requested meanwhile is not entered.
 _REACHED_REPEATS = 10
-_TRAFFIC_FLAGS = 63  # bits 0 to 5 are kept
+_TRAFFIC_FLAGS = 63  # Bits 0 to 5 are kept.
 _FINITE_LIMIT_M = 100_000.0
 
 
@@ -68,7 +68,7 @@ class Px4(MissionPilot):
             mavlink.MAVLINK_MSG_ID_WIND,
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,  # sent once a second, whatever rate is asked for
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,  # Sent once a second, whatever rate is requested.
         ):
             del builders[absent]
         builders[mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS] = self.telemetry.estimator_status
@@ -80,10 +80,10 @@ class Px4(MissionPilot):
         self._transfer = Px4Transfer(self, self.say)
         self._mode = "LOITER"
         self._is_feasible = False
-        self._return_end: Target | None = None  # once the height is reached
+        self._return_end: Target | None = None  # Set when the height is reached.
         self._check_us: int | None = None
         self._tell_us = 0
-        self._reached: tuple[int, int, int] | None = None  # item, times still to tell, when next [µs]
+        self._reached: tuple[int, int, int] | None = None  # Item, remaining repetitions, next time [µs].
         self._stations: set[Channel] = set()
         self._handlers |= dict.fromkeys(self._transfer.messages, self._mission_message)
         self._handlers |= {
@@ -99,7 +99,7 @@ class Px4(MissionPilot):
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._switched("RTL"),
         }
 
-    # --- what the base class asks for
+    # --- interface of the base class
 
     @property
     def mode(self) -> str:
@@ -210,7 +210,7 @@ class Px4(MissionPilot):
         return True
 
     def say(self, severity: int, text: str) -> None:
-        """STATUSTEXT, only to links on which a ground station was heard."""
+        """STATUSTEXT, only to links with a ground station."""
         message = mavlink.MAVLink_statustext_message(severity, text[:50].encode("ascii", "replace"))
         for channel in self.channels:
             if channel in self._stations:
@@ -261,7 +261,7 @@ class Px4(MissionPilot):
     def switch(self, kind: MissionKind, new: StoredList, current: int | None) -> None:
         """Use another list from now on.
 
-        A mission that no item is marked current in keeps the old index, cut to the new length.
+        If no item is marked current, the old index stays, limited to the new length.
         """
         self._lists[kind] = new
         self._revision += 1
@@ -293,7 +293,7 @@ class Px4(MissionPilot):
         return True
 
     def _check(self) -> None:
-        """See whether the new mission can be flown; the old one is gone either way."""
+        """Check whether the new mission can be flown; the old one is gone in any case."""
         self._check_us = None
         requirement = int(self.parameters["MIS_TKO_LAND_REQ"])
         reason = why_infeasible(
@@ -310,7 +310,7 @@ class Px4(MissionPilot):
     # --- modes
 
     def start(self, items: list[MissionItem], mode: str, current: int = 0) -> None:
-        """Take off from nowhere: the mission stored and checked, the mode entered."""
+        """Begin in flight, with the mission stored and checked and the mode entered."""
         self._lists[MissionKind.MISSION] = stored(items)
         self.runner.jump(current)
         self._check()
@@ -332,7 +332,7 @@ class Px4(MissionPilot):
             self.telemetry.target = None
 
     def _begin_return(self, here: tuple[float, float], height_m: float) -> None:
-        """Climb in a circle first; with a rally point in a frame that it does not know it flies off."""
+        """Climb in a circle first; with a rally point in an unknown frame it flies to a wrong place."""
         if self._is_astray():
             self.flight.steering = Level(0.0, height_m)
             return
@@ -352,7 +352,7 @@ class Px4(MissionPilot):
         return (*end[:2], max(height_m, end[2] + self.parameters["RTL_RETURN_ALT"]))
 
     def _return(self) -> None:
-        """Leave for where a return leads, once it has been climbed in a circle."""
+        """Fly to the end of the return, after the climb in a circle."""
         end = self._return_end
         if end is not None and self.flight.estimate.up_m >= end[2] - self.parameters["NAV_FW_ALT_RAD"]:
             self._return_end = None
@@ -371,7 +371,7 @@ class Px4(MissionPilot):
             self._steer_item(item)
 
     def begin_afresh(self) -> None:
-        """Fly to what comes next directly from here, not along the old leg."""
+        """Fly to the next item directly from here, not along the old leg."""
         self._previous = None
 
     def is_airborne(self) -> bool:
@@ -391,7 +391,7 @@ class Px4(MissionPilot):
             self._steer_circle(target[:2], self.parameters["WP_LOITER_RAD"], target[2])
 
     def tell_current(self) -> None:
-        """MISSION_CURRENT out of turn, as the navigator moved on by itself."""
+        """Send MISSION_CURRENT at once, because the navigator has moved on by itself."""
         self.broadcast(self.mission_current())
 
     def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
@@ -430,7 +430,7 @@ class Px4(MissionPilot):
             self._stations.add(channel)
 
     def _traffic_message(self, _channel: Channel, message: Message) -> None:
-        """What a client reports comes back to it; forwarding to the others is the router's."""
+        """Send a client's report back to it; the router forwards it to the others."""
         self._echo(message)
 
     def _echo(self, report: Message) -> None:
@@ -480,7 +480,7 @@ class Px4(MissionPilot):
         return ACCEPTED
 
     def _set_interval(self, request: CommandRequest) -> int:
-        """SET_MESSAGE_INTERVAL; of a message it does not have, or sends in its own time, FAILED."""
+        """SET_MESSAGE_INTERVAL; FAILED for a message that it does not have, or sends at its own rate."""
         if int(request.parameters[0]) not in self.telemetry.builders:
             return FAILED
         return super()._set_interval(request)

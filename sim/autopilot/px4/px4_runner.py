@@ -11,7 +11,7 @@ _FOR_EVER = -1
 
 
 class Navigator(Protocol):
-    """Who flies the items."""
+    """The pilot that flies the items."""
 
     @property
     def mission_items(self) -> tuple[MissionItem, ...]:
@@ -99,7 +99,7 @@ class Px4Runner:
         items = self._navigator.mission_items
         follows = items[self.index + 1] if self.index + 1 < len(items) else None
         if follows is None or is_navigation(follows.command):
-            self._navigator.reached(self.index)  # of a waypoint right before a DO_ item nothing is told
+            self._navigator.reached(self.index)  # For a waypoint right before a DO_ item nothing is reported.
         self._start_from(self.index + 1)
         self._navigator.tell_current()
 
@@ -107,7 +107,7 @@ class Px4Runner:
         """Start the first item from here on that is flown; do what lies before it on the way."""
         items = self._navigator.mission_items
         self._active = None
-        budget = 4 * len(items) + 4  # jumps between items that are not flown never end
+        budget = 4 * len(items) + 4  # Jumps between items that are not flown would never end.
         while sequence < len(items) and budget > 0:
             budget -= 1
             item = items[sequence]

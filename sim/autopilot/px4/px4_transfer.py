@@ -36,7 +36,7 @@ _TARGET_COMPONENTS = (0, 1, 190)
 
 
 class Owner(Protocol):
-    """Who keeps the lists."""
+    """The owner of the lists."""
 
     @property
     def current_item(self) -> int:
@@ -66,7 +66,7 @@ class _State(Enum):
 
 @dataclass(slots=True)
 class _Link:
-    """What is under way on one link, and since when [µs]."""
+    """The transfer on one link, and its times [µs]."""
 
     state: _State = _State.IDLE
     partner: tuple[int, int] = (0, 0)
@@ -121,7 +121,7 @@ class Px4Transfer:
         return any(link.state is _State.RECEIVING for link in self._links.values())
 
     def update(self, now_us: int) -> None:
-        """Ask again for the item that is due, and give up on those who went silent."""
+        """Request the next item again, and end transfers that went silent."""
         self._now_us = now_us
         for channel, link in self._links.items():
             if link.state is _State.IDLE:
@@ -133,7 +133,7 @@ class Px4Transfer:
                 self._ask(channel, link)
 
     def handle(self, channel: Channel, message: Message, now_us: int) -> None:
-        """Answer one message of the protocol; those for other components are not."""
+        """Answer one message of the protocol; ignore messages for other components."""
         self._now_us = now_us
         if message.target_component in _TARGET_COMPONENTS:
             self._handlers[message.get_type()](channel, self._links.setdefault(channel, _Link()), message)
@@ -156,7 +156,7 @@ class Px4Transfer:
         self._owner.forget_reached()
         is_partner = link.partner == _sender(message)
         if link.state is _State.RECEIVING and is_partner and not link.items:
-            link.heard_us = self._now_us  # a repetition; a count that changed is not looked at
+            link.heard_us = self._now_us  # A repetition; a changed count is ignored.
             self._ask(channel, link)
             return
         if link.state is not _State.IDLE or self.is_receiving:
@@ -200,7 +200,7 @@ class Px4Transfer:
             return
         link.items.append(item)
         if item.is_current:
-            link.current = item.sequence  # the last one marked counts
+            link.current = item.sequence  # The last marked item counts.
         if len(link.items) < link.count:
             self._ask(channel, link)
             return
@@ -208,7 +208,7 @@ class Px4Transfer:
         new = stored(link.items)
         if (
             new.identity != self._owner.stored_list(link.kind).identity
-        ):  # the same list again is not even looked at
+        ):  # The same list again is accepted without a transfer.
             self._owner.switch(link.kind, new, link.current)
         self._reply(channel, message, link.kind, Verdict.ACCEPTED, new.identity)
 
