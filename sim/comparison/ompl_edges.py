@@ -93,7 +93,7 @@ class Edges:
     Parameters
     ----------
     exploration : Exploration
-        Its world, limits and weights are used; it is not searched.
+        Exploration whose world, limits and weights are used; it is not searched.
 
     Attributes
     ----------
