@@ -31,6 +31,7 @@ from companion.flight.state.mission_simulation import (
     circle_stretch,
     commanded_airspeed_m_s,
     faults_of,
+    lacking_in_other_winds,
     simulated,
 )
 from companion.flight.state.progress import Start
@@ -265,6 +266,9 @@ def _fitted(
         best = min(tried, key=_rank)
         if not best.violations and not best.faults.short_m:
             break
+    if not best.violations:
+        lacking = lacking_in_other_winds(state, part, best.waypoints)
+        best = best._replace(faults=best.faults.worst(NO_FAULTS._replace(on_circle_m=lacking)))
     finished = replace(
         best.waypoints,
         continues_with_operator_items=is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1]),

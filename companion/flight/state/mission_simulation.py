@@ -10,7 +10,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
-from companion.frames import speed_made_good
+from companion.frames import FloatArray, speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
@@ -26,6 +26,9 @@ DETOUR_MAX_M = 500.0  # A flight over waypoints is longer than their path by les
 GUSTS_M = 3.0  # Turbulence moves an aircraft so far off its track.
 TOUCHING_M = 1.0  # A track that comes nearer to something is not flown.
 BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds, which are no walls, by so much.
+# The wind at a mission's end may differ by so much from the wind now, east and north [m/s].
+OTHER_WINDS_M_S = ((2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
+LAST_S = 15.0  # So long before the circle the flight in other winds begins.
 DEVIATION_TOLERANCE_M = 10.0  # A track that follows its path more closely needs no correction.
 
 
@@ -236,10 +239,9 @@ def simulated(state: FlightState, path: Path, waypoints: Waypoints, *, at_once: 
     radius = abs(waypoints.loiter_radius_m) * guidance.circle_stretch
     lap_s = 2.0 * math.pi * radius / max(waypoints.airspeed_m_s - wind, SLOWEST_M_S)
     slowest = max(min(waypoints.airspeed_m_s, float(path.speeds_m_s[0])) - wind, SLOWEST_M_S)
-    centre = waypoints.loiter_centre_enu_m
     track = track_of_legs(
         guidance, at_row(path, state.wind_enu_m_s), waypoints.positions_enu_m,
-        loiter=None if centre is None else (centre, waypoints.loiter_radius_m),
+        loiter=_circle_of(waypoints),
         ends_s=(float(waypoints.distances_m[-1]) + DETOUR_MAX_M) / slowest + lap_s, step_s=STEP_S,
     )  # fmt: skip
     at_circle = int(np.searchsorted(track.reached, len(waypoints.positions_enu_m)))
@@ -291,3 +293,47 @@ def faults_of(
         deviation_m=max(0.0, deviation - DEVIATION_TOLERANCE_M),
     )
     return faults, tuple(forbidden)
+
+
+def lacking_in_other_winds(state: FlightState, part: Path, waypoints: Waypoints) -> float:
+    """By how much the circle at a mission's end lacks the hard margin in winds like the present one [m].
+
+    A circle that the last leg does not touch is entered in a turn that the wind changes much.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's guidance, and the wind now.
+    part : Path
+        The part of the path that the mission covers.
+    waypoints : Waypoints
+        The mission.
+    """
+    checker, num = state.rules.checker, len(waypoints.positions_enu_m)
+    margin, lacking = checker.limits.margin_m, 0.0
+    track = simulated(state, part, waypoints)
+    begin = max(int(np.searchsorted(track.reached, num)) - round(LAST_S / STEP_S), 0)
+    number, lap = int(track.reached[begin]), len(track) - begin
+    (east, north, up), course = track.positions_enu_m[begin].tolist(), float(track.courses_rad[begin])
+    for wind in OTHER_WINDS_M_S:
+        blown = state.wind_enu_m_s[0] + wind[0], state.wind_enu_m_s[1] + wind[1]
+        own = Ownship(
+            0.0, (east, north, up), course, 0.0, waypoints.airspeed_m_s,
+            speed_made_good(course, waypoints.airspeed_m_s, blown), blown,
+            bank_rad=float(track.banks_rad[begin]),
+        )  # fmt: skip
+        other = track_of_legs(
+            guidance_of(state), own, waypoints.positions_enu_m[number:],
+            before_enu_m=waypoints.positions_enu_m[number - 1] if number > 0 else None,
+            loiter=_circle_of(waypoints), ends_s=lap * STEP_S, step_s=STEP_S,
+        )  # fmt: skip
+        found = checker.check_track(other.positions_enu_m, margin, may_come_back=True)
+        near = [entry.value for entry in found if entry.rule == "clearance"]
+        lacking = max(lacking, margin - min(near, default=margin))
+    return lacking
+
+
+def _circle_of(waypoints: Waypoints) -> tuple[FloatArray, float] | None:
+    """Centre (3,) [m] and signed radius [m] of the circle at a mission's end, if it has one."""
+    centre = waypoints.loiter_centre_enu_m
+    return None if centre is None else (centre, waypoints.loiter_radius_m)
