@@ -75,6 +75,8 @@ def test_the_judge_flies_at_the_airspeed_that_is_commanded(course_deg):
     [
         ("paper-2d", Dialect.ARDUPILOT, 5),
         ("paper-3d", Dialect.PX4, 5),
+        # A circle moved over the last waypoint: entered from inside, it swung into a wall in another wind.
+        ("paper-2d", Dialect.ARDUPILOT, 1161),
         pytest.param("paper-2d", Dialect.PX4, 5, marks=pytest.mark.slow),
         pytest.param("paper-3d", Dialect.ARDUPILOT, 5, marks=pytest.mark.slow),
         # Circles moved into the bounds: ways into them once led out of these, and into an obstacle.
