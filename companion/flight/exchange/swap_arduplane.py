@@ -20,7 +20,7 @@ from companion.flight.state.list_state import (
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, two_bank_layout_of
 from companion.mission.operator import Operator, banks_in, without_banks
-from companion.mission.swap import NO_WAY_IN, MissionLink, SwapOutcome, enter
+from companion.mission.swap import NO_SAFE_ENTRY, MissionLink, SwapOutcome, enter
 from companion.types.mission import Mission, MissionItem
 
 LATE_S = 2.0  # that a jump asked for again may be late: a link that does not answer may be a slow one
@@ -65,7 +65,7 @@ class ArduPlaneSwap:
         if current is not None and first <= current.sequence < end:
             return SwapOutcome.REFUSED, f"item {current.sequence} is flown, in the bank to be written"
         if not self._parts.may_be_entered(order):
-            return NO_WAY_IN
+            return NO_SAFE_ENTRY
         if begun_s - flight.listed.read_s > FRESH_S:
             try:
                 read = await self._parts.read()

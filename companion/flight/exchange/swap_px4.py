@@ -20,7 +20,7 @@ from companion.mission.list_layout import Layout, SingleListLayout, marked, sing
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator, span_in, without_span
 from companion.mission.swap import (
-    NO_WAY_IN,
+    NO_SAFE_ENTRY,
     MissionLink,
     SwapOutcome,
     enter,
@@ -72,7 +72,7 @@ class Px4Swap:
         flight, link, clock = self._parts.flight, self._parts.link, self._parts.clock
         mission = order.flown.mission
         if not self._parts.may_be_entered(order):
-            return NO_WAY_IN
+            return NO_SAFE_ENTRY
         lasts_s = flight.listed.sending_s(mission)
         await self._parts.until_due(order, lasts_s)
         if flight.listed.suspected:
