@@ -1,8 +1,8 @@
-"""Where a mission is entered: a waypoint ahead to which, and past which, the aircraft flies without harm.
+"""The waypoint at which a mission is entered: ahead of the aircraft, with a clear track to it and past it.
 
-The way there is the one that this aircraft flies under its autopilot's guidance, from the bank it has, in
-the wind there is (:mod:`companion.world.vehicle.guidance`), until it is established on the path. A few others
-are looked at that it might as well fly: a moment later, banked otherwise, beside its place, in another wind.
+The track is simulated with the autopilot's guidance (:mod:`companion.world.vehicle.guidance`), from the
+aircraft's present bank and in the present wind, until the aircraft is established on the path. Variations are
+simulated as well: a moment later, with another bank, beside the estimated position, and in another wind.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from companion.types.path import Path
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_legs
 
-ENTRY_ROWS = 8  # of a new path in which the aircraft is looked for when it is entered
-AHEAD_MIN_M = 30.0  # of the aircraft, along the path: a nearer waypoint counts as passed
-AHEAD_MORE_M = 120.0  # beyond which no further waypoint is tried in place of the first
-BEHIND_RAD = math.radians(110.0)  # off the course a waypoint lies behind
-BY_MOTION_S = 2.0  # the present turn is believed to go on for so long; the path's start is, for longer
-LONGEST_S = 60.0  # of a way that is looked at
-MARGIN_SHARE = 0.9  # of clearance_min_m, kept by the way that is expected
-FAN_MARGIN_SHARE = 0.4  # of the same, kept by those that are less likely
-LATER_S = 0.5
-OTHERWISE_RAD = math.radians(6.0)  # of bank
-BESIDE_M = 4.0
-OTHER_WIND_M_S = 1.5
-LOWER_M, CLIMBS_LESS = 4.0, 0.4
+ENTRY_ROWS = 8  # The aircraft is searched in this many rows from the start of a new path.
+AHEAD_MIN_M = 30.0  # A waypoint nearer than this along the path counts as passed.
+AHEAD_MORE_M = 120.0  # Later waypoints than the first are tried up to this distance beyond it.
+BEHIND_RAD = math.radians(110.0)  # A waypoint at a larger angle off the course is behind the aircraft.
+BY_MOTION_S = 2.0  # The present turn predicts the aircraft this long; beyond, the path's start does.
+LONGEST_S = 60.0  # At most this much flight is simulated.
+MARGIN_SHARE = 0.9  # The expected track keeps this share of clearance_min_m.
+FAN_MARGIN_SHARE = 0.4  # The variations keep this share of clearance_min_m.
+LATER_S = 0.5  # Variation of the time at which the aircraft turns to the mission.
+OTHERWISE_RAD = math.radians(6.0)  # Variation of the bank.
+BESIDE_M = 4.0  # Variation of the position to either side.
+OTHER_WIND_M_S = 1.5  # Variation of the wind to either side.
+LOWER_M, CLIMBS_LESS = 4.0, 0.4  # Variation of the height, and the share of the climb rate then.
+# Variations of the roll's time constant and of the roll rate, as factors.
 ROLLS_LESS, ROLLS_SLOWER = 1.6, 0.7
-STEERS_SOONER = 0.8
-STEP_S = 0.5
+STEERS_SOONER = 0.8  # Variation of the guidance's period, as a factor.
+STEP_S = 0.5  # Time between two rows of a simulated track.
 
 
 def entry_of(
@@ -51,24 +52,25 @@ def entry_of(
     *,
     number: int | None = None,
 ) -> int | None:
-    """Number of a waypoint that lies ahead and is flown to without harm, the turns at it included.
+    """Return the number of a waypoint that the aircraft can enter safely; None if there is none.
 
-    None where none is. An upload may have lasted, and the aircraft have turned away meanwhile.
+    The waypoint is ahead, and the track to it and through the turns after it is clear. None is possible
+    because the aircraft may have turned away during an upload.
 
     Parameters
     ----------
     state : FlightState
-        Rules, and how the autopilot flies.
+        The rules, and the autopilot's guidance.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     path : Path
-        What is to be flown.
+        The path to be flown.
     waypoints : Waypoints
-        What the mission carries of it.
+        The mission's waypoints.
     in_s : float
-        How long the aircraft still flies on before it is sent there [s].
+        Time until the aircraft is sent to the waypoint [s].
     number : int, optional
-        The only waypoint asked for; left out, the first is chosen that will do.
+        The only waypoint to be tested; if omitted, the first safe one is returned.
     """
     there = _moved_on(ownship, path, in_s)
     here = distance_along(path, progress_on(path, there.position_enu_m, 0, ENTRY_ROWS))
@@ -79,20 +81,20 @@ def entry_of(
 
 
 def may_be_entered(state: FlightState, ownship: Ownship, path: Path, waypoints: Waypoints) -> bool:
-    """Whether a mission can be entered at all from where its path begins, banked as now or not.
+    """Return whether a mission can be entered at all from its path's start, with the present bank or none.
 
-    Asked before anything is sent: what cannot succeed is not worth an exchange.
+    This is checked before anything is sent, to avoid exchanges that cannot succeed.
 
     Parameters
     ----------
     state : FlightState
-        Rules, and how the autopilot flies.
+        The rules, and the autopilot's guidance.
     ownship : Ownship
-        The aircraft's bank, and the wind.
+        The aircraft, for its bank and the wind.
     path : Path
-        What is to be flown.
+        The path to be flown.
     waypoints : Waypoints
-        What the mission carries of it.
+        The mission's waypoints.
     """
     begin = _at_start(ownship, path, 0.0)
     return any(
@@ -103,10 +105,10 @@ def may_be_entered(state: FlightState, ownship: Ownship, path: Path, waypoints: 
 
 
 def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
-    """Numbers of waypoints at which a mission may be entered, ``here_m`` along its path [m].
+    """Yield the numbers of waypoints at which a mission may be entered, ``here_m`` along its path [m].
 
-    The first is that which the path comes to; others in its place only if nothing is to be done at those
-    before them. None lies behind where the mission commands its airspeed for the last time.
+    The first is the next waypoint on the path. Later ones follow only if no action is skipped. None is later
+    than the last airspeed command of the mission.
     """
     last, first_m = len(waypoints.distances_m) - 1, math.inf
     busy = {number for number, _ in waypoints.actions}
@@ -122,14 +124,14 @@ def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
 
 
 def _moved_on(ownship: Ownship, path: Path, in_s: float) -> Ownship:
-    """The aircraft in a while: by its own motion, or where the new path expects it."""
+    """Return the predicted aircraft: by its own motion for a short time, later at the path's start."""
     if in_s <= BY_MOTION_S:
         return predicted(ownship, in_s) if in_s > 0.0 else ownship
     return _at_start(ownship, path, float(path.times_s[0]) - ownship.stamp_s - in_s)
 
 
 def _at_start(ownship: Ownship, path: Path, before_s: float) -> Ownship:
-    """The aircraft where a path begins, or so long before it [s]; wind and bank as they are now."""
+    """Return the aircraft at a path's start, or a time before it [s], with the present wind and bank."""
     begin = at_row(path, ownship.wind_enu_m_s)
     (east, north, up), back = begin.position_enu_m, before_s * begin.ground_speed_m_s
     return replace(
@@ -144,7 +146,7 @@ def _at_start(ownship: Ownship, path: Path, before_s: float) -> Ownship:
 def _is_harmless(
     state: FlightState, ownship: Ownship, waypoints: Waypoints, number: int, *, with_fan: bool = True
 ) -> bool:
-    """Whether the ways to a waypoint, and on until the aircraft is established, keep clear."""
+    """Return whether the tracks to a waypoint, and on until the aircraft is established, are clear."""
     away = waypoints.positions_enu_m[number] - np.asarray(ownship.position_enu_m)
     if abs(wrapped_angle(math.atan2(away[0], away[1]) - ownship.course_rad)) > BEHIND_RAD:
         return False
@@ -162,7 +164,7 @@ def _is_harmless(
 
 
 def _way_in(guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: int, ends_s: float) -> Track:
-    """Fly to a waypoint directly, and on over those that follow."""
+    """Simulate the direct flight to a waypoint, and on over the following waypoints."""
     loiter = waypoints.loiter_centre_enu_m
     circle = (waypoints.positions_enu_m[-1] if loiter is None else loiter, waypoints.loiter_radius_m)
     return track_of_legs(
@@ -171,11 +173,11 @@ def _way_in(guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: 
 
 
 def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownship]]:
-    """How the aircraft might as well fly in: each with what it is steered by and where it begins."""
+    """Yield variations of the flight into the mission: each with its guidance and its start."""
     yield replace(guidance, acceleration_m_s2=AT_ONCE_M_S2), ownship
     yield guidance, predicted(ownship, LATER_S)
     yield replace(guidance, roll_time_s=ROLLS_LESS * guidance.roll_time_s), ownship
-    swinging = replace(  # out of one turn into another, fast, it goes wide
+    swinging = replace(  # In a fast change from one turn to the other the aircraft swings wide.
         guidance,
         l1_period_s=STEERS_SOONER * guidance.l1_period_s,
         roll_rate_max_rad_s=ROLLS_SLOWER * guidance.roll_rate_max_rad_s,
@@ -190,6 +192,6 @@ def _fan(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownsh
         yield guidance, replace(ownship, position_enu_m=beside)
         wind = (wind_east + OTHER_WIND_M_S * aside[0], wind_north + OTHER_WIND_M_S * aside[1])
         yield guidance, replace(ownship, wind_enu_m_s=wind)
-    if not guidance.flies_by:  # low, its waypoints count as reached late
+    if not guidance.flies_by:  # A PX4 that is too low accepts its waypoints late.
         slower = replace(guidance, climb_rate_max_m_s=CLIMBS_LESS * guidance.climb_rate_max_m_s)
         yield slower, replace(ownship, position_enu_m=(east, north, up - LOWER_M))

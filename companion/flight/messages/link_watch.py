@@ -1,4 +1,4 @@
-"""What is wrong with the link, told to the pilot once: other autopilots, contradictions, floods."""
+"""Faults of the link, announced to the pilot once: other autopilots, contradictions, floods."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
 from companion.types.events import Heartbeat
 
-TOLD_MAX = 4  # other autopilots; more are a flood
-FLOOD_MIN = 50  # drops a second that are worth a word
-CALM_S = 10.0  # without drops, and a flood is over
+TOLD_MAX = 4  # At most this many other autopilots are announced; more are a flood.
+FLOOD_MIN = 50  # This many dropped frames per second are a flood.
+CALM_S = 10.0  # A flood is over after this time without drops.
 DROPS = ("rate_limited", "total_limited", "vehicle_rate_limited", "unanswered", "untold")
 ONCE = {
     "other_address": ("its ids come from a second address", "second address"),
@@ -23,14 +23,14 @@ class LinkWatch:
     Parameters
     ----------
     link : VehicleLink
-        What is watched.
+        The watched link.
     announcer : Announcer
-        Tells the pilot.
+        Announces faults to the pilot.
 
     Attributes
     ----------
     is_contradicted : bool
-        Whether heartbeats under the vehicle's ids contradict each other.
+        Whether heartbeats with the vehicle's ids contradict each other.
     """
 
     def __init__(self, link: VehicleLink, announcer: Announcer) -> None:
@@ -43,15 +43,15 @@ class LinkWatch:
         self._flooded_s: float | None = None
 
     def note_heartbeat(self, heartbeat: Heartbeat) -> None:
-        """Tell that contradictions begin, and that they are over."""
+        """Announce when contradictions begin and end."""
         if heartbeat.is_contradicted is self.is_contradicted:
             return
         self.is_contradicted = heartbeat.is_contradicted
         words = "heartbeats contradict each other" if self.is_contradicted else "heartbeats agree again"
-        self._announcer.decide(DecisionKind.LINK, words)  # the pilot reads that the mode has changed
+        self._announcer.decide(DecisionKind.LINK, words)  # The pilot is informed by the change of mode.
 
     def look(self, now_s: float) -> None:
-        """Look at what was counted since the last time, a second ago."""
+        """Evaluate what was counted since the last call, a second ago."""
         identity, counters = self._link.codec.identity, self._link.codec.counters
         for system in identity.others[self._num_others : TOLD_MAX]:
             words = f"autopilot {system} is heard, too; flying {identity.system_id}"

@@ -1,4 +1,4 @@
-"""What may be said over the link, and how much of it: answers to whoever asks, and words to the pilot."""
+"""Budgets for what the service sends: answers to requests, and texts to the pilot."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from companion.link.messages.file_server import FileServer
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.token_bucket import TokenBucket, get_or_create
 
-# Both are a share of what the line carries, where that is known, and never more than this.
+# Budgets of answers and of texts: a share of the line's capacity, if that is known, and never more than this.
 ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
-LINE_SHARE = 0.1
-SOURCE_SHARE = 0.5  # of what is answered, to one source
-CHANGES_HZ = 2.0  # of parameters: each is told, logged and taken up
-BURST_S = 4.0
-SOURCES_MAX = 64
+LINE_SHARE = 0.1  # Each budget is at most this share of the line's capacity.
+SOURCE_SHARE = 0.5  # One source gets at most this share of the answers.
+CHANGES_HZ = 2.0  # Parameter changes are limited to this rate, since each is announced, logged and applied.
+BURST_S = 4.0  # A budget may be saved up for this time.
+SOURCES_MAX = 64  # Budgets of at most this many sources are kept.
 
 
 class Speech:
-    """Answers and words, within their budgets.
+    """Answers and texts, within their budgets.
 
     Parameters
     ----------
     codec : Codec
-        The link's; what is not said is counted in it, as ``unanswered`` and ``untold``.
+        The link's codec, which counts what is not sent as ``unanswered`` and ``untold``.
     line_bytes_per_s : float or None
-        What the line carries; None where that is not known.
+        Capacity of the line; None if not known.
     """
 
     def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
@@ -42,12 +42,12 @@ class Speech:
         self._files: FileServer | None = None
 
     def begin(self, parameters: ParameterStore) -> None:
-        """Answer for these parameters from now on."""
+        """Answer requests for these parameters from now on."""
         self._parameters = parameters
         self._files = FileServer(lambda: parameters.files, self._codec.counters)
 
     def answer(self, frame: DecodedFrame, now_s: float) -> bytes:
-        """What a frame calls for, as far as its sender's budget and that of all go."""
+        """Return the answer to a frame, within the budgets of its sender and of all."""
         if frame.request is None:
             return b""
         asker = frame.system_id, frame.component_id
@@ -68,7 +68,7 @@ class Speech:
         return TokenBucket(rate, BURST_S * rate)
 
     def text(self, severity: int, words: str, now_s: float) -> bytes:
-        """Words to the pilot, as far as their budget goes."""
+        """Return a text to the pilot, within the budget."""
         said = self._codec.status_text(severity, words)
         if self._texts.takes(now_s, len(said)):
             return said

@@ -1,4 +1,4 @@
-"""Everything about the vehicle's link: frames in and out, what is asked for, answered and recorded."""
+"""The vehicle's link: frames in and out, requests, answers and their recording."""
 
 from __future__ import annotations
 
@@ -31,29 +31,30 @@ class VehicleLink:
     mission : MissionConfig
         The mission file, for its section ``link``.
     transport : Transport
-        To the autopilot.
+        The transport to the autopilot.
     clock : Clock
-        The service's.
+        The service's clock.
     recorder : Recorder
-        Keeps every frame of both directions.
+        Records every frame of both directions.
     signer : Signer, optional
-        Signs what is sent and verifies what comes in.
+        Signs what is sent and verifies what is received.
     link_kind : callable
-        Makes what carries out mission transfers, as ``AutopilotLink`` is made; tests put one in whose
-        time is simulated, too, and a replay one that goes on where the recorded autopilot does not answer.
+        Makes the object that carries out mission transfers, with the signature of ``AutopilotLink``. Tests
+        use one with simulated time, and a replay one that continues if the recorded autopilot does not
+        answer.
     observer : Observer, optional
-        Told when an exchange with the autopilot gets on.
+        Is notified of progress in an exchange with the autopilot.
 
     Attributes
     ----------
     codec : Codec
-        Frames to events, and messages to bytes.
+        Converts frames to events, and messages to bytes.
     autopilot : AutopilotLink
         Calls that the autopilot answers.
     streams : Streams
-        Which messages it is asked for.
+        The messages that the autopilot is asked for.
     quality : LinkQuality
-        How many of its frames arrive.
+        The share of the autopilot's frames that arrive.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class VehicleLink:
 
     @property
     def has_heard(self) -> bool:
-        """Whether the vehicle is known, and was heard."""
+        """Whether the vehicle has been received."""
         return self.autopilot.dialect is not None
 
     async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
@@ -91,9 +92,9 @@ class VehicleLink:
         Parameters
         ----------
         take : callable
-            Takes each event, and when it was heard by the clock [s].
+            Receives each event with its time of arrival by the clock [s].
         parameters : ParameterStore
-            What others may ask for or set.
+            The parameters that others may request or set.
         """
         self._take = take
         self._speech.begin(parameters)
@@ -101,7 +102,7 @@ class VehicleLink:
         await self.transport.open()
 
     def receive(self, data: bytes, address: Address | None = None) -> None:
-        """Take bytes from the transport: record, pass on and answer each frame, then hand out its events."""
+        """Process received bytes: record, pass on and answer each frame, then deliver its events."""
         now_s, peer, had_heard = self._clock.now_s(), self.codec.identity.peer, self.has_heard
         frames = self.codec.feed(data, now_s, address)
         if (now_at := self.codec.identity.peer) is not None and now_at != peer:
@@ -121,7 +122,7 @@ class VehicleLink:
             self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:
-        """Send packed frames, signed where there is a key, and record them."""
+        """Send packed frames, signed if there is a key, and record them."""
         if self.transport.is_open and data:
             data = self.codec.signed(data)
             self.transport.send(data)
@@ -129,7 +130,7 @@ class VehicleLink:
                 self._recorder.frame(self._clock.now_s(), raw)
 
     def tell(self, severity: int, text: str) -> None:
-        """Tell the pilot in words, with a MAV_SEVERITY; nobody before the vehicle is heard."""
+        """Send the pilot a text with a MAV_SEVERITY; nothing is sent before the vehicle is received."""
         if self.has_heard:
             self.send(self._speech.text(severity, text, self._clock.now_s()))
 
@@ -140,7 +141,7 @@ class VehicleLink:
             self.send(self.streams.due(self.codec, now_s))
 
     def status(self) -> dict[str, object]:
-        """How the link is, for the recording."""
+        """Return the state of the link for the recording."""
         dialect = self.autopilot.dialect
         return {
             "dialect": None if dialect is None else dialect.value,
@@ -150,10 +151,10 @@ class VehicleLink:
         }
 
     async def close(self) -> None:
-        """End the calls under way, and take nothing more from the transport, which its owner closes."""
+        """End the calls under way, and detach from the transport, which its owner closes."""
         await self.autopilot.close()
         self.transport.set_receiver(dropped)
 
 
 def _ignore(event: Event, now_s: float) -> None:
-    """Before the link is opened nobody takes events."""
+    """Ignore events before the link is opened."""

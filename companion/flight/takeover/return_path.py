@@ -1,16 +1,16 @@
-"""The way that the autopilot takes by itself when it is told to return to launch, and what it breaks.
+"""The path that the autopilot flies by itself in return to launch, and its violations.
 
 References
 ----------
 ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
-circle about the nearest rally point within RALLY_LIMIT_KM, else about home; up at once, down along the way;
-with RTL_AUTOLAND 2 to the mission's landing sequence instead.
+circle about the nearest rally point within RALLY_LIMIT_KM, else about home. It climbs at once and descends
+along the way. With RTL_AUTOLAND 2 it flies to the mission's landing sequence instead.
 
-PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: up to RTL_RETURN_ALT above the
-end in a circle where it is, then straight there. With RTL_TYPE 0 the end is home; with 1, a fixed wing's
-default, the mission's landing, home without one; with 3 the nearer of both. Rally points change that: a PX4
-takes them in any global frame, does not tell which, and flies off anywhere with those that are not in frame 0
-or 3 ("RTL: unsupported MAV_FRAME", measured). Where it holds any, its way is not known.
+PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
+RTL_RETURN_ALT above the destination, then flies straight there. With RTL_TYPE 0 the destination is home; with
+1, a fixed wing's default, the mission's landing, or home without one; with 3 the nearer of both. Rally points
+change that: a PX4 accepts them in any global frame, does not report which, and flies off anywhere with those
+that are not in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has any, its path is not known.
 """
 
 from __future__ import annotations
@@ -30,27 +30,29 @@ from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
 
-JOINED_S = 20.0  # in which the circle at the end is joined; then once round it
-WAY_MAX_S = 1200.0
-STEP_S = 0.5
-SLOWEST_M_S = 5.0
+JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
+WAY_MAX_S = 1200.0  # At most this much flight is simulated.
+STEP_S = 0.5  # Time between two rows of a simulated track.
+SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
+# A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
+# which is simulated by changing the course by the second angle.
 BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
-EXITS = 36  # moments at which a climb in a circle may end, over a turn and a half
-LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; from there on the way is the mission's
-HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE
+EXITS = 36  # A climb in a circle may end at this many moments over one and a half turns.
+LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; larger values follow the mission's path.
+HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE.
 
 Place = tuple[float, float, float]
 
 
 def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
-    """What the way home breaks from here; None where it is not known what the autopilot would fly.
+    """Return the violations of the return path from here; None if the path is not known.
 
     Parameters
     ----------
     state : FlightState
-        Home, rally points, parameters and the rules.
+        Home, rally points, the autopilot's parameters and the rules.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     """
     ways = ways_home(state, ownship)
     if ways is None:
@@ -61,20 +63,20 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
 
 
 def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
-    """Places on each of the ways home that may be flown; None where they are not known.
+    """Return positions on each of the possible return paths; None if they are not known.
 
-    Which side it is turned to when home lies behind, and when a PX4 leaves its climb, is decided by
-    little: both sides are looked at, and every moment of a turn.
+    Small differences decide to which side the aircraft turns if home lies behind it, and when a PX4 ends its
+    climb. Both sides, and all moments of a turn, are therefore included.
 
     Parameters
     ----------
     state, ownship
-        As of :func:`return_path`.
+        Same as in :func:`return_path`.
 
     Returns
     -------
     list of ndarray, shape (K, 3)
-        East, north, up along each [m]; the likeliest first.
+        East, north, up along each path [m]; the most likely first.
     """
     home, height = state.home_enu_m, state.settings.return_height_m
     if home is None or height is None or is_unforeseeable(state):
@@ -86,7 +88,7 @@ def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
 
 
 def is_unforeseeable(state: FlightState) -> bool:
-    """Whether the autopilot returns by ways that are not foreseen here, or has not told by which."""
+    """Return whether the autopilot returns on paths that are not predicted here, or are not known."""
     kind = state.settings.return_kind
     if state.flies_by:
         is_unread = state.holds_rally_points and not state.rally_points
@@ -95,7 +97,7 @@ def is_unforeseeable(state: FlightState) -> bool:
 
 
 def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
-    """Places (K, 3) on an ArduPlane's ways to the end, or to the landing sequence at once [m]."""
+    """Return positions (K, 3) on an ArduPlane's paths to the end, or directly to the landing sequence [m]."""
     guidance, radius = guidance_of(state), _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
@@ -104,10 +106,10 @@ def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[Fl
 
 
 def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
-    """Places (K, 3) on a PX4's ways to the end, at a height that is climbed to first [m]."""
+    """Return positions (K, 3) on a PX4's paths to the end, at a height to which it climbs first [m]."""
     guidance, radius, tail = guidance_of(state), _radius(state), state.tail_enu_m
     high = (*end[:2], up_m)
-    # To a landing the height is lost in the circle that it begins with, or already on the way there.
+    # Before a landing the aircraft descends in the circle with which it begins, or already on the way there.
     ends = [high] if tail is None or tail[:2] != end[:2] else [high, tail]
     ways: list[FloatArray] = []
     for place in ends:
@@ -119,12 +121,12 @@ def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> 
 
 
 def _radius(state: FlightState) -> float:
-    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
+    """Return the radius of the final circle, positive clockwise [m]; 0 for the usual loiter radius."""
     return state.settings.return_radius_m or 0.0
 
 
 def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
-    """Where an ArduPlane's circle is: the nearest rally point within RALLY_LIMIT_KM, else home [m]."""
+    """Return the centre of ArduPlane's circle: the nearest rally point within RALLY_LIMIT_KM, or home [m]."""
     told, here = state.settings, ownship.position_enu_m
     height = told.return_height_m or 0.0
     end = (*home[:2], here[2] if height < 0.0 else home[2] + height)
@@ -138,7 +140,7 @@ def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
 
 
 def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
-    """Where a PX4 returns to, at the height that RTL_RETURN_ALT counts from [m]."""
+    """Return the destination of a PX4, at the height from which RTL_RETURN_ALT counts [m]."""
     kind, here = state.settings.return_kind, ownship.position_enu_m
     landing = None if kind == HOME else _landing_of(state)
     if landing is None:
@@ -149,7 +151,7 @@ def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
 
 
 def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
-    """Where the mission's landing touches down, and where it begins [m]; None without."""
+    """Return where the mission's landing touches down, and where it begins [m]; None without a landing."""
     listed = state.mission_list
     if listed.operator is None or state.tail_enu_m is None:
         return None
@@ -164,7 +166,7 @@ def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
 
 
 def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
-    """Straight to a circle, and round it."""
+    """Simulate the straight flight to a circle, and round it."""
     wind = math.hypot(*ownship.wind_enu_m_s)
     speed = max(ownship.airspeed_m_s - wind, SLOWEST_M_S)
     circle_m = 2.0 * math.pi * guidance.circle_stretch * abs(radius_m or guidance.loiter_radius_m)
@@ -173,7 +175,7 @@ def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Tr
 
 
 def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
-    """The aircraft, and where the end lies behind it, as if it headed a little to either side."""
+    """Return the aircraft; if the end lies behind it, also with its course changed to either side."""
     east, north, _ = ownship.position_enu_m
     bearing = math.atan2(end[0] - east, end[1] - north)
     if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
@@ -183,7 +185,7 @@ def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
 
 
 def _glided(positions: FloatArray, end: Place) -> FloatArray:
-    """``positions`` (K, 3) [m] with a descent spread over the way, as an ArduPlane's is, (K, 3)."""
+    """Return ``positions`` (K, 3) [m] with the descent spread over the path as by ArduPlane, (K, 3)."""
     begin = positions[0]
     along = np.subtract(end[:2], begin[:2])
     square = float(along @ along)
@@ -197,13 +199,14 @@ def _glided(positions: FloatArray, end: Place) -> FloatArray:
 def _climbed_first(
     guidance: Guidance, ownship: Ownship, up_m: float, end: Place, radius_m: float
 ) -> list[FloatArray]:
-    """Places (K, 3) of a climb in a circle about here, and of the ways from where it may end [m]."""
+    """Return positions (K, 3) of a climb in a circle here and of the flight from each possible end [m]."""
     here = np.array([*ownship.position_enu_m[:2], up_m])
     climb_s = (up_m - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
     turn_s = 2.0 * math.pi * abs(guidance.loiter_radius_m) / max(ownship.airspeed_m_s, SLOWEST_M_S)
     climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
     first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
-    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)  # it may climb faster
+    # The aircraft may climb faster.
+    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)
     ways = []
     for row in rows:
         east, north, up = (float(value) for value in climb.positions_enu_m[row])

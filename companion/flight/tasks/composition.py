@@ -1,4 +1,4 @@
-"""What the service is composed of, put together from a mission file and a link."""
+"""The parts of the service, put together from a mission file and a link."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ class Composition:
     Parameters
     ----------
     parameters : Parameters
-        What a pilot may change.
+        The parameters that a pilot may change.
     flight : StateOwner
         The flight's state.
     situation : Situation
-        Where the aircraft and the threats are.
+        The known world: aircraft and threats.
     link : VehicleLink
-        To the vehicle.
+        The link to the vehicle.
     announcer : Announcer
-        Told what is decided.
+        Announces decisions.
     departure : Departure
-        Knows the operator's list up to the takeover.
+        Reads the operator's list until the takeover.
     replanning : Replanning
         Plans, and hands missions over.
     checkpoint : Checkpoint
         What a restart in flight needs to know.
     recorder : Recorder
-        Listens.
+        Records the flight.
     observer : Observer
-        Looks on.
+        Is notified of events.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     parameters: Parameters
@@ -83,22 +83,22 @@ def composed(
     mission : MissionConfig
         The mission file.
     link : VehicleLink
-        To the vehicle.
+        The link to the vehicle.
     clock : Clock
-        The service's time. With an ``InlineRunner`` it must be one that others move: a plan then takes the
-        mission file's ``planning_budget_s`` of it, however long the computer needs.
+        The service's clock. With an ``InlineRunner`` it must be one that others advance: a plan then takes
+        the mission file's ``planning_budget_s`` of it, however long the computer needs.
     recorder : Recorder
-        Listens.
+        Records the flight.
     seed : int
-        From which all plans and particle filters draw their numbers.
+        Seed of all plans and particle filters.
     runner : PlanRunner
-        How long plans may take, and by whose clock.
+        Limits the time of plans, and determines their clock.
     checkpoint : Checkpoint, optional
-        What is remembered of the flight, for a restart in it.
+        What is remembered of the flight for a restart.
     observer : Observer, optional
-        Looks on.
+        Is notified of events.
     parameters_file : Path, optional
-        Where parameters that a pilot sets are kept.
+        File of the parameters that a pilot sets.
     """
     parameters, observer = Parameters(mission, parameters_file), observer or Observer()
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))

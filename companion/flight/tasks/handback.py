@@ -1,4 +1,4 @@
-"""While the pilot flies: whether handing back here and now is safe, told whenever that changes."""
+"""While the pilot flies: inform the pilot whenever it changes whether a handback is safe."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from companion.flight.state.modes import Mode
 from companion.flight.takeover.resume_path import ResumePath, resume_path
 from companion.flight.tasks.replanning_parts import ReplanningParts
 
-AGAIN_S = 5.0  # between two words on it, which change in a circle
+AGAIN_S = 5.0  # Time between two texts, because the result changes often in a circle.
 
 
 class Handback:
-    """Watches the way back.
+    """Watches the resume path.
 
     Parameters
     ----------
     parts : ReplanningParts
-        What it works with.
+        The parts of replanning.
 
     Attributes
     ----------
     found : ResumePath or None
-        What handing back would come to, by the last look; None while the pilot does not fly.
+        The last resume path; None while the pilot does not fly.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -35,7 +35,7 @@ class Handback:
         self._told_s = -math.inf
 
     def look(self) -> None:
-        """Judge the way back, and tell the pilot where that has changed; about once a second."""
+        """Check the resume path, and inform the pilot if the result has changed; about once a second."""
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._situation.ownship.state(now)
         if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:

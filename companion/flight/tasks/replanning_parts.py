@@ -1,4 +1,4 @@
-"""What planning in flight works with."""
+"""The parts of replanning."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from companion.recording.recorder import Recorder
 
 @dataclass(frozen=True, slots=True)
 class ReplanningParts:
-    """What replanning works with.
+    """The parts of replanning.
 
     Parameters
     ----------
     flight : StateOwner
         The flight's state.
     situation : Situation
-        Where the aircraft and the threats are.
+        The known world: aircraft and threats.
     maker : PlanMaker
         Makes the plans.
     handover : Handover
-        Brings them to the autopilot.
+        Hands missions over to the autopilot.
     geofences : Geofences
-        Kept up beside planning.
+        Reads the fences.
     rally_points : RallyPoints
-        Renewed when they are told to be others.
+        Reads the rally points.
     freshness : FreshnessWatch
-        Knows what is stale.
+        Detects stale inputs.
     announcer : Announcer
-        Told what is decided.
+        Announces decisions.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     flight: StateOwner
@@ -71,7 +71,7 @@ def parts_for(
     seed: int,
     runner: PlanRunner,
 ) -> ReplanningParts:
-    """What planning works with, over one link; parameters as of ``tasks.composition.composed``."""
+    """Return the parts over one link; the parameters are those of ``tasks.composition.composed``."""
     protocols = protocols_for(flight, link, situation.ownship, clock)
     return ReplanningParts(
         flight=flight,
@@ -87,5 +87,5 @@ def parts_for(
 
 
 def known_threats(situation: Situation, now_s: float) -> KnownThreats:
-    """Which threats are known now."""
+    """Return the threats that are known now."""
     return KnownThreats(situation.num_known_threats, tuple(situation.tracker.received_s(now_s)))

@@ -1,4 +1,4 @@
-"""What is flown, judged again whenever the world has changed: what has become worse is answered at once."""
+"""Judge the flown path again whenever the world changes: if it has become worse, that is a surprise."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from companion.flight.takeover.start_prediction import begin
 from companion.types.path import Path
 from companion.types.threat import TrackState
 
-RISE = 0.15  # of the threat level: an estimate wanders by less
-SAFE_S, THREATENED_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
-LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
-ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
+RISE = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
+# A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
+SAFE_S, THREATENED_S = 0.5, 2.0
+LOOK_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
+ASIDE = 1.5  # A vehicle that was to pass at this many threat radii, and now within one, has turned.
 
 
 class SurpriseWatch:
-    """Compares what is flown, in the world of now, with what it was when it was judged last.
+    """Compares the flown path in the present world with its last judgement.
 
-    Hysteresis: whatever a plan decides, what it saw is what the next surprise is measured by.
+    Every plan's world becomes the reference for the next surprise, whatever the plan decides (hysteresis).
 
     Parameters
     ----------
     flight : StateOwner
-        What is flown, and by which rules.
+        The flown path and the rules.
     situation : Situation
-        The world of now.
+        The known world.
     reader : ListReader
         Knows the item being flown.
 
     Attributes
     ----------
     is_failing : bool
-        Whether the rest of what is flown failed the check when it was judged last.
+        Whether the rest of the flown path failed its last check.
     """
 
     def __init__(self, flight: StateOwner, situation: Situation, reader: ListReader) -> None:
@@ -55,44 +56,44 @@ class SurpriseWatch:
         self._looked_s = -math.inf
 
     def judged(self, path: Path | None, *, is_failing: bool) -> None:
-        """What is flown was judged just now, and is what a surprise is measured by.
+        """Note a judgement of the flown path, with which the next one is compared.
 
         Parameters
         ----------
         path : Path or None
-            What is left of it; None where nothing is flown that could surprise.
+            The rest of the flown path; None if there is none.
         is_failing : bool
-            Whether it fails the check; a path of the emergency strategy may be above the threat limit.
+            Whether the path fails the check; an emergency path may be above the threat limit.
         """
         self._level = math.inf if path is None else float(path.threat_levels.max())
         self.is_failing = self._was_failing = is_failing
         self._surprise, self._is_safe = "", None
 
     def knows(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
-        """What is planned now goes by vehicles moving like this: one that turns later is a surprise.
+        """Note the vehicles' motion that a plan assumes: a vehicle that turns later is a surprise.
 
-        Unless it answers a surprise, what the plan before knew of a vehicle is remembered, too: it may be
-        about to turn, by half a turn that nobody was surprised at.
+        Unless the plan answers a surprise, the motion that the plan before assumed is also remembered: a
+        vehicle may turn so slowly that half of its turn was no surprise.
 
         Parameters
         ----------
         tracks : iterable of TrackState
-            What the plan knows.
+            The tracks that the plan uses.
         is_answer : bool
-            Whether it answers a surprise.
+            Whether the plan answers a surprise.
         """
         before = {} if is_answer else self._knew
         self._knew = {track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks}
 
     def look(self, now_s: float, *, at_once: bool = False) -> str:
-        """How what is flown has become worse since, in words; '' if it has not.
+        """Return how the flown path has become worse, in words; '' if it has not.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
         at_once : bool
-            Whether to judge it anew however short a time ago it was judged last.
+            Whether to judge again even if the last judgement is recent.
         """
         state, situation = self._flight.state, self._situation
         ownship = situation.ownship.state(now_s)
@@ -111,7 +112,7 @@ class SurpriseWatch:
         return self._surprise
 
     def _worse(self, state: FlightState, start: Start) -> str:
-        """How the rest of what is flown has become worse, in words; '' if it has not."""
+        """Return how the rest of the flown path has become worse, in words; '' if it has not."""
         rest, risk = start.rest, start.risk
         if rest is None or risk is None:
             return ""
@@ -130,7 +131,7 @@ class SurpriseWatch:
         return ""
 
     def _turned(self, rest: Path, state: FlightState) -> str:
-        """A vehicle that was to pass well aside of what is flown, and no longer is; '' if there is none."""
+        """Return a vehicle that turned towards the flown path from well aside of it; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
             knew = self._knew.get(track.identity, ())
@@ -142,16 +143,16 @@ class SurpriseWatch:
 
 
 def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
-    """How close a vehicle that goes on as it does comes to the aircraft on a path, in its threat radii.
+    """Return how close a vehicle in straight motion comes to the aircraft on a path, in its threat radii.
 
     Parameters
     ----------
     path : Path
-        What is flown.
+        The flown path.
     track : TrackState
-        The vehicle, and how it moves now.
+        The vehicle and its motion.
     ahead_s : float
-        So far ahead is looked: longer no vehicle goes straight on [s].
+        Time to look ahead [s]: no vehicle keeps its course for longer.
     """
     begin_s = float(path.times_s[0])
     end_s = min(begin_s + ahead_s, float(path.times_s[-1]))
