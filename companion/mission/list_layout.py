@@ -190,10 +190,10 @@ def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> t
 def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> TwoBankLayout:
     """Return a layout behind the autopilot's present items, for paths up to half as long again."""
     size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
-    return TwoBankLayout(prefix=held_height(existing), size=size, tail=tail)
+    return TwoBankLayout(prefix=with_stable_height(existing), size=size, tail=tail)
 
 
-def held_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+def with_stable_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     """Return items as read from an ArduPlane, changed so that sending them again stores the same altitudes.
 
     ArduPlane truncates altitudes to centimetres in single precision: 80.12 m read back may be stored as
@@ -228,7 +228,9 @@ def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current:
     if current < first:
         index = len(kept) - 1  # The first bank is written next; a second bank keeps the list's length.
     flown = tuple(replace(item, sequence=1, is_current=False) for item in kept[index])
-    return TwoBankLayout(held_height(operator.items), size, held_height(flown), index, operator.tail)
+    return TwoBankLayout(
+        with_stable_height(operator.items), size, with_stable_height(flown), index, operator.tail
+    )
 
 
 def single_list_layout_of(operator: Operator) -> SingleListLayout:

@@ -32,7 +32,7 @@ from companion.recording.recorder import Recorder
 from companion.types.mission import Mission
 from companion.types.record import SwapRecord
 
-GIVEN_UP_S = 0.8  # A new plan and its exchange take about this long: a shorter wait is not given up.
+GIVE_UP_WAIT_MIN_S = 0.8  # A new plan and its exchange take about this long: a shorter wait is not given up.
 ENTER_EARLY_S = 1.0  # A mission is entered this long before its plan's start; later the entry is passed.
 WITHDRAWN = SwapOutcome.WITHDRAWN, "the mode was changed"
 
@@ -111,7 +111,7 @@ class Handover:
 
     async def hand_over(
         self,
-        shaped: ConstructedMission,
+        constructed: ConstructedMission,
         plan_number: int,
         plan_ms: float,
         track_s: float,
@@ -123,7 +123,7 @@ class Handover:
 
         Parameters
         ----------
-        shaped : ConstructedMission
+        constructed : ConstructedMission
             The mission to be flown.
         plan_number : int
             Number of its plan.
@@ -143,42 +143,42 @@ class Handover:
         """
         is_acting = self._flight.state.may_act
         before = self._flight.state.flown
-        enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
+        enter_s = constructed.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
         outcome, reason = await self._unless_withdrawn(
-            self.swap(shaped, enter_s, plan_number, is_urgent=is_urgent)
+            self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
         )
         self._observer.exchanged(outcome)
-        now, mission, places = self._clock.now_s(), self._offered, shaped.waypoints.positions_enu_m
+        now, mission, places = self._clock.now_s(), self._offered, constructed.waypoints.positions_enu_m
         if mission is not None:
             self._recorder.swap(
                 now,
                 SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
             )
-        facts = {"occasion": occasion, **shaped.why}
+        facts = {"occasion": occasion, **constructed.why}
         if outcome is not SwapOutcome.FLOWN:
             self._announcer.count_rejected()
             self._announcer.decide(DecisionKind.REJECTED, f"{outcome.value}: {reason}", plan_ms, why=facts)
             return outcome
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
-        self._announcer.flown(places, shaped.verdict.value if is_acting else "ready", latency)
-        text = f"{shaped.verdict.value}, {shaped.text}; {reason}"
+        self._announcer.flown(places, constructed.verdict.value if is_acting else "ready", latency)
+        text = f"{constructed.verdict.value}, {constructed.text}; {reason}"
         kind = DecisionKind.SWAP if is_acting else DecisionKind.READY
         state = self._flight.state
         tell, turn, time = (
-            self._announcer.news.of(state, shaped.path, before, now) if is_acting else ("", "", "")
+            self._announcer.news.of(state, constructed.path, before, now) if is_acting else ("", "", "")
         )
         self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, time=time)
         return outcome
 
     async def swap(
-        self, shaped: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
+        self, constructed: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
     ) -> tuple[SwapOutcome, str]:
         """Store a mission and enter it at a given time. If interrupted, the flown mission stays intact.
 
         Parameters
         ----------
-        shaped : ConstructedMission
+        constructed : ConstructedMission
             The mission to be flown.
         enter_s : float
             When the aircraft reaches the start of the path, by the clock [s].
@@ -193,7 +193,7 @@ class Handover:
         # There is no checked mission that could be left too early.
         is_first = self._flight.state.flown is None
         order = order_for(
-            shaped, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent or is_first,
+            constructed, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent or is_first,
             is_short=is_urgent,
         )  # fmt: skip
         self._offered = order.flown.mission
@@ -229,7 +229,7 @@ class Handover:
     @property
     def may_give_up(self) -> bool:
         """Whether a mission that answers no surprise still waits for longer than a new one would take."""
-        return self._flight.listed.waits_until_s - self._clock.now_s() > GIVEN_UP_S
+        return self._flight.listed.waits_until_s - self._clock.now_s() > GIVE_UP_WAIT_MIN_S
 
     def give_up(self, why: str) -> None:
         """Do not enter the waiting mission, if :attr:`may_give_up`; its sender receives the reason."""

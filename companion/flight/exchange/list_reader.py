@@ -135,7 +135,7 @@ class ListReader:
         layout = adopt(self._flight, self._protocols, read)
         listed, operator = self._flight.listed, self._flight.listed.operator
         is_missed = bool(read) and operator is not None and not operator.has_landing
-        if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
+        if self._protocols.now.wants_landing and is_missed and not listed.landing_reported:
             self._flight.apply_to_list(after_landing_missed)
             text = "no landing in the autopilot's mission"
             fault = "PX4 does not arm without a landing item"

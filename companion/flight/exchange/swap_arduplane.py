@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from companion.errors import CompanionError, LinkError
-from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapParts
+from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapProtocol
 from companion.flight.state.list_state import (
     ListState,
     after_asked,
@@ -28,19 +28,10 @@ LATE_S = 2.0  # A repeated jump command may take effect this late: a silent link
 FRESH_S = 2.0  # A list that was read this recently is not read again before writing.
 
 
-class ArduPlaneSwap:
-    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`.
-
-    Parameters
-    ----------
-    parts : SwapParts
-        The objects that the protocol works with.
-    """
+class ArduPlaneSwap(SwapProtocol):
+    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`."""
 
     wants_landing = False
-
-    def __init__(self, parts: SwapParts) -> None:
-        self._parts = parts
 
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
         """Return the operator's items in a list as read."""

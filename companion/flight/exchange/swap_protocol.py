@@ -8,7 +8,7 @@ from functools import partial
 from typing import Protocol
 
 from companion.clock import Clock
-from companion.flight.exchange.entry import LATER_S, entry_of, may_be_entered
+from companion.flight.exchange.entry import DELAY_VARIATION_S, entry_of, may_be_entered
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.list_state import FlownPath, PendingSwap, after_reading, after_waiting
 from companion.flight.state.mission_construction import ConstructedMission
@@ -23,7 +23,7 @@ from companion.tracking.ownship import OwnshipEstimator
 from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
-LOOK_S = 0.2  # An urgent mission looks for an entry at this interval.
+LOOK_INTERVAL_S = 0.2  # An urgent mission looks for an entry at this interval.
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class SwapOrder:
 
 
 def order_for(
-    shaped: ConstructedMission,
+    constructed: ConstructedMission,
     layout: Layout,
     *,
     plan_number: int,
@@ -71,7 +71,7 @@ def order_for(
 
     Parameters
     ----------
-    shaped : ConstructedMission
+    constructed : ConstructedMission
         The mission to be flown.
     layout : Layout
         The list's present layout.
@@ -85,12 +85,12 @@ def order_for(
         Whether a first mission on an ArduPlane omits the idle bank. It is stored sooner, but the next mission
         later, because its list has to be uploaded completely.
     """
-    items = layout.items_for(shaped.part)
+    items = layout.items_for(constructed.part)
     if isinstance(layout, TwoBankLayout) and layout.flown is None and not is_short:
         layout = replace(layout, flown=items)
     mission, after = layout.with_new(items, plan_number)
-    flown = FlownPath(shaped.path, mission, shaped.covered_until_s, cost=shaped.cost)
-    return SwapOrder(flown, shaped.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
+    flown = FlownPath(constructed.path, mission, constructed.covered_until_s, cost=constructed.cost)
+    return SwapOrder(flown, constructed.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +129,8 @@ class SwapParts:
             return True
         return may_be_entered(state, ownship, order.flown.path, order.waypoints)
 
-    async def until_due(self, order: SwapOrder, lasts_s: float = 0.0) -> None:
-        """Wait until a mission that takes ``lasts_s`` [s] to send is entered at the start of its path.
+    async def until_due(self, order: SwapOrder, duration_s: float = 0.0) -> None:
+        """Wait until a mission that takes ``duration_s`` [s] to send is entered at the start of its path.
 
         An urgent order waits only until a safe entry exists from the aircraft's predicted position.
 
@@ -139,14 +139,14 @@ class SwapParts:
         PlanBrokenOffError
             If the mission is no longer wanted.
         """
-        due_s = order.enter_s - lasts_s
+        due_s = order.enter_s - duration_s
         self.flight.apply_to_list(after_waiting, -math.inf if order.is_urgent else due_s)
         while (now_s := self.clock.now_s()) < due_s:
-            if order.is_urgent and Entry(self, order, lasts_s).sequence() is not None:
+            if order.is_urgent and Entry(self, order, duration_s).sequence() is not None:
                 break
             if why := self.flight.listed.unwanted:
                 raise PlanBrokenOffError(why)
-            await self.clock.sleep_until(min(due_s, now_s + LOOK_S))
+            await self.clock.sleep_until(min(due_s, now_s + LOOK_INTERVAL_S))
         self.flight.apply_to_list(after_waiting, -math.inf)
 
     async def read(self) -> tuple[MissionItem, ...]:
@@ -166,7 +166,7 @@ class Entry:
         The aircraft and the clock.
     order : SwapOrder
         The mission to be entered.
-    lasts_s : float
+    duration_s : float
         Time from now until the aircraft is sent to the entry [s].
     late_s : float
         Delay with which a repeated command may still take effect [s].
@@ -178,12 +178,12 @@ class Entry:
     """
 
     def __init__(
-        self, parts: SwapParts, order: SwapOrder, lasts_s: float = 0.0, *, late_s: float = 0.0
+        self, parts: SwapParts, order: SwapOrder, duration_s: float = 0.0, *, late_s: float = 0.0
     ) -> None:
         self._parts = parts
         self._order = order
         self._late_s = late_s
-        self._until_s = parts.clock.now_s() + lasts_s
+        self._until_s = parts.clock.now_s() + duration_s
         self._number: int | None = None
         self.asked_s = parts.clock.now_s()
 
@@ -195,7 +195,7 @@ class Entry:
             return None
         # A repeated call comes before the last message: what is left to be sent may be sent at once.
         in_s = max(0.0, self._until_s - now_s) if self._number is None else 0.0
-        way_to = partial(
+        find_entry = partial(
             entry_of,
             self._parts.flight.state,
             ownship,
@@ -203,13 +203,15 @@ class Entry:
             order.waypoints,
             number=self._number,
         )
-        number = way_to(in_s)
+        number = find_entry(in_s)
         if number is None:
             return None
         # With a slow link the aircraft is ahead of its estimate, and the command arrives late as well.
         slow_s = self._parts.link.round_trip_s
-        late_s = max(0.0 if self._number is None else self._late_s, slow_s if slow_s > LATER_S else 0.0)
-        if late_s > 0.0 and way_to(in_s + late_s, number=number) is None:
+        late_s = max(
+            0.0 if self._number is None else self._late_s, slow_s if slow_s > DELAY_VARIATION_S else 0.0
+        )
+        if late_s > 0.0 and find_entry(in_s + late_s, number=number) is None:
             return None
         self._number = number
         return sequence_of_waypoint(order.flown.mission, number)
@@ -218,6 +220,11 @@ class Entry:
 class SwapProtocol(Protocol):
     """How one kind of autopilot keeps its list, and how a new mission is stored in it and entered.
 
+    Parameters
+    ----------
+    parts : SwapParts
+        The objects that the protocol works with.
+
     Attributes
     ----------
     wants_landing : bool
@@ -225,6 +232,10 @@ class SwapProtocol(Protocol):
     """
 
     wants_landing: bool
+    _parts: SwapParts
+
+    def __init__(self, parts: SwapParts) -> None:
+        self._parts = parts
 
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
         """Return the operator's items in a list as read."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import partial
 
 from companion.errors import LinkError
-from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapParts
+from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapProtocol
 from companion.flight.state.list_state import after_asked, after_exchange
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, SingleListLayout, marked, single_list_layout_of
@@ -39,19 +39,10 @@ STORED = FLOWN | {MissionState.NOT_STARTED}  # The states of a mission that is s
 CONFIRM_S = 2.5  # PX4 reports its mission once a second, and checks a new one within a tenth of that.
 
 
-class Px4Swap:
-    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`.
-
-    Parameters
-    ----------
-    parts : SwapParts
-        The objects that the protocol works with.
-    """
+class Px4Swap(SwapProtocol):
+    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`."""
 
     wants_landing = True
-
-    def __init__(self, parts: SwapParts) -> None:
-        self._parts = parts
 
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
         """Return the operator's items in a list as read."""
@@ -75,16 +66,16 @@ class Px4Swap:
         mission = order.flown.mission
         if not self._parts.may_be_entered(order):
             return NO_SAFE_ENTRY
-        lasts_s = flight.listed.sending_s(mission)
-        await self._parts.until_due(order, lasts_s)
+        duration_s = flight.listed.sending_s(mission)
+        await self._parts.until_due(order, duration_s)
         if flight.listed.suspected:
             return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         begun_s = clock.now_s()
         flight.apply_to_list(after_asked, order.pending(begun_s, order.identity))
-        entry = Entry(self._parts, order, lasts_s)
+        entry = Entry(self._parts, order, duration_s)
         states = FLOWN if flight.state.may_act else STORED
         outcome, reason = await replace_whole(link, mission, entry.sequence, self._parts.may_act, states)
-        if outcome is SwapOutcome.FLOWN or entry.asked_s - begun_s > lasts_s:
+        if outcome is SwapOutcome.FLOWN or entry.asked_s - begun_s > duration_s:
             flight.apply_to_list(after_exchange, entry.asked_s - begun_s)
         if outcome in (SwapOutcome.REFUSED, SwapOutcome.DIFFERS, SwapOutcome.WITHDRAWN):
             # The next MISSION_CURRENT shows whether the mission is flown.

@@ -7,11 +7,11 @@ from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
 from companion.types.events import Heartbeat
 
-TOLD_MAX = 4  # At most this many other autopilots are announced; more are a flood.
+ANNOUNCED_MAX = 4  # At most this many other autopilots are announced; more are a flood.
 FLOOD_MIN = 50  # This many dropped frames per second are a flood.
-CALM_S = 10.0  # A flood is over after this time without drops.
+FLOOD_OVER_S = 10.0  # A flood is over after this time without drops.
 DROPS = ("rate_limited", "total_limited", "vehicle_rate_limited", "unanswered", "untold")
-ONCE = {
+ANNOUNCED_ONCE = {
     "other_address": ("its ids come from a second address", "second address"),
     "refused_parameter_source": ("who may not wants to set parameters", "parameter source"),
 }
@@ -53,12 +53,12 @@ class LinkWatch:
     def look(self, now_s: float) -> None:
         """Evaluate what was counted since the last call, a second ago."""
         identity, counters = self._link.codec.identity, self._link.codec.counters
-        for system in identity.others[self._num_others : TOLD_MAX]:
+        for system in identity.others[self._num_others : ANNOUNCED_MAX]:
             words = f"autopilot {system} is heard, too; flying {identity.system_id}"
             own = identity.system_id
             self._announcer.decide(DecisionKind.LINK, words, tell="another autopilot", other=system, own=own)
         self._num_others = len(identity.others)
-        for reason, (words, name) in ONCE.items():
+        for reason, (words, name) in ANNOUNCED_ONCE.items():
             if counters[reason] and reason not in self._told:
                 self._told.add(reason)
                 self._announcer.decide(DecisionKind.LINK, words, tell=name)
@@ -73,7 +73,7 @@ class LinkWatch:
                     tell="flood",
                 )
             self._flooded_s = now_s
-        elif self._flooded_s is not None and now_s - self._flooded_s > CALM_S:
+        elif self._flooded_s is not None and now_s - self._flooded_s > FLOOD_OVER_S:
             self._flooded_s = None
             self._announcer.decide(
                 DecisionKind.LINK,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.flight.messages.observer import Observer
-from companion.flight.messages.speech import Speech
+from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore
 from companion.link.messages.streams import Streams
@@ -78,11 +78,11 @@ class VehicleLink:
         self._recorder = recorder
         self._observer = observer or Observer()
         self._take: Callable[[Event, float], None] = _ignore
-        self._speech = Speech(self.codec, transport.bytes_per_s)
+        self._budgets = SendBudgets(self.codec, transport.bytes_per_s)
         self.autopilot = link_kind(self.codec, clock, self.send)
 
     @property
-    def has_heard(self) -> bool:
+    def has_received(self) -> bool:
         """Whether the vehicle has been received."""
         return self.autopilot.dialect is not None
 
@@ -97,13 +97,13 @@ class VehicleLink:
             The parameters that others may request or set.
         """
         self._take = take
-        self._speech.begin(parameters)
+        self._budgets.begin(parameters)
         self.transport.set_receiver(self.receive)
         await self.transport.open()
 
     def receive(self, data: bytes, address: Address | None = None) -> None:
         """Process received bytes: record, pass on and answer each frame, then deliver its events."""
-        now_s, peer, had_heard = self._clock.now_s(), self.codec.identity.peer, self.has_heard
+        now_s, peer, had_received = self._clock.now_s(), self.codec.identity.peer, self.has_received
         frames = self.codec.feed(data, now_s, address)
         if (now_at := self.codec.identity.peer) is not None and now_at != peer:
             self.transport.answer_to(now_at)
@@ -115,10 +115,10 @@ class VehicleLink:
             self.autopilot.receive(frame)
             if self.autopilot.is_part_of_exchange(frame):
                 self._observer.progress()
-            self.send(self._speech.answer(frame, now_s))
+            self.send(self._budgets.answer(frame, now_s))
             for event in frame.events:
                 self._take(event, now_s)
-        if self.has_heard and not had_heard:
+        if self.has_received and not had_received:
             self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:
@@ -131,12 +131,12 @@ class VehicleLink:
 
     def tell(self, severity: int, text: str) -> None:
         """Send the pilot a text with a MAV_SEVERITY; nothing is sent before the vehicle is received."""
-        if self.has_heard:
-            self.send(self._speech.text(severity, text, self._clock.now_s()))
+        if self.has_received:
+            self.send(self._budgets.text(severity, text, self._clock.now_s()))
 
     def keep_up(self, now_s: float, state: int) -> None:
         """Send what is due every second: the heartbeat with its MAV_STATE, and requests for streams."""
-        if self.has_heard:
+        if self.has_received:
             self.send(self.codec.heartbeat(state))
             self.send(self.streams.due(self.codec, now_s))
 

@@ -10,15 +10,15 @@ from companion.config.models import UseBy
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import StateOwner
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import MissionCurrent
 
 POSITION, MISSION_ITEM = "position", "mission item"  # Names of inputs, as recorded.
 VITAL = frozenset({POSITION, MISSION_ITEM})  # Without these inputs nothing is planned.
-STANDS = "; the flown mission stands"  # Recorded if a vital input is stale.
-SETTLED_S = 3.0  # An input that is not vital is announced as back after this time.
+MISSION_STAYS = "; the flown mission stands"  # Recorded if a vital input is stale.
+FRESH_MIN_S = 3.0  # An input that is not vital is announced as back after this time.
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class FreshnessWatch:
     ----------
     flight : StateOwner
         The flight's state, for the ages in the mission file.
-    situation : Situation
+    world_model : Situation
         The known world: aircraft and threats.
     link : AutopilotLink
         The link, for the last message about the mission.
@@ -112,9 +112,9 @@ class FreshnessWatch:
     """
 
     def __init__(
-        self, flight: StateOwner, situation: Situation, link: AutopilotLink, announcer: Announcer
+        self, flight: StateOwner, world_model: WorldModel, link: AutopilotLink, announcer: Announcer
     ) -> None:
-        self._flight, self._situation = flight, situation
+        self._flight, self._world_model = flight, world_model
         self._link, self._announcer = link, announcer
         self._since_s = math.inf  # when the aircraft was armed
         self._stale: dict[str, tuple[float, float]] = {}  # last reception before, and last time found stale
@@ -142,9 +142,9 @@ class FreshnessWatch:
             return False
         self._since_s = min(self._since_s, now_s)
         was_blind = self.is_blind
-        tracks = self._situation.tracker.received_s(now_s)
+        tracks = self._world_model.tracker.received_s(now_s)
         found = inputs(
-            self._flight.state.mission.use_by, self._situation.ownship, self._link.current, tracks, now_s
+            self._flight.state.mission.use_by, self._world_model.ownship, self._link.current, tracks, now_s
         )
         for entry in found:
             self._follow(entry, now_s)
@@ -158,11 +158,11 @@ class FreshnessWatch:
         received_s, last_s = self._stale.get(name, (max(entry.received_s, self._since_s), now_s))
         if fault:
             if name not in self._stale:
-                text, tell = (fault + STANDS, "missing") if is_vital else (fault, "old")
+                text, tell = (fault + MISSION_STAYS, "missing") if is_vital else (fault, "old")
                 age = f"{entry.use_by_s:g}"
                 self._announcer.decide(DecisionKind.STALE, text, tell=tell, about=name, what=name, age=age)
             self._stale[name] = received_s, now_s
-        elif name in self._stale and (is_vital or now_s - last_s >= SETTLED_S):
+        elif name in self._stale and (is_vital or now_s - last_s >= FRESH_MIN_S):
             del self._stale[name]
             text = f"{name} again, after {last_s - received_s:.0f} s"
             self._announcer.decide(DecisionKind.FRESH, text, tell="back", about=name, what=name.capitalize())

@@ -14,7 +14,7 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.rally import rally_points_of
 from companion.types.mission import MissionItem
 
-AGAIN_S = 30.0  # Time between two readings, whatever is reported.
+REPEAT_MIN_S = 30.0  # Time between two readings, whatever is reported.
 
 _log = logging.getLogger(__name__)
 
@@ -44,20 +44,20 @@ class RallyPoints:
         self._told: tuple[int, int] = (0, 0)
         self._asked_s = -math.inf
 
-    async def renew(self, *, is_again: bool = False) -> None:
+    async def renew(self, *, includes_unnamed: bool = False) -> None:
         """Read the rally points if the autopilot reports that they have changed.
 
         Parameters
         ----------
-        is_again : bool
+        includes_unnamed : bool
             Whether to read also a list without an identifier whose number of points is the same.
         """
-        told, now = self._told_now(), self._clock.now_s()
+        told, now = self._reported_now(), self._clock.now_s()
         self._flight.apply(after_rally_reported, holds_any=told != (0, 0))
-        is_news = told != self._told or (is_again and told[0] > 0)
+        is_news = told != self._told or (includes_unnamed and told[0] > 0)
         if told == (0, 0):
             self._items, self._told = (), told
-        elif is_news and now - self._asked_s >= AGAIN_S:
+        elif is_news and now - self._asked_s >= REPEAT_MIN_S:
             self._asked_s = now
             try:
                 self._items = await self._link.download_rally_points()
@@ -66,7 +66,7 @@ class RallyPoints:
                 _log.debug("rally points: %s", error)
         self._apply()
 
-    def _told_now(self) -> tuple[int, int]:
+    def _reported_now(self) -> tuple[int, int]:
         """Return an ArduPlane's number of points, and a PX4's identifier of the list."""
         current = self._link.current
         number = self._flight.state.settings.num_rally_points or 0.0

@@ -29,8 +29,8 @@ _log = logging.getLogger(__name__)
 
 Places = Sequence[tuple[float, float, float]]
 
-GOALS, FLOWN = ".goals.json", ".flown.npz"  # The ends of the files' names.
-WIND = "wind_enu_m_s"  # This column of a path is missing in files of versions before 0.3.
+GOALS_END, FLOWN_END = ".goals.json", ".flown.npz"  # The ends of the files' names.
+WIND_COLUMN = "wind_enu_m_s"  # This column of a path is missing in files of versions before 0.3.
 _HEADER = re.compile(  # The header of an array of numbers as numpy writes it.
     rb"\x93NUMPY\x01\x00..\{'descr': '<([fi]8)', 'fortran_order': (True|False), "
     rb"'shape': \(([0-9, ]{0,40})\), \} *\n",
@@ -68,7 +68,7 @@ class Checkpoint:
 
     def reached(self, goals: Places) -> int:
         """Return the number of goals reached of this list of goals; 0 for another list."""
-        kept = _goals_in(self._kept.get(GOALS))
+        kept = _goals_in(self._kept.get(GOALS_END))
         if kept is None or kept.places != _rounded(goals):
             return 0
         return kept.reached
@@ -76,17 +76,17 @@ class Checkpoint:
     def note_reached(self, goals: Places, number: int, boot_s: float = 0.0) -> None:
         """Store how many goals of a list are reached, and how long the autopilot has run since boot [s]."""
         kept = {"goals": _rounded(goals), "reached": number, "boot_s": boot_s}
-        self._keep(GOALS, json.dumps(kept).encode("ascii"))
+        self._keep(GOALS_END, json.dumps(kept).encode("ascii"))
 
     @property
     def boot_s(self) -> float:
         """The autopilot's time since boot at the last note [s]; a shorter one now means a restart."""
-        kept = _goals_in(self._kept.get(GOALS))
+        kept = _goals_in(self._kept.get(GOALS_END))
         return 0.0 if kept is None else kept.boot_s
 
     def flown(self, key: int) -> tuple[Path, float] | None:
         """Return the path of the mission with this key, and the path's time at its end; None if unknown."""
-        kept = _flown_in(self._kept.get(FLOWN))
+        kept = _flown_in(self._kept.get(FLOWN_END))
         return None if kept is None or kept[0] != key else kept[1:]
 
     def note_flown(self, key: int, path: Path, until_s: float) -> None:
@@ -94,7 +94,7 @@ class Checkpoint:
         buffer = io.BytesIO()
         columns = {field.name: getattr(path, field.name) for field in fields(Path)}
         np.savez(buffer, key=key, until_s=until_s, **columns)
-        self._keep(FLOWN, buffer.getvalue())
+        self._keep(FLOWN_END, buffer.getvalue())
 
     def forget(self) -> None:
         """Delete everything: a flight is over."""
@@ -107,14 +107,16 @@ class Checkpoint:
 
     def _files(self) -> dict[str, FilePath]:
         stem = self._stem
-        return {} if stem is None else {end: stem.with_name(stem.name + end) for end in (GOALS, FLOWN)}
+        return (
+            {} if stem is None else {end: stem.with_name(stem.name + end) for end in (GOALS_END, FLOWN_END)}
+        )
 
     def _read(self) -> dict[str, bytes]:
         kept = {}
         for end, file in self._files().items():
             try:
                 data = read_file(file, SIZE_MAX)
-                is_sound = (_goals_in(data) if end == GOALS else _flown_in(data)) is not None
+                is_sound = (_goals_in(data) if end == GOALS_END else _flown_in(data)) is not None
             except FileNotFoundError:
                 continue
             except OSError:
@@ -164,7 +166,7 @@ def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
     try:
         arrays = _arrays_in(data or b"")
         key, until_s = int(arrays.pop("key").item()), float(arrays.pop("until_s").item())
-        east, north = arrays.pop(WIND, np.zeros(2)).tolist()
+        east, north = arrays.pop(WIND_COLUMN, np.zeros(2)).tolist()
     except (OSError, EOFError, ValueError, LookupError, OverflowError, RuntimeError, zlib.error):
         return None  # zipfile raises RuntimeError for an unknown compression.
     except (zipfile.BadZipFile, MemoryError):
@@ -190,7 +192,9 @@ def _arrays_in(data: bytes) -> dict[str, FloatArray]:
         names = ("key", "until_s", *(field.name for field in fields(Path)))
         held = archive.namelist()
         return {
-            name: _array_in(archive, f"{name}.npy") for name in names if name != WIND or f"{name}.npy" in held
+            name: _array_in(archive, f"{name}.npy")
+            for name in names
+            if name != WIND_COLUMN or f"{name}.npy" in held
         }
 
 

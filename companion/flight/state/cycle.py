@@ -16,8 +16,8 @@ from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.decision import (
     SwapDecision,
     Verdict,
-    carried_min_s,
-    carried_s,
+    covered_min_s,
+    covered_s,
     gain_of,
     judge,
 )
@@ -33,7 +33,7 @@ from companion.types.plan import Plan
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
 
-AS_GOOD = "what is flown costs no more"  # The recorded reason for keeping the flown mission.
+FLOWN_COSTS_NO_MORE = "what is flown costs no more"  # The recorded reason for keeping the flown mission.
 RALLY_POINTS_TRIED = 2  # Each rally point needs a plan, while the flown path does not pass.
 
 
@@ -45,14 +45,14 @@ class Conclusion:
     ----------
     decision : SwapDecision
         The judgement of the plan.
-    shaped : ConstructedMission or None
+    constructed : ConstructedMission or None
         The mission to be handed over; None if there is none.
     is_unflyable : bool
         Whether the plan would be flown, but no mission can fly it.
     """
 
     decision: SwapDecision
-    shaped: ConstructedMission | None = None
+    constructed: ConstructedMission | None = None
     is_unflyable: bool = False
 
 
@@ -63,7 +63,7 @@ class EmergencyConclusion:
     step: EmergencyStep
     reason: str
     options: EmergencyOptions
-    shaped: ConstructedMission | None
+    constructed: ConstructedMission | None
 
 
 def is_over(state: FlightState, ownship: Ownship) -> bool:
@@ -111,10 +111,10 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
         if not decision.verdict.is_swap:
             return Conclusion(decision)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ConstructedMission(
+    constructed = ConstructedMission(
         path, waypoints, part, covered_until_s, start, decision.verdict, decision.text, decision.why, cost
     )
-    return Conclusion(decision, shaped)
+    return Conclusion(decision, constructed)
 
 
 def _first_flyable(
@@ -149,7 +149,7 @@ def conclude_either(
         Same as in :func:`conclude_emergency`.
     """
     found = conclude(state, plan, start, snapshot)
-    if not found.decision.is_flyable_anyway or flown_passes(state, start):
+    if not found.decision.is_flyable_in_emergency or flown_passes(state, start):
         return found, None
     return found, conclude_emergency(state, plan, None, start, None, least_gain=least_gain)
 
@@ -185,10 +185,10 @@ def conclude_emergency(
         may_return=state.mission.authority.allow_rtl, return_path=return_path,
     )  # fmt: skip
     decision, route = response.decision, response.route
-    is_way_on = route is not None and decision.step is EmergencyStep.LEAST_THREAT
-    if is_way_on and _flown_is_as_good(state, start, least_threat, response.options, least_gain):
-        return EmergencyConclusion(decision.step, AS_GOOD, response.options, None)
-    return _shaped(state, start, response, least_threat.cost)
+    leads_to_goal = route is not None and decision.step is EmergencyStep.LEAST_THREAT
+    if leads_to_goal and _flown_is_as_good(state, start, least_threat, response.options, least_gain):
+        return EmergencyConclusion(decision.step, FLOWN_COSTS_NO_MORE, response.options, None)
+    return _emergency_mission(state, start, response, least_threat.cost)
 
 
 def _flown_is_as_good(
@@ -202,7 +202,7 @@ def _flown_is_as_good(
         return False
     if options.flown is None or not keeps_hard_constraints(options.flown):
         return False
-    return carried_s(state, start) >= carried_min_s(state) and gain_of(plan) <= least_gain
+    return covered_s(state, start) >= covered_min_s(state) and gain_of(plan) <= least_gain
 
 
 def conclude_rally(
@@ -210,7 +210,7 @@ def conclude_rally(
 ) -> EmergencyConclusion:
     """Choose the step again after a plan to a rally point, and construct the mission that carries it out."""
     response = respond_by_rally_point(state, found.options, plan, place, state.mission_list.max_waypoints)
-    return _shaped(state, start, response, plan.cost)
+    return _emergency_mission(state, start, response, plan.cost)
 
 
 def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
@@ -220,15 +220,17 @@ def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
     return [state.region_at(place) for place in nearest[:RALLY_POINTS_TRIED]]
 
 
-def _shaped(state: FlightState, start: Start, response: Response, cost: float) -> EmergencyConclusion:
+def _emergency_mission(
+    state: FlightState, start: Start, response: Response, cost: float
+) -> EmergencyConclusion:
     """Return a response with its mission."""
     step, reason = response.decision
     route = response.route
     if route is None:
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ConstructedMission(
+    constructed = ConstructedMission(
         route.path, route.waypoints, part, route.covered_until_s, start, Verdict.EMERGENCY, step.value, {},
         cost,
     )  # fmt: skip
-    return EmergencyConclusion(step, reason, response.options, shaped)
+    return EmergencyConclusion(step, reason, response.options, constructed)

@@ -16,53 +16,44 @@ from functools import cached_property
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
-from companion.types.mavlink_enums import Severity
 from companion.types.path import Path
 from companion.types.plan import Plan
 
-EXTENDED_HORIZONS = 1.5  # A mission that covers less than this many time horizons ahead is extended.
-VIOLATIONS_TOLD = 5  # At most this many violations are recorded.
-REACHED_S = 1.0  # A flown path that pursuers can reach for no longer than this is not left for that reason.
-SAFE_TIMES = 5.0  # A held path is replaced only by one that saves this multiple of swap_gain.
+COVERED_HORIZONS_MIN = 1.5  # A mission that covers less than this many time horizons ahead is extended.
+VIOLATIONS_RECORDED_MAX = 5  # At most this many violations are recorded.
+# A flown path that pursuers can reach for no longer than this is not left for that reason.
+REACHABLE_MAX_S = 1.0
+HELD_GAIN_FACTOR = 5.0  # A held path is replaced only by one that saves this multiple of swap_gain.
 
 
 class DecisionKind(Enum):
-    """Kinds of decisions, as recorded and announced to the pilot, each with its severity."""
+    """Kinds of decisions, as recorded."""
 
-    SWAP = "swap", Severity.NOTICE
-    KEEP = "keep", Severity.INFO
-    NO_PLAN = "no plan", Severity.WARNING
-    REJECTED = "rejected", Severity.WARNING
-    EMERGENCY = "emergency", Severity.CRITICAL
-    MODE = "mode", Severity.INFO
-    SUSPENDED = "suspended", Severity.WARNING
-    ARRIVED = "arrived", Severity.NOTICE
-    LANDED = "landed", Severity.INFO
-    LANDING = "landing", Severity.WARNING
-    MISSION = "mission", Severity.INFO
-    TAKEOVER = "takeover", Severity.NOTICE
-    FAULT = "fault", Severity.WARNING
-    READY = "ready", Severity.INFO
-    HANDBACK = "handback", Severity.NOTICE
-    RESTART = "restart", Severity.INFO
-    LINK = "link", Severity.WARNING
-    STALE = "stale", Severity.WARNING
-    FRESH = "fresh", Severity.NOTICE
-    FENCE = "fence", Severity.INFO
-    RALLY = "rally", Severity.INFO
-    RELOAD = "reload", Severity.NOTICE
-    PARAMETERS = "parameters", Severity.WARNING
-    RECORDING = "recording", Severity.INFO
-    STOPPED = "stopped", Severity.WARNING
-
-    severity: Severity
-
-    def __new__(cls, value: str, severity: Severity) -> DecisionKind:
-        """Create a member with its severity."""
-        member = object.__new__(cls)
-        member._value_ = value  # Enum's ``value`` is derived from this.
-        member.severity = severity
-        return member
+    SWAP = "swap"
+    KEEP = "keep"
+    NO_PLAN = "no plan"
+    REJECTED = "rejected"
+    EMERGENCY = "emergency"
+    MODE = "mode"
+    SUSPENDED = "suspended"
+    ARRIVED = "arrived"
+    LANDED = "landed"
+    LANDING = "landing"
+    MISSION = "mission"
+    TAKEOVER = "takeover"
+    FAULT = "fault"
+    READY = "ready"
+    HANDBACK = "handback"
+    RESTART = "restart"
+    LINK = "link"
+    STALE = "stale"
+    FRESH = "fresh"
+    FENCE = "fence"
+    RALLY = "rally"
+    RELOAD = "reload"
+    PARAMETERS = "parameters"
+    RECORDING = "recording"
+    STOPPED = "stopped"
 
 
 class Verdict(Enum):
@@ -114,7 +105,7 @@ class SwapDecision:
         The numbers behind the reason.
     holds_flown : bool
         Whether the flown path is held: out of pursuers' reach, and as good as when it was chosen.
-    is_flyable_anyway : bool
+    is_flyable_in_emergency : bool
         Whether a refused path leads to the goal and breaks only the limits of threat and quality.
     """
 
@@ -122,20 +113,20 @@ class SwapDecision:
     text: str
     why: Mapping[str, object] = field(default_factory=dict)
     holds_flown: bool = False
-    is_flyable_anyway: bool = False
+    is_flyable_in_emergency: bool = False
 
 
-def carried_s(state: FlightState, start: Start) -> float:
+def covered_s(state: FlightState, start: Start) -> float:
     """Return how long the autopilot's mission continues from a start [s]; infinite if it reaches the goal."""
     flown, rest = state.flown, start.rest
     if flown is None or rest is None:
         return 0.0
-    return flown.carried_s(len(flown.path) - len(rest))
+    return flown.covered_s(len(flown.path) - len(rest))
 
 
-def carried_min_s(state: FlightState) -> float:
+def covered_min_s(state: FlightState) -> float:
     """Return the time below which a mission is extended [s]."""
-    return EXTENDED_HORIZONS * state.rules.time_horizon_s
+    return COVERED_HORIZONS_MIN * state.rules.time_horizon_s
 
 
 def gain_of(plan: Plan) -> float:
@@ -155,7 +146,7 @@ def gain_of(plan: Plan) -> float:
 def _is_out_of_reach(plan: Plan) -> bool:
     """Return whether pursuers cannot reach the plan, but the flown path for more than a moment."""
     flown = plan.flown_pursuit
-    return flown is not None and flown.total_s > REACHED_S and plan.pursuit.total_s == 0.0
+    return flown is not None and flown.total_s > REACHABLE_MAX_S and plan.pursuit.total_s == 0.0
 
 
 @dataclass(frozen=True)
@@ -207,9 +198,9 @@ class _Case:
         return found
 
     @cached_property
-    def carried_s(self) -> float:
+    def covered_s(self) -> float:
         """How long the autopilot's mission continues from the start [s]; infinite if it reaches the goal."""
-        return carried_s(self.state, self.start)
+        return covered_s(self.state, self.start)
 
 
 _Facts = dict[str, object]
@@ -228,7 +219,7 @@ def _rejected(case: _Case, why: _Facts) -> _Answer:
     why["threat"], violations = case.threat, case.violations
     if not violations:
         return None
-    why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_TOLD]]
+    why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_RECORDED_MAX]]
     return Verdict.REJECTED, f"{violations[0]} ({len(violations)} violations)"
 
 
@@ -236,7 +227,7 @@ def _flown_is_unsafe(case: _Case, why: _Facts) -> _Answer:
     """Answer if the rest of the flown path fails the check, because the world has changed."""
     if not case.rest_violations:
         return None
-    why["flown_violations"] = [str(entry) for entry in case.rest_violations[:VIOLATIONS_TOLD]]
+    why["flown_violations"] = [str(entry) for entry in case.rest_violations[:VIOLATIONS_RECORDED_MAX]]
     return Verdict.UNSAFE, f"flown plan: {case.rest_violations[0]}"
 
 
@@ -250,8 +241,8 @@ def _nothing_is_flown(case: _Case, _why: _Facts) -> _Answer:
 def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Answer if the plan saves ``swap_gain``; by (9) a path above the threat limit costs infinitely much."""
     gain = gain_of(case.plan)
-    why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
-    if gain < float(case.state.mission.planning.swap_gain) * (SAFE_TIMES if case.holds_flown else 1.0):
+    why |= {"gain": gain, "carried_s": case.covered_s, "carried_min_s": covered_min_s(case.state)}
+    if gain < float(case.state.mission.planning.swap_gain) * (HELD_GAIN_FACTOR if case.holds_flown else 1.0):
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
@@ -262,9 +253,9 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     return Verdict.BETTER, f"cost {case.plan.cost:.1f}{instead}"
 
 
-def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
+def _is_extended_or_kept(case: _Case, _why: _Facts) -> _Answer:
     """Answer with extending if the autopilot's mission ends soon, otherwise with keeping."""
-    is_short = case.carried_s < carried_min_s(case.state)
+    is_short = case.covered_s < covered_min_s(case.state)
     text = f"cost {case.plan.cost:.1f}, flown {case.plan.flown_cost:.1f}"
     return Verdict.EXTEND if is_short else Verdict.KEEP, text
 
@@ -275,7 +266,7 @@ _RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
     _flown_is_unsafe,
     _nothing_is_flown,
     _is_better,
-    _is_short_or_kept,
+    _is_extended_or_kept,
 )
 
 

@@ -28,15 +28,15 @@ from companion.planning.problem import GoalRegion, StartState, rows_at_goals
 from companion.types.path import Path, straight_path
 from companion.types.plan import Plan
 
-AHEAD_ROWS = 24  # If no plan leads anywhere, this many rows of straight flight are tried.
-ROWS_TO_LOITER = 4  # A loiter is at least this many rows after the start.
-ROWS_BETWEEN = 2  # A loiter is tried at every second row.
+STRAIGHT_ROWS = 24  # If no plan leads anywhere, this many rows of straight flight are tried.
+LOITER_ROW_MIN = 4  # A loiter is at least this many rows after the start.
+LOITER_ROW_STEP = 2  # A loiter is tried at every second row.
 ROW_S = 1.0  # Rows of straight flight are this far apart in time.
-AS_SAFE = 0.1  # A path whose threat level is higher by no more than this counts as equally safe.
+SAME_THREAT_MAX = 0.1  # A path whose threat level is higher by no more than this counts as equally safe.
 
 
 @dataclass(frozen=True, slots=True)
-class EscapeRoute:
+class FallbackMission:
     """A path, its waypoints, and the path's time at the last of them [s]."""
 
     path: Path
@@ -50,7 +50,7 @@ class Response:
 
     decision: EmergencyDecision
     options: EmergencyOptions
-    route: EscapeRoute | None
+    route: FallbackMission | None
 
 
 def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] | None:
@@ -129,7 +129,7 @@ def respond_by_rally_point(
     if plan.path is not None and plan.reaches_goal:
         found = construct(state, plan.path, max_waypoints, is_whole=True)
         on_path = state.violations_to(place, plan.path)
-        route = EscapeRoute(plan.path, found.waypoints, found.covered_until_s)
+        route = FallbackMission(plan.path, found.waypoints, found.covered_until_s)
         options = replace(options, rally=(*on_path, *found.violations))
     decision = emergency_decision(options)
     return Response(decision, options, route if decision.step is EmergencyStep.RALLY_POINT else None)
@@ -137,18 +137,18 @@ def respond_by_rally_point(
 
 def _least_threat(
     state: FlightState, plan: Plan, max_waypoints: int
-) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
+) -> tuple[FallbackMission | None, tuple[Violation, ...] | None]:
     """Return the least-threat plan as a mission, and its violations; None if it does not reach the goal."""
     if plan.path is None or not plan.reaches_goal:
         return None, None
     found = construct(state, plan.path, max_waypoints)
-    route = EscapeRoute(plan.path, found.waypoints, found.covered_until_s)
+    route = FallbackMission(plan.path, found.waypoints, found.covered_until_s)
     return route, (*state.violations_of(plan.path), *found.violations)
 
 
 def _safe_loiter(
     state: FlightState, start: Start, paths: Sequence[Path | None], max_waypoints: int
-) -> tuple[EscapeRoute | None, tuple[Violation, ...] | None]:
+) -> tuple[FallbackMission | None, tuple[Violation, ...] | None]:
     """Return the reachable safe loiter with the least threat, and its violations.
 
     Candidates lie along paths that begin at the start, as far as these keep the hard constraints, and
@@ -158,12 +158,12 @@ def _safe_loiter(
     for path, row, *_ in _places(state, start, paths):
         found = construct_until(state, path, row)
         if not found.violations and len(found.waypoints.positions_enu_m) <= max_waypoints:
-            return EscapeRoute(path.until(row), found.waypoints, found.covered_until_s), ()
+            return FallbackMission(path.until(row), found.waypoints, found.covered_until_s), ()
         wrong = wrong or found.violations
     return None, wrong
 
 
-class _Place(NamedTuple):
+class _LoiterCandidate(NamedTuple):
     """A row of a path as a loiter: its threat level, the highest one before it, and the goals before it."""
 
     path: Path
@@ -179,42 +179,42 @@ def _goals_before(state: FlightState, path: Path) -> str:
     return f", behind {passed} of {len(state.goals_left)} goals" if passed else ""
 
 
-def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[_Place]:
+def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[_LoiterCandidate]:
     """Return all candidates in order: by most goals passed if the path there is as safe, threat, distance."""
     begin = np.asarray(start.state.position_enu_m)
-    places: list[_Place] = []
+    places: list[_LoiterCandidate] = []
     for path in (*paths, straight_ahead(start.state, state.wind_enu_m_s)):
         if (
             path is None
-            or len(path) <= ROWS_TO_LOITER
+            or len(path) <= LOITER_ROW_MIN
             or np.linalg.norm(path.positions_enu_m[0] - begin) > 1.0
         ):
             continue
         found = state.violations_to(None, path)
         hard = [entry.row for entry in found if not keeps_hard_constraints([entry])]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
-        places += _places_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
-    safe = min((place.level for place in places), default=0.0) + AS_SAFE
+        places += _candidates_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
+    safe = min((place.level for place in places), default=0.0) + SAME_THREAT_MAX
 
-    def wanted(place: _Place) -> tuple[int, float, int]:
+    def wanted(place: _LoiterCandidate) -> tuple[int, float, int]:
         return -place.num_goals if place.highest <= safe else 0, place.level, place.row
 
     return sorted(places, key=wanted)
 
 
-def _places_along(path: Path, last: int, at_goals: Sequence[int]) -> Iterator[_Place]:
+def _candidates_along(path: Path, last: int, at_goals: Sequence[int]) -> Iterator[_LoiterCandidate]:
     """Yield candidates along a path up to row ``last``, also right after the goals ``at_goals``."""
     highest = np.maximum.accumulate(path.threat_levels)
-    rows = {*range(ROWS_TO_LOITER, last + 1, ROWS_BETWEEN), *(row + 1 for row in at_goals if row < last)}
+    rows = {*range(LOITER_ROW_MIN, last + 1, LOITER_ROW_STEP), *(row + 1 for row in at_goals if row < last)}
     for row in sorted(rows):
         num_goals = sum(at < row for at in at_goals)
-        yield _Place(path, row, float(path.threat_levels[row]), float(highest[row]), num_goals)
+        yield _LoiterCandidate(path, row, float(path.threat_levels[row]), float(highest[row]), num_goals)
 
 
 def straight_ahead(state: StartState, wind_enu_m_s: tuple[float, float]) -> Path:
     """Return level, straight flight from a start at its airspeed, with unknown threats."""
     return straight_path(
-        ROW_S * np.arange(AHEAD_ROWS + 1.0), state.stamp_s, np.asarray(state.position_enu_m),
+        ROW_S * np.arange(STRAIGHT_ROWS + 1.0), state.stamp_s, np.asarray(state.position_enu_m),
         course_from_direction(state.direction_rad), state.airspeed_m_s,
         covariance_m2=state.error_covariance[:3, :3],
         threat_level=1.0,  # The threat is not known, so that every place with a known one is preferred.

@@ -63,9 +63,9 @@ from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle, ThreatPicture
 
 WIND_SHARE_MAX = 0.6  # No plans are made in a wind above this share of the cruise airspeed.
-WINDOW_ROWS = 20  # The aircraft is searched in this many rows of the path ahead.
+SEARCH_ROWS = 20  # The aircraft is searched in this many rows of the path ahead.
 # Plans reach goals within these shares of their acceptance radius: goals to pass, and the last goal.
-NARROWED, NARROWED_LAST = 0.6, 0.75
+NARROWED_SHARE, NARROWED_LAST_SHARE = 0.6, 0.75
 GOAL_RADIUS_M = 60.0  # Acceptance radius of goals that are the operator's waypoints.
 
 Arguments = ParamSpec("Arguments")
@@ -164,7 +164,9 @@ class FlightState:
         """
         left = self.goals[self.next_goal :]
         num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
-        shares = [NARROWED if number < num_passed else NARROWED_LAST for number in range(len(left))]
+        shares = [
+            NARROWED_SHARE if number < num_passed else NARROWED_LAST_SHARE for number in range(len(left))
+        ]
         return tuple(
             replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
             for goal, share in zip(left, shares, strict=True)
@@ -201,7 +203,7 @@ class FlightState:
         """Return the violations of a path that should reach the last goal."""
         return self.violations_to(self.goals[-1], path)
 
-    def limits_kept(self, path: Path) -> tuple[bool, bool]:
+    def keeps_limits(self, path: Path) -> tuple[bool, bool]:
         """Return whether a path to the last goal keeps all limits, and all but threat and quality."""
         found = self.violations_of(path)
         return not found, keeps_hard_constraints(found)
@@ -251,7 +253,7 @@ class StateOwner:
         self._state = transition(self._state, *arguments, **named)
         return self._state
 
-    def see(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
+    def update_world(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
         """Use the present wind and threats for judging from now on; return the new state."""
         self._state = replace(_in_wind(self._state, ownship), picture=picture)
         return self._state
@@ -400,7 +402,7 @@ def after_takeover(state: FlightState, sequence: int) -> FlightState:
 
     The item itself is also passed if the operator lets the aircraft hold at it.
     """
-    if state.mission_list.found_flown:
+    if state.mission_list.was_found_flown:
         return state
     is_held = state.mission.takeover.when == "holding"
     passed = sum(item < sequence or (is_held and item == sequence) for item in state.goal_items)
@@ -443,7 +445,7 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
         next_goal += 1
     if flown is not None:
         flown = replace(
-            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
+            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
         )
     return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
 

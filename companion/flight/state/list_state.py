@@ -19,16 +19,17 @@ from companion.types.mission import Mission, MissionItem
 from companion.types.path import Path
 
 NUM_ITEMS_UNKNOWN = 40  # The assumed length of a list that was not read yet.
-RECEIVED = "Flight plan received"  # ArduPlane's text when an upload has ended.
-OUTSIDE_S = 1.5  # After this time at another item, the report is not a late one from before a swap.
-UNDER_WAY_S = 4.0  # For this time a command may still take effect, and an older report may still arrive.
+UPLOAD_ENDED_TEXT = "Flight plan received"  # ArduPlane's text when an upload has ended.
+OUTSIDE_MIN_S = 1.5  # After this time at another item, the report is not a late one from before a swap.
+# For this time a command may still take effect, and an older report may still arrive.
+COMMAND_DELAY_MAX_S = 4.0
 # Time per item of a list: half of the items are written, one in 20 ms; all are read twice, several at once.
 ITEM_S = 0.02
 EXCHANGE_EXTRA_S = 0.5  # Time of an exchange apart from its items.
 EXCHANGE_MIN_S = 0.3  # An exchange is not expected to be shorter.
 EXCHANGE_MAX_S = 12.0  # An exchange is not expected to be longer: what is farther ahead is flown by then.
 EXCHANGES_KEPT = 3  # The last few exchanges determine the expected duration.
-MARGIN_OF_EXCHANGES = 1.3  # The expected duration is the longest of these by this factor.
+EXCHANGE_MARGIN = 1.3  # The expected duration is the longest of these by this factor.
 
 
 class MissionPosition(Enum):
@@ -63,7 +64,7 @@ class FlownPath:
     row: int = 0
     cost: float = math.inf
 
-    def carried_s(self, row: int) -> float:
+    def covered_s(self, row: int) -> float:
         """Return how long the mission continues from a row of the path [s]; infinite to its end."""
         if self.covered_until_s >= self.path.times_s[-1]:
             return math.inf
@@ -123,10 +124,10 @@ class ListState:
         Until when the swap under way waits for the aircraft [s]; not finite if it does not wait.
     unwanted : str
         Why the waiting mission is no longer wanted, '' if it is wanted.
-    found_flown : bool
+    was_found_flown : bool
         Whether the autopilot was flying a mission of the service when its list was first read: the service
         was restarted in flight.
-    said_landing : bool
+    landing_reported : bool
         Whether the pilot was informed that the mission has no landing.
     home_amsl_m : float or None
         Height of home, from which relative altitudes count, when the list was adopted [m].
@@ -134,7 +135,7 @@ class ListState:
         When the list was last read [s].
     num_read : int
         Number of items read then.
-    lasted_s : tuple of float
+    durations_s : tuple of float
         Durations of the last few exchanges [s].
     """
 
@@ -149,12 +150,12 @@ class ListState:
     is_exchanging: bool = False
     waits_until_s: float = -math.inf
     unwanted: str = ""
-    found_flown: bool = False
-    said_landing: bool = False
+    was_found_flown: bool = False
+    landing_reported: bool = False
     home_amsl_m: float | None = None
     read_s: float = -math.inf
     num_read: int = 0
-    lasted_s: tuple[float, ...] = ()
+    durations_s: tuple[float, ...] = ()
 
     @property
     def num_items(self) -> int:
@@ -169,19 +170,19 @@ class ListState:
     @property
     def exchange_s(self) -> float:
         """Expected time from a plan to its entry, by the last exchanges or the list's length [s]."""
-        if not self.lasted_s:
+        if not self.durations_s:
             return min(EXCHANGE_MAX_S, ITEM_S * self.num_items + EXCHANGE_EXTRA_S)
-        return min(EXCHANGE_MAX_S, max(EXCHANGE_MIN_S, MARGIN_OF_EXCHANGES * max(self.lasted_s)))
+        return min(EXCHANGE_MAX_S, max(EXCHANGE_MIN_S, EXCHANGE_MARGIN * max(self.durations_s)))
 
     def sending_s(self, mission: Mission) -> float:
         """Return the time that a PX4 takes for a whole list [s]."""
-        return min(EXCHANGE_MAX_S, max(ITEM_S * len(mission.items), max(self.lasted_s, default=0.0)))
+        return min(EXCHANGE_MAX_S, max(ITEM_S * len(mission.items), max(self.durations_s, default=0.0)))
 
     def position(self, current: MissionCurrent | None) -> MissionPosition:
         """Return where in its list the autopilot is, once it has reported so for a while."""
         if self.layout is None or current is None or self.outside_s is None or self.suspected:
             return MissionPosition.OURS
-        if current.stamp_s - self.outside_s < OUTSIDE_S:
+        if current.stamp_s - self.outside_s < OUTSIDE_MIN_S:
             return MissionPosition.OURS
         tail = self.layout.tail_span
         is_past = tail[0] <= current.sequence < tail[1]
@@ -205,7 +206,7 @@ class ListState:
         """Return whether a request without an answer has either taken effect by now, or never will."""
         if self.pending is None:
             return True
-        return current is not None and current.stamp_s > self.pending.asked_s + UNDER_WAY_S
+        return current is not None and current.stamp_s > self.pending.asked_s + COMMAND_DELAY_MAX_S
 
     def is_pending_flown(self, current: MissionCurrent) -> bool:
         """Return whether the autopilot reports that it flies the mission of a request without an answer."""
@@ -217,7 +218,7 @@ class ListState:
         return first <= current.sequence < end
 
 
-def _known(identities: frozenset[int], current: MissionCurrent | None) -> frozenset[int]:
+def _with_reported(identities: frozenset[int], current: MissionCurrent | None) -> frozenset[int]:
     """Return identifiers including the one that the autopilot reports now."""
     return identities | {current.mission_id} if current is not None and current.mission_id else identities
 
@@ -264,7 +265,7 @@ def after_text_reported(listed: ListState, text: str) -> ListState:
     """Return the list after a text of the autopilot: ArduPlane announces the end of every upload."""
     if listed.is_exchanging or listed.layout is None:
         return replace(listed, outside_s=None)
-    return replace(listed, suspected=text) if text.startswith(RECEIVED) else listed
+    return replace(listed, suspected=text) if text.startswith(UPLOAD_ENDED_TEXT) else listed
 
 
 def after_pause(listed: ListState) -> ListState:
@@ -281,7 +282,7 @@ def after_reading(listed: ListState, now_s: float, num_items: int) -> ListState:
 
 def after_found_as_left(listed: ListState, current: MissionCurrent | None) -> ListState:
     """Return the list after it was found unchanged."""
-    return replace(listed, suspected="", identities=_known(listed.identities, current))
+    return replace(listed, suspected="", identities=_with_reported(listed.identities, current))
 
 
 def after_adopted(
@@ -296,13 +297,13 @@ def after_adopted(
     return replace(
         listed, layout=layout, operator=operator, stored=read, is_mixed=False, suspected="", pending=None,
         home_amsl_m=home_amsl_m,
-        identities=_known(frozenset({mission_id(read)}), current),
+        identities=_with_reported(frozenset({mission_id(read)}), current),
     )  # fmt: skip
 
 
 def after_found_flown(listed: ListState, layout: Layout) -> ListState:
     """Return the list after the service's items were found to be flown since before a restart."""
-    return replace(listed, found_flown=True, layout=layout)
+    return replace(listed, was_found_flown=True, layout=layout)
 
 
 def after_suspicion(listed: ListState, what: str) -> ListState:
@@ -312,7 +313,7 @@ def after_suspicion(listed: ListState, what: str) -> ListState:
 
 def after_landing_missed(listed: ListState) -> ListState:
     """Return the list after the pilot was informed that it has no landing."""
-    return replace(listed, said_landing=True)
+    return replace(listed, landing_reported=True)
 
 
 def after_swap_begun(listed: ListState) -> ListState:
@@ -341,16 +342,16 @@ def after_writing_begun(listed: ListState) -> ListState:
     return replace(listed, is_mixed=True)
 
 
-def after_stored(listed: ListState, items: tuple[MissionItem, ...], lasted_s: float) -> ListState:
+def after_stored(listed: ListState, items: tuple[MissionItem, ...], durations_s: float) -> ListState:
     """Return the list after it was read back as sent."""
     return replace(
-        after_exchange(listed, lasted_s), stored=items, is_mixed=False, suspected="", num_read=len(items)
+        after_exchange(listed, durations_s), stored=items, is_mixed=False, suspected="", num_read=len(items)
     )
 
 
-def after_exchange(listed: ListState, lasted_s: float) -> ListState:
+def after_exchange(listed: ListState, durations_s: float) -> ListState:
     """Return the list after an exchange of some duration [s]."""
-    return replace(listed, lasted_s=(*listed.lasted_s, lasted_s)[-EXCHANGES_KEPT:])
+    return replace(listed, durations_s=(*listed.durations_s, durations_s)[-EXCHANGES_KEPT:])
 
 
 def after_asked(listed: ListState, pending: PendingSwap) -> ListState:
@@ -370,7 +371,7 @@ def after_taken(
     """Return the list once a mission in it is flown."""
     return replace(
         listed, layout=layout, stored=items, is_mixed=False,
-        identities=_known(frozenset({mission_id(items)}), current),
+        identities=_with_reported(frozenset({mission_id(items)}), current),
     )  # fmt: skip
 
 
@@ -381,4 +382,4 @@ def after_other_goals(listed: ListState) -> ListState:
 
 def after_landing(listed: ListState) -> ListState:
     """Return the list after a landing: only the durations of exchanges stay known."""
-    return ListState(lasted_s=listed.lasted_s)
+    return ListState(durations_s=listed.durations_s)

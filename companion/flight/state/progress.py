@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.config.rules import Rules
-from companion.flight.state.flight_state import WINDOW_ROWS, FlightState
+from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import direction_from_course
 from companion.mission.path_progress import progress_on, rest_of_path, time_at
 from companion.planning.problem import Problem, StartState, initial_covariances
@@ -76,7 +76,7 @@ def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool
     flown = state.flown
     if flown is None or not state.flies_to_goal or flown.covered_until_s < flown.path.times_s[-1]:
         return False
-    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS)
+    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS)
     left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)
     return progress.off_track_m <= OFF_TRACK_MAX_M and left < ahead_s + LAST_LEG_S
 
@@ -118,7 +118,7 @@ def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | 
     if state.flown is None:
         return None
     path = state.flown.path
-    progress = progress_on(path, ownship.position_enu_m, state.flown.row, WINDOW_ROWS)
+    progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)
     if progress.off_track_m > OFF_TRACK_MAX_M:
         return None
     share = ownship.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)

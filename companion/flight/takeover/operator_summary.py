@@ -10,14 +10,14 @@ import numpy as np
 
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.return_path import is_unforeseeable
+from companion.flight.takeover.return_path import is_unpredictable
 from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
 FAR_M = 50_000.0  # An aircraft this far from the mission file's origin is at another airfield.
-FAULTS_TOLD = 4  # At most this many faults are sent to the pilot.
+FAULTS_MAX = 4  # At most this many faults are sent to the pilot.
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +102,13 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
     found += _return(state)
     found += _unplaced(state, operator)
     found += _legs(state, operator)
-    return found[:FAULTS_TOLD]
+    return found[:FAULTS_MAX]
 
 
 def _return(state: FlightState) -> list[str]:
     """Return a fault if the mission file allows a return to launch that cannot be predicted."""
     kind = state.settings.return_kind
-    if not state.mission.authority.allow_rtl or kind is None or not is_unforeseeable(state):
+    if not state.mission.authority.allow_rtl or kind is None or not is_unpredictable(state):
         return []
     name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
     return [f"no return to launch with {name} {kind:g}"]

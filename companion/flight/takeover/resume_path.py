@@ -12,7 +12,7 @@ from companion.frames import FloatArray
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
-LOOKED_AT_S = 45.0  # The resume path is checked this far; by then a new plan is flown.
+CHECKED_S = 45.0  # The resume path is checked this far; by then a new plan is flown.
 MARGIN_SHARE = 0.5  # The resume path keeps this share of clearance_min_m.
 
 
@@ -28,14 +28,14 @@ class ResumePath:
         The item that is flown to, or what is wrong.
     wrong : str
         What is wrong, as the pilot reads it; '' if nothing.
-    way_enu_m : ndarray, shape (N, 3)
+    positions_enu_m : ndarray, shape (N, 3)
         The first 45 s of the path, as far as known [m].
     """
 
     is_safe: bool
     text: str
     wrong: str = ""
-    way_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
+    positions_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
 
 
 def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Ownship) -> ResumePath:
@@ -53,7 +53,7 @@ def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Own
     track = None if current is None else list_track(state, current, ownship, is_direct=True)
     if track is None or current is None:
         return ResumePath(False, "NOT safe: it is not known what is flown", "mission not known")
-    seen = track.positions_enu_m[track.times_s <= LOOKED_AT_S]
+    seen = track.positions_enu_m[track.times_s <= CHECKED_S]
     wrong = state.rules.checker.check_track(
         seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     )

@@ -31,13 +31,13 @@ from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
-WAY_MAX_S = 1200.0  # At most this much flight is simulated.
+RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
 # which is simulated by changing the course by the second angle.
-BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
-EXITS = 36  # A climb in a circle may end at this many moments over one and a half turns.
+BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
+CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
 LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; larger values follow the mission's path.
 HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE.
 
@@ -54,7 +54,7 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
     ownship : Ownship
         The aircraft now.
     """
-    ways = ways_home(state, ownship)
+    ways = return_tracks(state, ownship)
     if ways is None:
         return None
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
@@ -62,7 +62,7 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
     return next(filter(None, wrong), ())
 
 
-def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
+def return_tracks(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
     """Return positions on each of the possible return paths; None if they are not known.
 
     Small differences decide to which side the aircraft turns if home lies behind it, and when a PX4 ends its
@@ -79,15 +79,15 @@ def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
         East, north, up along each path [m]; the most likely first.
     """
     home, height = state.home_enu_m, state.settings.return_height_m
-    if home is None or height is None or is_unforeseeable(state):
+    if home is None or height is None or is_unpredictable(state):
         return None
     if state.flies_by:
-        return _arduplane_ways(state, ownship, _arduplane_end(state, ownship, home))
+        return _arduplane_tracks(state, ownship, _arduplane_end(state, ownship, home))
     end = _px4_end(state, ownship, home)
-    return _px4_ways(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
+    return _px4_tracks(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
 
 
-def is_unforeseeable(state: FlightState) -> bool:
+def is_unpredictable(state: FlightState) -> bool:
     """Return whether the autopilot returns on paths that are not predicted here, or are not known."""
     kind = state.settings.return_kind
     if state.flies_by:
@@ -96,16 +96,18 @@ def is_unforeseeable(state: FlightState) -> bool:
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
-def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
+def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
     """Return positions (K, 3) on an ArduPlane's paths to the end, or directly to the landing sequence [m]."""
     guidance, radius = guidance_of(state), _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
-    ways = (_to(guidance, begun, end, radius).positions_enu_m for begun in _headed(ownship, end))
-    return [_glided(way, end) for way in ways]
+    ways = (
+        _track_to(guidance, begun, end, radius).positions_enu_m for begun in _start_headings(ownship, end)
+    )
+    return [_with_glide(way, end) for way in ways]
 
 
-def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
+def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
     """Return positions (K, 3) on a PX4's paths to the end, at a height to which it climbs first [m]."""
     guidance, radius, tail = guidance_of(state), _radius(state), state.tail_enu_m
     high = (*end[:2], up_m)
@@ -114,7 +116,10 @@ def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> 
     ways: list[FloatArray] = []
     for place in ends:
         if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
-            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
+            ways += [
+                _track_to(guidance, begun, place, radius).positions_enu_m
+                for begun in _start_headings(ownship, place)
+            ]
         else:
             ways += _climbed_first(guidance, ownship, up_m, place, radius)
     return ways
@@ -165,26 +170,26 @@ def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
     return None
 
 
-def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
+def _track_to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
     """Simulate the straight flight to a circle, and round it."""
     wind = math.hypot(*ownship.wind_enu_m_s)
     speed = max(ownship.airspeed_m_s - wind, SLOWEST_M_S)
     circle_m = 2.0 * math.pi * guidance.circle_stretch * abs(radius_m or guidance.loiter_radius_m)
-    lasts_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, WAY_MAX_S)
-    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, lasts_s, STEP_S)
+    duration_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, RETURN_MAX_S)
+    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, duration_s, STEP_S)
 
 
-def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
+def _start_headings(ownship: Ownship, end: Place) -> list[Ownship]:
     """Return the aircraft; if the end lies behind it, also with its course changed to either side."""
     east, north, _ = ownship.position_enu_m
     bearing = math.atan2(end[0] - east, end[1] - north)
     if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
         return [ownship]
-    asides = (0.0, -ASIDE_RAD, ASIDE_RAD)
+    asides = (0.0, -TURN_SIDE_RAD, TURN_SIDE_RAD)
     return [replace(ownship, course_rad=(ownship.course_rad + aside) % (2.0 * math.pi)) for aside in asides]
 
 
-def _glided(positions: FloatArray, end: Place) -> FloatArray:
+def _with_glide(positions: FloatArray, end: Place) -> FloatArray:
     """Return ``positions`` (K, 3) [m] with the descent spread over the path as by ArduPlane, (K, 3)."""
     begin = positions[0]
     along = np.subtract(end[:2], begin[:2])
@@ -206,7 +211,7 @@ def _climbed_first(
     climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
     first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
     # The aircraft may climb faster.
-    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)
+    rows = np.linspace(max(first // 2, 1), len(climb) - 1, CLIMB_ENDS).astype(int)
     ways = []
     for row in rows:
         east, north, up = (float(value) for value in climb.positions_enu_m[row])
@@ -218,6 +223,6 @@ def _climbed_first(
             bank_rad=float(climb.banks_rad[row]),
             ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
         )
-        way = _to(guidance, begun, end, radius_m)
+        way = _track_to(guidance, begun, end, radius_m)
         ways.append(np.vstack([climb.positions_enu_m[: row + 1], way.positions_enu_m]))
     return ways

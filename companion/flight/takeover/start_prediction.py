@@ -19,12 +19,14 @@ from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 TAKEOVER_MARGIN_S = 1.0  # Time from the takeover to the entry, in addition to the exchange.
-FORESEEN_MAX_S = 120.0  # At most this much flight is predicted; a plan for later is made later.
+PREDICTED_MAX_S = 120.0  # At most this much flight is predicted; a plan for later is made later.
 CLIMB_MIN_M_S = 2.0  # The assumed climb rate of an aircraft that has not begun to climb.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 # After these items the list does not continue with the next one, or leaves the air.
-ENDINGS = frozenset({Command.DO_JUMP, Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH, Command.DO_LAND_START})
-AHEAD_M = 5_000.0  # A take-off leads straight ahead by at most this distance.
+LIST_ENDINGS = frozenset(
+    {Command.DO_JUMP, Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH, Command.DO_LAND_START}
+)
+TAKEOFF_MAX_M = 5_000.0  # A take-off leads straight ahead by at most this distance.
 
 
 def begin(
@@ -103,12 +105,12 @@ def list_track(
     if climb_m_s > guidance.climb_rate_max_m_s:  # In a take-off the aircraft climbs faster than in missions.
         guidance = replace(guidance, climb_rate_max_m_s=climb_m_s)
     if circle is not None and not legs:
-        return track_of_circle(guidance, ownship, circle[0], circle[1], FORESEEN_MAX_S, STEP_S)
+        return track_of_circle(guidance, ownship, circle[0], circle[1], PREDICTED_MAX_S, STEP_S)
     if not legs:
         return None
     before = None if is_direct else _place_before(state, current)
     return track_of_legs(
-        guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=FORESEEN_MAX_S,
+        guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=PREDICTED_MAX_S,
         step_s=STEP_S,
     )  # fmt: skip
 
@@ -127,7 +129,7 @@ def _legs_ahead(
             legs.append(_takeoff_end(state, ownship, item))
             continue
         place = position_of(item, state.mission.frame, listed.home_amsl_m)
-        if item.command in ENDINGS:
+        if item.command in LIST_ENDINGS:
             break
         if place is not None:
             legs.append(np.asarray(place))
@@ -152,7 +154,7 @@ def _takeoff_end(state: FlightState, ownship: Ownship, item: MissionItem) -> Flo
     height_m = up if altitude is None else altitude - float(state.mission.origin.altitude_amsl_m)
     climb_m_s = max(ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad), CLIMB_MIN_M_S)
     away = ownship.ground_speed_m_s * max(height_m - up, 0.0) / climb_m_s
-    away = min(away, AHEAD_M)
+    away = min(away, TAKEOFF_MAX_M)
     return np.array(
         [
             east + away * math.sin(ownship.course_rad),

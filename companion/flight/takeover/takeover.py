@@ -23,7 +23,7 @@ RADIUS_PARAMETER = {
     Command.NAV_LOITER_TIME: 2,
     Command.NAV_LOITER_TO_ALT: 1,
 }
-IN_CIRCLE = 1.5  # An aircraft within this many radii of a circle's centre has reached the circle.
+CIRCLE_RADII = 1.5  # An aircraft within this many radii of a circle's centre has reached the circle.
 
 
 def takeoff_of(operator: Operator) -> int | None:
@@ -56,14 +56,14 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
         The aircraft now.
     """
     operator = state.mission_list.operator
-    if current is None or ownship is None or operator is None or not _is_understood(state):
+    if current is None or ownship is None or operator is None or not _is_list_known(state):
         return False
     if len(operator.items) <= operator.first:
         return False
-    return state.mission_list.found_flown or _is_reached(state, operator, current, ownship)
+    return state.mission_list.was_found_flown or _is_reached(state, operator, current, ownship)
 
 
-def _is_understood(state: FlightState) -> bool:
+def _is_list_known(state: FlightState) -> bool:
     """Return whether the aircraft flies a known list, and can do what the mission file asks."""
     listed = state.mission_list
     if shortfalls(state.mission, state.settings):
@@ -92,7 +92,7 @@ def _is_holding(state: FlightState, operator: Operator, current: MissionCurrent,
         return False
     (east, north, _), radius = circle
     away = math.hypot(ownship.position_enu_m[0] - east, ownship.position_enu_m[1] - north)
-    return away <= IN_CIRCLE * abs(radius)
+    return away <= CIRCLE_RADII * abs(radius)
 
 
 def circle_of(

@@ -48,11 +48,11 @@ SILENT_S = 5.0  # The autopilot counts as lost after this time without a heartbe
 HOUSEKEEPING_S = 1.0  # Period of the housekeeping task.
 FENCES_S = 0.2  # Period of the task that decides whether fences are read.
 STATE_S = 0.2  # Period of the task that records the state.
-LET_GO_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
+RELEASE_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
 LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # Limits for logging the autopilot's texts; a boot sends about forty.
 FRESH_AGAIN = "all is heard again"  # The recorded occasion of a plan after an input was stale.
-FAREWELL_S = 0.2  # Time for the last texts to be sent before the link is closed.
-TOLD = {  # Kind, recorded words and pilot's text of entering a mode.
+LAST_TEXT_S = 0.2  # Time for the last texts to be sent before the link is closed.
+MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
     Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
     Mode.LOST: (DecisionKind.MODE, Mode.LOST.value, "silent"),
     Mode.SUSPENDED: (DecisionKind.SUSPENDED, "another mode is flown", "paused"),
@@ -76,7 +76,7 @@ class App:
 
     def __init__(self, parts: Composition, *, is_warm: bool = True) -> None:
         self.autopilot_mode = ""
-        self.situation, self.recorder, self.link = parts.situation, parts.recorder, parts.link
+        self.world_model, self.recorder, self.link = parts.world_model, parts.recorder, parts.link
         self.replanning, self.announcer = parts.replanning, parts.announcer
         self._departure = parts.departure
         self._flight, self._clock = parts.flight, parts.clock
@@ -86,12 +86,12 @@ class App:
         self._is_warm = is_warm
         self._heartbeat_s = -math.inf
         self._boot_s: float | None = None
-        self._said_failure = self._said_landed = False
+        self._reported_failure = self._reported_landed = False
         self._planning: asyncio.Task[None] | None = None
         self._changed: MissionConfig | None = None
         self._link_watch = LinkWatch(self.link, self.announcer)
         self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
-        self._standing, self._progress_notices = PilotStatus(parts), ProgressNotices(parts)
+        self._pilot_status, self._progress_notices = PilotStatus(parts), ProgressNotices(parts)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
@@ -127,7 +127,7 @@ class App:
             await asyncio.wait([self._planning])
         text = "the autopilot keeps its mission"
         self.announcer.decide(DecisionKind.STOPPED, text, tell="stopped")
-        await self._clock.sleep_until(self._clock.now_s() + FAREWELL_S)
+        await self._clock.sleep_until(self._clock.now_s() + LAST_TEXT_S)
 
     @property
     def state(self) -> FlightState:
@@ -160,14 +160,14 @@ class App:
         return self.replanning.emergency
 
     @property
-    def hears_autopilot(self) -> bool:
+    def receives_autopilot(self) -> bool:
         """Whether a heartbeat was received recently."""
         return self._clock.now_s() - self._heartbeat_s <= SILENT_S
 
     def has_lost_vehicle(self, now_s: float) -> bool:
         """Return whether the vehicle fell silent on the ground, so that another may replace it."""
-        is_silent = now_s - self._heartbeat_s > LET_GO_S
-        return self.link.has_heard and is_silent and not self.state.phase.is_armed
+        is_silent = now_s - self._heartbeat_s > RELEASE_S
+        return self.link.has_received and is_silent and not self.state.phase.is_armed
 
     def warmed_up(self) -> None:
         """Note that every kernel is compiled: plans can be made from now on."""
@@ -202,7 +202,7 @@ class App:
                 self._note_boot(event.boot_s)
                 speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
                 self._flight.apply(after_movement_reported, event.height_above_home_m, speed_m_s)
-            self.situation.observe(event, now)
+            self.world_model.observe(event, now)
             self._progress_notices.note(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
@@ -216,10 +216,10 @@ class App:
         phase = self._flight.apply(after_armed_reported, now, is_armed=is_armed).phase
         if phase.is_grounded(now) and self._checkpoint.kept:
             self._checkpoint.forget()
-        if phase.is_over(now) and not self._said_landed:
+        if phase.is_over(now) and not self._reported_landed:
             self.announcer.decide(DecisionKind.LANDED, "the flight is over", tell="landed")
             self.change(ModeEvent.LANDED)
-        self._said_landed = phase.is_over(now)
+        self._reported_landed = phase.is_over(now)
 
     def _follow(self, position: MissionPosition) -> None:
         """Leave a mission alone that continues after the goal, or at another station's item."""
@@ -238,7 +238,7 @@ class App:
             self.replanning.plan_at_once()
         else:
             self.replanning.break_off()
-        kind, words, tell = TOLD.get(mode, (DecisionKind.MODE, mode.value, ""))
+        kind, words, tell = MODE_ANNOUNCEMENTS.get(mode, (DecisionKind.MODE, mode.value, ""))
         if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
             words = "return to launch"
         elif mode is Mode.SUSPENDED and self._link_watch.is_contradicted:
@@ -252,7 +252,7 @@ class App:
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             text = f"replanning is switched off by {ENABLE}"
             self.announcer.decide(DecisionKind.PARAMETERS, text, tell="off", parameter=ENABLE)
-        self._note_standing()
+        self._record_status()
 
     # --- changes of the mission file and the parameters
 
@@ -287,8 +287,8 @@ class App:
         if mission is None:
             return
         state = self._flight.apply(after_reload, mission)
-        self.situation.follow_mission(state.rules)
-        self.replanning.geofences.lay_anew()
+        self.world_model.follow_mission(state.rules)
+        self.replanning.geofences.refit()
         self.replanning.plan_at_once()
 
     # --- tasks
@@ -312,7 +312,7 @@ class App:
 
     async def _keep_up_list(self) -> None:
         """Read the list whenever it changes, before the takeover, while it belongs to the operator."""
-        if self.mode.is_before_takeover and self.hears_autopilot:
+        if self.mode.is_before_takeover and self.receives_autopilot:
             await self._departure.keep_up()
             if self.mode is Mode.DEPARTING and self._departure.take_over_if_due():
                 self.change(ModeEvent.TAKEOVER_DUE)
@@ -327,14 +327,14 @@ class App:
     def _may_plan(self) -> bool:
         """Return whether plans can be made, and are wanted."""
         is_wanted = self._is_warm and self._parameters.is_replanning
-        return is_wanted and self.situation.ownship.state(self._clock.now_s()) is not None
+        return is_wanted and self.world_model.ownship.state(self._clock.now_s()) is not None
 
     async def _housekeeping(self) -> None:
         """Send heartbeat and stream requests, and detect the autopilot's silence, at 1 Hz."""
         while True:
             now = self._clock.now_s()
             self.link.keep_up(now, self._system_state())
-            if not self.hears_autopilot:
+            if not self.receives_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
             settings = self.link.streams.settings
             if settings != self.state.settings:
@@ -349,7 +349,7 @@ class App:
         """Read the fences repeatedly, besides planning, from the first plan to the landing."""
         while True:
             is_wanted = self.replanning.num_plans and self.state.phase.is_armed
-            if is_wanted and self.hears_autopilot and not self.replanning.freshness.is_blind:
+            if is_wanted and self.receives_autopilot and not self.replanning.freshness.is_blind:
                 await self.replanning.geofences.keep_up()
             await self._clock.sleep_until(self._clock.now_s() + FENCES_S)
 
@@ -369,16 +369,16 @@ class App:
             **self.link.status(),
         }
         self.recorder.link(now, told)
-        self._note_standing()
-        if self.recorder.failure and not self._said_failure and self.link.has_heard:
-            self._said_failure = True
+        self._record_status()
+        if self.recorder.failure and not self._reported_failure and self.link.has_received:
+            self._reported_failure = True
             text = f"stopped, flight goes on: {self.recorder.failure}"
             self.announcer.decide(DecisionKind.RECORDING, text, tell="recording")
 
-    def _note_standing(self) -> None:
+    def _record_status(self) -> None:
         """Record the status of the service."""
-        standing = self._standing.message(
-            self.autopilot_mode, is_heard=self.hears_autopilot, is_warm=self._is_warm
+        standing = self._pilot_status.message(
+            self.autopilot_mode, is_received=self.receives_autopilot, is_warm=self._is_warm
         )
         self.recorder.standing(self._clock.now_s(), standing)
 
@@ -388,10 +388,10 @@ class App:
             now = self._clock.now_s()
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
-            ownship = self.situation.ownship.state(now)
+            ownship = self.world_model.ownship.state(now)
             if ownship is not None:
-                tracks = self.situation.tracker.tracks(now)
-                self.recorder.state(now, ownship, tracks, self.situation.threat_at(ownship, tracks))
+                tracks = self.world_model.tracker.tracks(now)
+                self.recorder.state(now, ownship, tracks, self.world_model.threat_at(ownship, tracks))
                 if self.mode is Mode.ACTIVE:
                     self._note_goals(ownship)
                     self.replanning.look_for_surprise()

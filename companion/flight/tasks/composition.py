@@ -13,7 +13,7 @@ from companion.flight.messages.observer import Observer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner, first_state
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.departure import Departure
 from companion.flight.tasks.plan_maker import PlanRunner
 from companion.flight.tasks.replanning import Replanning
@@ -31,7 +31,7 @@ class Composition:
         The parameters that a pilot may change.
     flight : StateOwner
         The flight's state.
-    situation : Situation
+    world_model : Situation
         The known world: aircraft and threats.
     link : VehicleLink
         The link to the vehicle.
@@ -53,7 +53,7 @@ class Composition:
 
     parameters: Parameters
     flight: StateOwner
-    situation: Situation
+    world_model: WorldModel
     link: VehicleLink
     announcer: Announcer
     departure: Departure
@@ -102,16 +102,16 @@ def composed(
     """
     parameters, observer = Parameters(mission, parameters_file), observer or Observer()
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
-    situation = Situation(flight.state.rules, seed)
+    world_model = WorldModel(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
     parts = parts_for(
-        flight, situation, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
+        flight, world_model, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
         recorder=recorder, observer=observer, seed=seed, runner=runner,
     )  # fmt: skip
     return Composition(
         parameters=parameters,
         flight=flight,
-        situation=situation,
+        world_model=world_model,
         link=link,
         announcer=announcer,
         departure=Departure(parts),

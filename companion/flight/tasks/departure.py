@@ -15,7 +15,8 @@ from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
 READ_AGAIN_S = 2.0  # Shortest time between two readings, of which the first may have failed.
-LOOK_S = 10.0  # Time between readings of a list whose changes the autopilot does not report to all links.
+# Time between readings of a list whose changes the autopilot does not report to all links.
+LOOK_INTERVAL_S = 10.0
 FRESH_S = 2.0  # Such a list is read again at the takeover if the last reading is older.
 
 
@@ -34,7 +35,7 @@ class Departure:
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._rally_points = parts.announcer, parts.rally_points
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
@@ -44,23 +45,25 @@ class Departure:
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot if it has."""
         now = self._clock.now_s()
-        if self._may_have_changed(LOOK_S, now):
+        if self._may_have_changed(LOOK_INTERVAL_S, now):
             self._flight.apply_to_list(after_suspicion, "a look")
         listed = self._flight.listed
         is_known = listed.layout is not None and not listed.suspected
         # The aircraft's position shows whether it flies the list's items.
-        is_reported = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
+        is_reported = (
+            not self._flight.state.phase.is_armed or self._world_model.ownship.state(now) is not None
+        )
         if not is_known and is_reported and now - self._read_s >= READ_AGAIN_S:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
         elif is_known:
-            await self._rally_points.renew(is_again=True)
+            await self._rally_points.renew(includes_unnamed=True)
         listed = self._flight.listed
         # The briefing is repeated if a parameter changes the shortfalls.
         news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
         if listed.layout is not None and news != self._briefed:
             self._briefed = news
-            if not listed.found_flown:
+            if not listed.was_found_flown:
                 self._brief()
 
     def _may_have_changed(self, after_s: float, now: float) -> bool:
@@ -75,7 +78,7 @@ class Departure:
 
     def _brief(self) -> None:
         """Inform the pilot what will be flown, when the service takes over, and what is wrong."""
-        ownship = self._situation.ownship.state(self._clock.now_s())
+        ownship = self._world_model.ownship.state(self._clock.now_s())
         told = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
         if told.plan:
@@ -90,7 +93,7 @@ class Departure:
         """Take over if it is time; return whether the service has taken over."""
         link, now = self._protocols.parts.link, self._clock.now_s()
         current = link.current
-        if current is None or not is_due(self._flight.state, current, self._situation.ownship.state(now)):
+        if current is None or not is_due(self._flight.state, current, self._world_model.ownship.state(now)):
             return False
         if self._may_have_changed(FRESH_S, now):
             self._flight.apply_to_list(after_suspicion, "the takeover")

@@ -9,7 +9,7 @@ from companion.flight.state.modes import Mode
 from companion.flight.takeover.resume_path import ResumePath, resume_path
 from companion.flight.tasks.replanning_parts import ReplanningParts
 
-AGAIN_S = 5.0  # Time between two texts, because the result changes often in a circle.
+REPEAT_MIN_S = 5.0  # Time between two texts, because the result changes often in a circle.
 
 
 class Handback:
@@ -27,7 +27,7 @@ class Handback:
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
         self.found: ResumePath | None = None
@@ -37,11 +37,11 @@ class Handback:
     def look(self) -> None:
         """Check the resume path, and inform the pilot if the result has changed; about once a second."""
         state, now = self._flight.state, self._clock.now_s()
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:
             self.found, self._told, self._told_s = None, None, -math.inf
             return
-        if now - self._told_s < AGAIN_S:
+        if now - self._told_s < REPEAT_MIN_S:
             return
         self.found = found = resume_path(state, self._reader.current, ownship)
         if self._told is None or found.is_safe is not self._told.is_safe:

@@ -24,14 +24,14 @@ class PilotStatus:
         self._operator: Operator | None = None
         self._places: list[list[float]] = []
 
-    def message(self, autopilot_mode: str, *, is_heard: bool, is_warm: bool) -> dict[str, object]:
+    def message(self, autopilot_mode: str, *, is_received: bool, is_warm: bool) -> dict[str, object]:
         """Return the message ``/standing``.
 
         Parameters
         ----------
         autopilot_mode : str
             The autopilot's name of the flight mode.
-        is_heard : bool
+        is_received : bool
             Whether a heartbeat was received recently.
         is_warm : bool
             Whether every kernel is compiled.
@@ -41,12 +41,12 @@ class PilotStatus:
         current, emergency = replanning.handover.reader.current, replanning.emergency
         handback: dict[str, object] = {}
         if found is not None:
-            way = np.round(found.way_enu_m[::4], _DIGITS)
+            way = np.round(found.positions_enu_m[::4], _DIGITS)
             handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": way}
         return {
             "mode": state.mode.name.lower(),
             "autopilot_mode": autopilot_mode,
-            "is_heard": is_heard,
+            "is_heard": is_received,
             "is_warm": is_warm,
             "is_armed": state.phase.is_armed,
             "is_airborne": state.phase.is_airborne,

@@ -30,7 +30,7 @@ __all__ = ["PlanBrokenOffError", "PlanMaker", "PlanRun", "PlanRunner", "Planner"
 
 PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
 STALLED_S = 5.0  # A plan that exceeds its budget by this time is stalled.
-LOOK_S = 0.1  # With simulated time, a waiting plan is checked at this interval for being unwanted.
+LOOK_INTERVAL_S = 0.1  # With simulated time, a waiting plan is checked at this interval for being unwanted.
 SEEDS_A_FLIGHT = 100_003  # After this many plans the seeds of a flight would repeat those of the next seed.
 
 
@@ -86,7 +86,7 @@ def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
     """Return a request for a plan to the remaining goals."""
-    keeps_all, keeps_hard = (True, False) if start.rest is None else state.limits_kept(start.rest)
+    keeps_all, keeps_hard = (True, False) if start.rest is None else state.keeps_limits(start.rest)
     return PlanRequest(
         purpose, state.rules, state.goals_left, start, keeps_hard, snapshot, is_urgent,
         is_failing=not keeps_all,
@@ -287,7 +287,7 @@ class PlanMaker:
         """Wait until the time of a plan is over, or the plan is broken off."""
         until_s, may_end = timing.until_s or -math.inf, timing.was_broken_off is None
         while (now := self._clock.now_s()) < until_s and not (may_end and timing.is_broken_off):
-            await self._clock.sleep_until(min(until_s, now + LOOK_S) if may_end else until_s)
+            await self._clock.sleep_until(min(until_s, now + LOOK_INTERVAL_S) if may_end else until_s)
 
     def _record(self, run: PlanRun, request: PlanRequest, begun_s: float, *, is_broken_off: bool) -> None:
         """Record a plan with its occasion and its start."""

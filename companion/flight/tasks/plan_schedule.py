@@ -66,7 +66,7 @@ class PlanSchedule:
         self._last_s, self._retry, self._retry_s = now_s, "", math.inf
         self.due_s = now_s
 
-    def knows(self, threats: KnownThreats) -> None:
+    def note_known(self, threats: KnownThreats) -> None:
         """Note the threats that the plan under way knows."""
         self.planned_for = threats
 

@@ -22,7 +22,7 @@ class ProgressNotices:
     """
 
     def __init__(self, parts: Composition) -> None:
-        self._situation = parts.situation
+        self._world_model = parts.world_model
         self._recorder: Recorder = parts.recorder
         self._positions = TokenBucket(POSITIONS_HZ, max(1.0, _BURST_S * POSITIONS_HZ))
         self._tracks = TokenBucket(TRACKS_HZ, _BURST_S * TRACKS_HZ)
@@ -32,10 +32,10 @@ class ProgressNotices:
         if not self._recorder.has_onlooker:
             return
         if isinstance(event, GlobalPosition) and self._positions.takes(now_s):
-            ownship = self._situation.ownship.state(now_s)
+            ownship = self._world_model.ownship.state(now_s)
             if ownship is not None:
                 self._recorder.notice(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
         elif isinstance(event, TrackReport) and self._tracks.takes(now_s):
-            track = self._situation.tracker.track(event.identity, now_s)
+            track = self._world_model.tracker.track(event.identity, now_s)
             if track is not None:
                 self._recorder.notice(TRACK, now_s, {"track": channels.table_of(track)})

@@ -40,16 +40,16 @@ from companion.world.snapshot import Snapshot
 
 # The steps after which a plan to a rally point is tried first.
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
-STEPS_TOLD = {  # Words in the pilot's text about each step.
+STEP_WORDS = {  # Words in the pilot's text about each step.
     EmergencyStep.KEEP_FLOWN: "flying on",
     EmergencyStep.LEAST_THREAT: "no better path",
     EmergencyStep.LOITER: "circling at a safe place",
     EmergencyStep.RALLY_POINT: "flying to a rally point",
     EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
 }
-SHUT_MEANWHILE = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
+RETURN_BLOCKED = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
 # After so many failed swaps in a row the pilot is informed that the flown path is kept.
-FAILED_SWAPS_TOLD = 3
+FAILED_SWAPS_MAX = 3
 
 
 class Replanning:
@@ -76,7 +76,7 @@ class Replanning:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self.emergency: EmergencyStep | None = None
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._maker, self._schedule = parts.maker, parts.maker.schedule
         self._announcer = parts.announcer
         self.handover, self.geofences = parts.handover, parts.geofences
@@ -84,7 +84,7 @@ class Replanning:
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
         self.freshness = parts.freshness
-        self._surprises = SurpriseWatch(parts.flight, parts.situation, parts.handover.reader)
+        self._surprises = SurpriseWatch(parts.flight, parts.world_model, parts.handover.reader)
 
     @property
     def num_plans(self) -> int:
@@ -115,11 +115,11 @@ class Replanning:
         return self._schedule.is_due(
             now,
             state.rules.time_horizon_s,
-            known_threats(self._situation, now),
+            known_threats(self._world_model, now),
             state.mission_list.suspected,
             flies_to_goal=state.flies_to_goal and state.may_act and not self._surprises.is_failing,
             surprise=surprise,
-            ends_soon=flown is not None and flown.carried_s(flown.row) < lead_s(state) + ENDS_S,
+            ends_soon=flown is not None and flown.covered_s(flown.row) < lead_s(state) + ENDS_S,
         )
 
     def look_for_surprise(self) -> None:
@@ -165,26 +165,26 @@ class Replanning:
         is_known, event = await self.handover.reader.knows_mission()
         if not is_known:
             return event
-        if await self._flew_prepared():
+        if await self._hand_over_prepared():
             return None
         await self.geofences.catch_up()
         await self._rally_points.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if ownship is None or not state.may_act or not state.goals_left:
             return None
-        snapshot = self._situation.snapshot(now)
-        state = self._flight.see(ownship, snapshot.picture)
-        self._schedule.knows(known_threats(self._situation, now))
-        self._surprises.knows(snapshot.picture.tracks, is_answer=self._schedule.is_urgent)
-        track_s = self._situation.newest_track_s
+        snapshot = self._world_model.snapshot(now)
+        state = self._flight.update_world(ownship, snapshot.picture)
+        self._schedule.note_known(known_threats(self._world_model, now))
+        self._surprises.note_known(snapshot.picture.tracks, is_answer=self._schedule.is_urgent)
+        track_s = self._world_model.newest_track_s
         if not is_over(state, ownship):
             is_urgent = self._is_urgent(snapshot)
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
-            self._surprises.judged(start.rest, is_failing=request.is_failing)
+            self._surprises.note_judgement(start.rest, is_failing=request.is_failing)
             await self._plan(request, track_s)
         return None
 
@@ -207,7 +207,7 @@ class Replanning:
         self._schedule.retry(now_s + RETRY_S, "the wind was too strong")
         return True
 
-    async def _flew_prepared(self) -> bool:
+    async def _hand_over_prepared(self) -> bool:
         """Hand over the plan that was made ahead, if the aircraft is at its start.
 
         Returns whether the cycle is complete: the plan is flown, or the list was changed by another station.
@@ -215,7 +215,7 @@ class Replanning:
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
-        outcome = await self._hand_over(prepared, 0.0, self._situation.newest_track_s)
+        outcome = await self._hand_over(prepared, 0.0, self._world_model.newest_track_s)
         return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
@@ -228,8 +228,8 @@ class Replanning:
         )
         if self._is_outdated(request):
             return
-        if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=request.is_urgent)
+        if found.constructed is not None:
+            await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=request.is_urgent)
             return
         if found.is_unflyable:
             self._announcer.count_rejected()
@@ -263,14 +263,14 @@ class Replanning:
         It is urgent if a path of the service is flown, because that path does not pass.
         """
         now = self._clock.now_s()
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if ownship is None:
             return
         is_surprised = self._schedule.is_urgent or bool(self._surprises.look(now, at_once=True))
         least_gain = self._least_gain(is_urgent=is_surprised)
-        snapshot = self._situation.snapshot(now)
-        state = self._flight.see(ownship, snapshot.picture)
-        self._surprises.knows(snapshot.picture.tracks, is_answer=is_surprised)
+        snapshot = self._world_model.snapshot(now)
+        state = self._flight.update_world(ownship, snapshot.picture)
+        self._surprises.note_known(snapshot.picture.tracks, is_answer=is_surprised)
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
         start = as_of_now(state, start, snapshot)
@@ -293,15 +293,15 @@ class Replanning:
         self, run: PlanRun, found: EmergencyConclusion, track_s: float, *, is_urgent: bool
     ) -> None:
         """Carry out and announce an emergency step."""
-        if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
-            found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
-        is_path = found.step is EmergencyStep.LEAST_THREAT and found.shaped is not None
-        tell, step = "take over", STEPS_TOLD.get(found.step, "")
+        if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_return_clear():
+            found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=RETURN_BLOCKED)
+        is_path = found.step is EmergencyStep.LEAST_THREAT and found.constructed is not None
+        tell, step = "take over", STEP_WORDS.get(found.step, "")
         if step:
             tell = "" if is_path else "unsafe"  # A path is announced once it is flown.
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY, tell=tell, word=step)
-        if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
+        if found.constructed is not None:
+            await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=is_urgent)
         elif found.step is EmergencyStep.RETURN_TO_LAUNCH:
             await self.handover.return_to_launch()
 
@@ -311,7 +311,7 @@ class Replanning:
         """Plan to the nearest rally points, one after the other, until one can be reached."""
         for number in range(RALLY_POINTS_TRIED):
             state = self._flight.state
-            ownship = self._situation.ownship.state(self._clock.now_s())
+            ownship = self._world_model.ownship.state(self._clock.now_s())
             if ownship is None or not state.may_act:
                 break
             start = begin(state, ownship, self.handover.reader.current)
@@ -322,13 +322,13 @@ class Replanning:
             run, found = await self._maker.make(
                 rally_request(state, start, snapshot, places[number]), conclude_it
             )
-            if found.shaped is not None:
+            if found.constructed is not None:
                 break
         return run, found
 
-    def _is_way_home_clear(self) -> bool:
+    def _is_return_clear(self) -> bool:
         """Return whether the return path is still clear from the aircraft's present position."""
-        ownship = self._situation.ownship.state(self._clock.now_s())
+        ownship = self._world_model.ownship.state(self._clock.now_s())
         return ownship is not None and return_path(self._flight.state, ownship) == ()
 
     def _announce(
@@ -340,33 +340,33 @@ class Replanning:
             self._announcer.decide(kind, f"{step.value}: {reason}", tell=tell, word=word)
 
     async def _hand_over(
-        self, shaped: ConstructedMission, plan_ms: float, track_s: float, *, is_urgent: bool = False
+        self, constructed: ConstructedMission, plan_ms: float, track_s: float, *, is_urgent: bool = False
     ) -> SwapOutcome:
         """Hand a mission over, and note the result."""
         if self.freshness.is_blind:
             return SwapOutcome.REFUSED
         outcome = await self.handover.hand_over(
-            shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion,
+            constructed, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion,
             is_urgent=is_urgent,
         )  # fmt: skip
         if outcome is SwapOutcome.FLOWN:
-            is_failing = bool(self._flight.state.violations_of(shaped.path))
-            self._surprises.judged(shaped.path, is_failing=is_failing)
+            is_failing = bool(self._flight.state.violations_of(constructed.path))
+            self._surprises.note_judgement(constructed.path, is_failing=is_failing)
             self._num_failed_swaps = 0
-            if shaped.verdict is not Verdict.EMERGENCY:
+            if constructed.verdict is not Verdict.EMERGENCY:
                 self.emergency = None
             return outcome
-        self._note_failed_swap(shaped)
+        self._note_failed_swap(constructed)
         self._schedule.retry(self._clock.now_s() + RETRY_S, "the last mission was not entered")
         return outcome
 
-    def _note_failed_swap(self, shaped: ConstructedMission) -> None:
+    def _note_failed_swap(self, constructed: ConstructedMission) -> None:
         """Announce that the aircraft keeps its mission, after several failed swaps."""
         state = self._flight.state
         self._num_failed_swaps += 1
-        if self._num_failed_swaps != FAILED_SWAPS_TOLD or not state.may_act:
+        if self._num_failed_swaps != FAILED_SWAPS_MAX or not state.may_act:
             return
-        passes = flown_passes(state, shaped.start)
+        passes = flown_passes(state, constructed.start)
         reason = "it still passes" if passes else "nothing else reaches the autopilot"
         self._announce(
             EmergencyStep.KEEP_FLOWN,

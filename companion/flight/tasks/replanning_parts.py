@@ -14,7 +14,7 @@ from companion.flight.monitors.geofences import Geofences
 from companion.flight.monitors.rally_points import RallyPoints
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.flight.tasks.plan_schedule import KnownThreats
 from companion.link.missions.autopilot_link import AutopilotLink
@@ -29,7 +29,7 @@ class ReplanningParts:
     ----------
     flight : StateOwner
         The flight's state.
-    situation : Situation
+    world_model : Situation
         The known world: aircraft and threats.
     maker : PlanMaker
         Makes the plans.
@@ -48,7 +48,7 @@ class ReplanningParts:
     """
 
     flight: StateOwner
-    situation: Situation
+    world_model: WorldModel
     maker: PlanMaker
     handover: Handover
     geofences: Geofences
@@ -60,7 +60,7 @@ class ReplanningParts:
 
 def parts_for(
     flight: StateOwner,
-    situation: Situation,
+    world_model: WorldModel,
     link: AutopilotLink,
     clock: Clock,
     *,
@@ -72,20 +72,20 @@ def parts_for(
     runner: PlanRunner,
 ) -> ReplanningParts:
     """Return the parts over one link; the parameters are those of ``tasks.composition.composed``."""
-    protocols = protocols_for(flight, link, situation.ownship, clock)
+    protocols = protocols_for(flight, link, world_model.ownship, clock)
     return ReplanningParts(
         flight=flight,
-        situation=situation,
+        world_model=world_model,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
         handover=Handover(protocols, announcer, checkpoint, recorder, observer),
-        geofences=Geofences(flight, situation, link, announcer, clock),
+        geofences=Geofences(flight, world_model, link, announcer, clock),
         rally_points=RallyPoints(flight, link, announcer, clock),
-        freshness=FreshnessWatch(flight, situation, link, announcer),
+        freshness=FreshnessWatch(flight, world_model, link, announcer),
         announcer=announcer,
         clock=clock,
     )
 
 
-def known_threats(situation: Situation, now_s: float) -> KnownThreats:
+def known_threats(world_model: WorldModel, now_s: float) -> KnownThreats:
     """Return the threats that are known now."""
-    return KnownThreats(situation.num_known_threats, tuple(situation.tracker.received_s(now_s)))
+    return KnownThreats(world_model.num_known_threats, tuple(world_model.tracker.received_s(now_s)))

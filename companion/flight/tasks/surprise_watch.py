@@ -11,16 +11,16 @@ from companion.config.rules import Rules
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.state.flight_state import FlightState, StateOwner
 from companion.flight.state.progress import Start, as_of_now
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.takeover.start_prediction import begin
 from companion.types.path import Path
 from companion.types.threat import TrackState
 
-RISE = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
+LEVEL_RISE_MIN = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
 # A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
 SAFE_S, THREATENED_S = 0.5, 2.0
-LOOK_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
-ASIDE = 1.5  # A vehicle that was to pass at this many threat radii, and now within one, has turned.
+LOOK_INTERVAL_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
+ASIDE_RADII = 1.5  # A vehicle that was to pass at this many threat radii, and now within one, has turned.
 
 
 class SurpriseWatch:
@@ -32,7 +32,7 @@ class SurpriseWatch:
     ----------
     flight : StateOwner
         The flown path and the rules.
-    situation : Situation
+    world_model : Situation
         The known world.
     reader : ListReader
         Knows the item being flown.
@@ -43,19 +43,19 @@ class SurpriseWatch:
         Whether the rest of the flown path failed its last check.
     """
 
-    def __init__(self, flight: StateOwner, situation: Situation, reader: ListReader) -> None:
+    def __init__(self, flight: StateOwner, world_model: WorldModel, reader: ListReader) -> None:
         self.is_failing = False
-        self._flight, self._situation, self._reader = flight, situation, reader
+        self._flight, self._world_model, self._reader = flight, world_model, reader
         self._level = math.inf
         self._is_safe: bool | None = None
-        self._knew: dict[str, tuple[TrackState, ...]] = {}
+        self._known_tracks: dict[str, tuple[TrackState, ...]] = {}
         self._was_failing = True
         self._surprise = ""
         self._seen: tuple[float, int] | None = None
         self._rules: Rules | None = None
         self._looked_s = -math.inf
 
-    def judged(self, path: Path | None, *, is_failing: bool) -> None:
+    def note_judgement(self, path: Path | None, *, is_failing: bool) -> None:
         """Note a judgement of the flown path, with which the next one is compared.
 
         Parameters
@@ -69,7 +69,7 @@ class SurpriseWatch:
         self.is_failing = self._was_failing = is_failing
         self._surprise, self._is_safe = "", None
 
-    def knows(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
+    def note_known(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
         """Note the vehicles' motion that a plan assumes: a vehicle that turns later is a surprise.
 
         Unless the plan answers a surprise, the motion that the plan before assumed is also remembered: a
@@ -82,8 +82,10 @@ class SurpriseWatch:
         is_answer : bool
             Whether the plan answers a surprise.
         """
-        before = {} if is_answer else self._knew
-        self._knew = {track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks}
+        before = {} if is_answer else self._known_tracks
+        self._known_tracks = {
+            track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks
+        }
 
     def look(self, now_s: float, *, at_once: bool = False) -> str:
         """Return how the flown path has become worse, in words; '' if it has not.
@@ -95,18 +97,18 @@ class SurpriseWatch:
         at_once : bool
             Whether to judge again even if the last judgement is recent.
         """
-        state, situation = self._flight.state, self._situation
-        ownship = situation.ownship.state(now_s)
-        world = situation.newest_track_s, situation.num_known_threats
+        state, world_model = self._flight.state, self._world_model
+        ownship = world_model.ownship.state(now_s)
+        world = world_model.newest_track_s, world_model.num_known_threats
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
         is_same = world == self._seen and state.rules is self._rules
-        if is_same or (now_s - self._looked_s < LOOK_S and not at_once):
+        if is_same or (now_s - self._looked_s < LOOK_INTERVAL_S and not at_once):
             return self._surprise
         self._seen, self._rules, self._looked_s = world, state.rules, now_s
         start = begin(state, ownship, self._reader.current, is_urgent=True)
-        snapshot = situation.snapshot(now_s)
-        state = self._flight.see(ownship, snapshot.picture)
+        snapshot = world_model.snapshot(now_s)
+        state = self._flight.update_world(ownship, snapshot.picture)
         start = as_of_now(state, start, snapshot)
         self._surprise = self._worse(state, start)
         return self._surprise
@@ -122,7 +124,7 @@ class SurpriseWatch:
             self._is_safe = risk.total_s <= SAFE_S
         if violations and not self._was_failing:
             return f"flown path: {violations[0]}"
-        if level > self._level + RISE:
+        if level > self._level + LEVEL_RISE_MIN:
             return f"threat on the flown path {self._level:.2f} -> {level:.2f}"
         if was_safe and risk.total_s > THREATENED_S:
             return f"a moving threat could reach the flown path, {risk.total_s:.0f} s of it"
@@ -134,10 +136,10 @@ class SurpriseWatch:
         """Return a vehicle that turned towards the flown path from well aside of it; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
-            knew = self._knew.get(track.identity, ())
+            knew = self._known_tracks.get(track.identity, ())
             if not knew or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
-            if any(passing_reaches(rest, then, ahead_s) > ASIDE for then in knew):
+            if any(passing_reaches(rest, then, ahead_s) > ASIDE_RADII for then in knew):
                 return track.identity
         return ""
 

@@ -11,7 +11,7 @@ from companion.link.wire.decoded_frame import DecodedFrame
 from companion.token_bucket import TokenBucket, get_or_create
 
 # Budgets of answers and of texts: a share of the line's capacity, if that is known, and never more than this.
-ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
+ANSWER_BYTES_PER_S, TEXT_BYTES_PER_S = 2_000.0, 1_000.0
 LINE_SHARE = 0.1  # Each budget is at most this share of the line's capacity.
 SOURCE_SHARE = 0.5  # One source gets at most this share of the answers.
 CHANGES_HZ = 2.0  # Parameter changes are limited to this rate, since each is announced, logged and applied.
@@ -19,7 +19,7 @@ BURST_S = 4.0  # A budget may be saved up for this time.
 SOURCES_MAX = 64  # Budgets of at most this many sources are kept.
 
 
-class Speech:
+class SendBudgets:
     """Answers and texts, within their budgets.
 
     Parameters
@@ -33,7 +33,7 @@ class Speech:
     def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
         self._codec = codec
         carried = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
-        answered, told = min(ANSWERED_BYTES_PER_S, carried), min(TOLD_BYTES_PER_S, carried)
+        answered, told = min(ANSWER_BYTES_PER_S, carried), min(TEXT_BYTES_PER_S, carried)
         self._answers = TokenBucket(answered, BURST_S * answered)
         self._answers_to: dict[tuple[int, int], TokenBucket] = {}
         self._changes = TokenBucket(CHANGES_HZ, BURST_S * CHANGES_HZ)

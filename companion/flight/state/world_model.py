@@ -39,7 +39,7 @@ def _ages_of(mission: MissionConfig) -> OwnshipSettings:
     )
 
 
-class Situation:
+class WorldModel:
     """Collects events and provides snapshots of the world.
 
     Parameters
