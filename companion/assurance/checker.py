@@ -43,12 +43,10 @@ from companion.assurance.exposure import Exposure
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.return_to_bounds import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
-from companion.assurance.violation import Violation, listed, outside
+from companion.assurance.violation import Violation, where_broken, where_outside
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, ThreatPicture
-
-__all__ = ["Checker", "Violation"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -186,7 +184,9 @@ class Checker:
         levels = self._exposure.levels(path, picture)
         rows = np.arange(len(levels))
         above = (rows >= first) & ~(levels <= limit + 1e-9)
-        yield from listed("threat", rows, above, levels, limit, "threat level, by the check's own count")
+        yield from where_broken(
+            "threat", rows, above, levels, limit, "threat level, by the check's own count"
+        )
 
     def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
         """Check bounds, speeds, climb angles of ``usable`` (N,) rows; threat levels, quality of all."""
@@ -196,10 +196,10 @@ class Checker:
         speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
-        yield from outside(
+        yield from where_outside(
             "speed", rows, ready, speed, airspeeds, tolerance=SPEED_TOLERANCE_M_S, detail="airspeed [m/s]"
         )
-        yield from outside(
+        yield from where_outside(
             "climb",
             rows,
             ready,
@@ -210,10 +210,10 @@ class Checker:
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
-        yield from listed("threat", rows, too_high, level, limits.threat_level_max, "threat level")
+        yield from where_broken("threat", rows, too_high, level, limits.threat_level_max, "threat level")
         free = path.collision_free
         is_share = (free >= 0.0) & (free <= 1.0)
-        yield from listed("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
+        yield from where_broken("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
         quality = float(np.prod(free[first:]))
         if not quality >= limits.quality_min:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
@@ -224,12 +224,12 @@ class Checker:
         """Check times, speeds, courses against positions, radii and climb of edges ``ahead`` (N - 1,)."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
-        yield from listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
+        yield from where_broken("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
         timed = ahead & (edges.steps_s > 0.0)
         flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
         farthest = flown * speeds.most
         too_far = timed & (edges.chords_m > farthest * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
-        yield from listed(
+        yield from where_broken(
             "pace", rows, too_far, edges.chords_m, farthest, "farther than speed and time allow [m]"
         )
         # A curve's chord is not shorter than the chord of an arc of the smallest radius (Schur's theorem).
@@ -237,19 +237,19 @@ class Checker:
         arc = np.minimum(0.5 * nearest / limits.turn_radius_min_m, 0.5 * math.pi)
         least = nearest * np.sinc(arc / math.pi)
         too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
-        yield from listed(
+        yield from where_broken(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
         turns = np.abs(edges.turns_rad)
         allowed = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
         disagrees = ahead & (np.abs(edges.offsets_rad) > allowed)
-        yield from listed("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
+        yield from where_broken("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
                            "courses do not agree with positions [rad]")  # fmt: skip
         radii = edges.lengths_m / np.maximum(turns, 1e-12)
         banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
         smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
-        yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        yield from where_broken("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
         gained = speeds.fastest_m_s - speeds.level_m_s
@@ -270,7 +270,7 @@ class Checker:
             limit = slope_over_ground(most, airspeeds_m_s, gained_m_s)
             steep = flown & ~(sign * angles_rad <= limit + CLIMB_TOLERANCE_RAD)
             detail = f"climb angle between rows [rad], {name}"
-            yield from listed("climb", rows, steep, angles_rad, sign * limit, detail)
+            yield from where_broken("climb", rows, steep, angles_rad, sign * limit, detail)
 
     def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Check the bounds at the middles of the arcs of edges ``ahead`` (N - 1,)."""
@@ -293,7 +293,7 @@ class Checker:
         rows = np.arange(len(points)) if row is None else np.full(len(points), row)
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
-            yield from outside(
+            yield from where_outside(
                 "bounds",
                 rows,
                 ready,
@@ -383,7 +383,9 @@ class Checker:
             return (Violation("finite", 0, math.nan, NUMBER_MAX, "no track of finite numbers"),)
         at_first = [
             clear
-            for *_, clear in self._prisms.near(*curves.spot(points[0]), np.array([margin_m]), np.zeros(1))
+            for *_, clear in self._prisms.near(
+                *curves.short_segment(points[0]), np.array([margin_m]), np.zeros(1)
+            )
         ]
         margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
@@ -406,7 +408,7 @@ class Checker:
             return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])
         near = self._clearance_violations(
-            *curves.spot(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
+            *curves.short_segment(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
         )
         return ReturnToBounds(
             max(out, 0.0), {entry.detail: entry.value for entry in near}, self.limits.turn_radius_min_m
@@ -442,7 +444,7 @@ class Checker:
         reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
         needed = np.append(reach, 0.0) + np.append(0.0, reach)
         short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
-        yield from listed(
+        yield from where_broken(
             "corner", rows[1:], short, lengths, needed, "leg too short for the turns at its ends [m]"
         )
         for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):

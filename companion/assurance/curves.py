@@ -95,7 +95,7 @@ def fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tupl
     return np.column_stack([east, north, up]), radius * (1.0 - math.cos(0.5 * turn / CORNER_SIDES))
 
 
-def spot(position_enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def short_segment(position_enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a point as a very short segment.
 
     Parameters

@@ -34,7 +34,7 @@ BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Threatening:
+class ThreatHistory:
     """A threat as it truly was, or as it was tracked.
 
     Parameters
@@ -118,7 +118,7 @@ class Masks:
 
 
 def encounter_with(
-    threat: Threatening, flown: FloatArray, masks: Masks, lines_max: int = sys.maxsize
+    threat: ThreatHistory, flown: FloatArray, masks: Masks, lines_max: int = sys.maxsize
 ) -> Encounter:
     """Return the encounter of a flight with one threat.
 
@@ -139,7 +139,7 @@ def encounter_with(
         Largest number of lines of sight. If there are more instants, only some are used; if there are more
         levels, none is computed.
     """
-    own, other = _whole(flown[:, :4]), _whole(threat.rows)
+    own, other = _finite_rows(flown[:, :4]), _finite_rows(threat.rows)
     times = _shared_times(own, other)
     times = times[:: 1 + len(times) // lines_max]
     here, there = _places(own, times), _places(other, times)
@@ -149,7 +149,7 @@ def encounter_with(
     reached = _parts_in_reach(away, threat.reach_m) * is_known[:, None]
     inside = np.flatnonzero(reached[:, 1] > reached[:, 0])
     reached = reached[inside]
-    stretches = times[inside, None] + reached * np.diff(times)[inside, None]
+    intervals = times[inside, None] + reached * np.diff(times)[inside, None]
     middle = 0.5 * reached.sum(axis=1)[:, None]
     seen = _is_seen(
         threat, here[inside] + middle * np.diff(here, axis=0)[inside],
@@ -164,13 +164,13 @@ def encounter_with(
             _is_known(own, times) & _is_known(other, times), np.linalg.norm(away, axis=1), np.nan
         ),
         levels=_levels(threat, own, other, masks, lines_max),
-        in_reach_s=joined(stretches),
-        in_sight_s=joined(stretches[seen]),
+        in_reach_s=merged_intervals(intervals),
+        in_sight_s=merged_intervals(intervals[seen]),
         closest=_closest(times, here, there, is_known),
     )
 
 
-def standing(radars: Sequence[Radar], flown: FloatArray) -> tuple[Threatening, ...]:
+def radar_threats(radars: Sequence[Radar], flown: FloatArray) -> tuple[ThreatHistory, ...]:
     """Return radars as threats that do not move during a flight.
 
     Parameters
@@ -181,7 +181,7 @@ def standing(radars: Sequence[Radar], flown: FloatArray) -> tuple[Threatening, .
         Rows of the flight, each beginning with the time [s].
     """
     return tuple(
-        Threatening(
+        ThreatHistory(
             radar.name, radar.max_threat_radius_m,
             np.column_stack([flown[:, 0], np.tile(radar.position_enu_m, (len(flown), 1))]),
             is_moving=False, boundary_coefficient_per_m=radar.boundary_coefficient_per_m,
@@ -212,20 +212,20 @@ def known_encounters(
     """
     masks = Masks(obstacles)
     tables = [(name, np.asarray(rows, dtype=np.float64).reshape(-1, 5)) for name, rows in tracks]
-    moving = [Threatening(name, float(rows[-1, 4]), rows[:, :4]) for name, rows in tables if len(rows)]
+    moving = [ThreatHistory(name, float(rows[-1, 4]), rows[:, :4]) for name, rows in tables if len(rows)]
     longest = sorted((threat for threat in moving if threat.reach_m > 0.0), key=lambda t: -len(t.rows))
-    threats = [*longest[:THREATS_MAX], *standing(radars[:THREATS_MAX], flown)]
+    threats = [*longest[:THREATS_MAX], *radar_threats(radars[:THREATS_MAX], flown)]
     lines_max = min(LINES_MAX, 1 + PAIRS_MAX // max(1, len(threats) * len(masks)))
     found = [encounter_with(threat, flown, masks, lines_max) for threat in threats]
     return tuple(entry for entry in found if entry.closest is not None)
 
 
-def joined(*stretches: FloatArray) -> FloatArray:
+def merged_intervals(*intervals: FloatArray) -> FloatArray:
     """Merge intervals of time that overlap or touch.
 
     Parameters
     ----------
-    *stretches : ndarray, shape (K, 2)
+    *intervals : ndarray, shape (K, 2)
         Start and end of each interval [s]; they may overlap.
 
     Returns
@@ -233,7 +233,7 @@ def joined(*stretches: FloatArray) -> FloatArray:
     ndarray, shape (J, 2)
         The same time as disjoint intervals, in order of time [s].
     """
-    rows = np.vstack([np.empty((0, 2)), *stretches])
+    rows = np.vstack([np.empty((0, 2)), *intervals])
     rows = rows[np.argsort(rows[:, 0])]
     ends = np.maximum.accumulate(rows[:, 1])
     begins = np.append(True, rows[1:, 0] > ends[:-1] + 1e-9)[: len(rows)]
@@ -241,15 +241,15 @@ def joined(*stretches: FloatArray) -> FloatArray:
     return np.column_stack([rows[first, 0], ends[np.append(first[1:], len(rows))[: len(first)] - 1]])
 
 
-def seconds_of(stretches: FloatArray) -> float:
+def total_duration_s(intervals: FloatArray) -> float:
     """Return the total duration of disjoint intervals [s].
 
     Parameters
     ----------
-    stretches : ndarray, shape (K, 2)
+    intervals : ndarray, shape (K, 2)
         Start and end of each [s].
     """
-    return float((stretches[:, 1] - stretches[:, 0]).sum())
+    return float((intervals[:, 1] - intervals[:, 0]).sum())
 
 
 def total_threat(encounters: Sequence[Encounter]) -> float:
@@ -286,7 +286,7 @@ def _between(begin: FloatArray, gain: FloatArray, bounds: FloatArray) -> tuple[F
     return low, np.where(gain != 0.0, np.clip(shares[:, 1], 0.0, 1.0), is_inside)
 
 
-def _whole(rows: FloatArray) -> FloatArray:
+def _finite_rows(rows: FloatArray) -> FloatArray:
     """Return the finite rows (M, 4) of ``rows`` (N, 4), in order of time."""
     found = rows[np.isfinite(rows).all(axis=1)]
     return found[np.argsort(found[:, 0], kind="stable")]
@@ -335,7 +335,7 @@ def _parts_in_reach(away: FloatArray, reach_m: float) -> FloatArray:
     return found
 
 
-def _is_seen(threat: Threatening, here: FloatArray, there: FloatArray, masks: Masks) -> BoolArray:
+def _is_seen(threat: ThreatHistory, here: FloatArray, there: FloatArray, masks: Masks) -> BoolArray:
     """Return whether a threat at ``there`` (K, 3) sees the aircraft at ``here`` (K, 3), (K,)."""
     away = here - there
     flat = np.hypot(away[:, 0], away[:, 1])
@@ -347,7 +347,7 @@ def _is_seen(threat: Threatening, here: FloatArray, there: FloatArray, masks: Ma
 
 
 def _levels(
-    threat: Threatening, own: FloatArray, other: FloatArray, masks: Masks, num_max: int
+    threat: ThreatHistory, own: FloatArray, other: FloatArray, masks: Masks, num_max: int
 ) -> FloatArray:
     """Return the membership (S,) along ``own`` (N, 4) of a threat on ``other`` (M, 4); empty if too many."""
     num_steps = int((own[-1, 0] - own[0, 0]) / WAYPOINT_S + 1e-9) if len(own) else num_max

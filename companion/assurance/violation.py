@@ -37,7 +37,7 @@ class Violation:
         return f"{words} {value}" if name == words else f"{value} from {name}"
 
 
-def listed(
+def where_broken(
     rule: str,
     rows: NDArray[np.int64],
     broken: BoolArray,
@@ -67,7 +67,7 @@ def listed(
         yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
 
 
-def outside(
+def where_outside(
     rule: str,
     rows: NDArray[np.int64],
     ready: BoolArray,
@@ -97,8 +97,10 @@ def outside(
         Description of the values, with their unit.
     """
     low, high = limits
-    yield from listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
-    yield from listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
+    yield from where_broken(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
+    yield from where_broken(
+        rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper"
+    )
 
 
 def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:

@@ -28,8 +28,8 @@ HEIGHT_TOLERANCE_M = 8.0  # Waypoints are added if the height differs from the l
 SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
 MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
 SPACING_M = 60.0  # A waypoint for height keeps this distance from its neighbours.
-MENDED_RULES = frozenset({"corner", "climb"})  # Removing a waypoint may repair violations of these rules.
-MENDED_MAX = 4  # At most this many waypoints are removed.
+REPAIRABLE_RULES = frozenset({"corner", "climb"})  # Removing a waypoint may repair violations of these rules.
+REMOVED_MAX = 4  # At most this many waypoints are removed.
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,8 +258,8 @@ def merge_close_waypoints(
         Waypoints with fewer violations, ideally none, and those violations.
     """
     violations = wrong_with(waypoints)
-    for _ in range(MENDED_MAX):
-        if not violations or any(entry.rule not in MENDED_RULES for entry in violations):
+    for _ in range(REMOVED_MAX):
+        if not violations or any(entry.rule not in REPAIRABLE_RULES for entry in violations):
             break
         row = violations[0].row  # Rows of legs begin with the start, so the waypoint's number is one less.
         tries = [_without(waypoints, n) for n in (row - 1, row) if 0 <= n < len(waypoints.distances_m) - 1]

@@ -47,11 +47,11 @@ def threat_trees(
     before = {(tree.identity, tree.is_airborne): tree for tree in kept}
     for d, track in enumerate(tracks):
         if track.flies_on:
-            fly_on(trees, d, track)
+            extend_straight(trees, d, track)
             continue
         tree = before.get((track.identity, track.is_airborne))
         if tree is not None:
-            put_back(trees, d, tree)
+            restore_tree(trees, d, tree)
         observe(trees, d, track, obstacles, plane_up_m, with_corners)
     return trees
 
@@ -73,7 +73,7 @@ def deviations(track: TrackState) -> tuple[float, float]:
     return place, velocity
 
 
-def fly_on(trees: Pursuers, d: int, track: TrackState) -> None:
+def extend_straight(trees: Pursuers, d: int, track: TrackState) -> None:
     """Fill tree ``d`` in place for an aircraft that flies straight on: where it is now and in one second."""
     here, moving = np.asarray(track.position_enu_m), np.asarray(track.velocity_enu_m_s)
     trees.position[d, 0], trees.position[d, 1] = here, here + moving
@@ -83,7 +83,7 @@ def fly_on(trees: Pursuers, d: int, track: TrackState) -> None:
     trees.count[d] = 2
 
 
-def put_back(trees: Pursuers, d: int, tree: ThreatTree) -> None:
+def restore_tree(trees: Pursuers, d: int, tree: ThreatTree) -> None:
     """Fill tree ``d`` with the earliest nodes of a kept tree, at most :data:`KEPT_MAX`.
 
     Time stamps grow along every branch, so every node comes with its parent.

@@ -111,7 +111,7 @@ def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
     than the last airspeed command of the mission.
     """
     last, first_m = len(waypoints.distances_m) - 1, math.inf
-    busy = {number for number, _ in waypoints.actions}
+    with_actions = {number for number, _ in waypoints.actions}
     for k, distance in enumerate(waypoints.distances_m):
         if distance < here_m + AHEAD_MIN_M and k < last:
             continue
@@ -119,7 +119,7 @@ def _ahead(waypoints: Waypoints, here_m: float) -> Iterator[int]:
         if distance > first_m + ALTERNATIVES_MAX_M or 0 < waypoints.airspeed_again < k:
             return
         yield k
-        if k in busy:
+        if k in with_actions:
             return
 
 
@@ -180,20 +180,20 @@ def _variations(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance
     """Yield variations of the flight into the mission: each with its guidance and its start."""
     yield guidance, predicted(ownship, DELAY_VARIATION_S)
     yield replace(guidance, roll_time_s=ROLL_TIME_FACTOR * guidance.roll_time_s), ownship
-    swinging = replace(  # In a fast change from one turn to the other the aircraft swings wide.
+    wide = replace(  # In a fast change from one turn to the other the aircraft swings wide.
         guidance,
         l1_period_s=PERIOD_FACTOR * guidance.l1_period_s,
         roll_rate_max_rad_s=ROLL_RATE_FACTOR * guidance.roll_rate_max_rad_s,
     )
-    yield swinging, ownship
+    yield wide, ownship
     east, north, up = ownship.position_enu_m
     course, (wind_east, wind_north) = ownship.course_rad, ownship.wind_enu_m_s
     for side in (-1.0, 1.0):
-        aside = (side * math.cos(course), -side * math.sin(course))
+        sideways = (side * math.cos(course), -side * math.sin(course))
         yield guidance, replace(ownship, bank_rad=ownship.bank_rad + side * BANK_VARIATION_RAD)
-        beside = (east + LATERAL_VARIATION_M * aside[0], north + LATERAL_VARIATION_M * aside[1], up)
-        yield guidance, replace(ownship, position_enu_m=beside)
-        wind = (wind_east + WIND_VARIATION_M_S * aside[0], wind_north + WIND_VARIATION_M_S * aside[1])
+        displaced = (east + LATERAL_VARIATION_M * sideways[0], north + LATERAL_VARIATION_M * sideways[1], up)
+        yield guidance, replace(ownship, position_enu_m=displaced)
+        wind = (wind_east + WIND_VARIATION_M_S * sideways[0], wind_north + WIND_VARIATION_M_S * sideways[1])
         yield guidance, replace(ownship, wind_enu_m_s=wind)
     if not guidance.flies_by:  # A PX4 that is too low accepts its waypoints late.
         slower = replace(guidance, climb_rate_max_m_s=CLIMB_FACTOR * guidance.climb_rate_max_m_s)

@@ -36,8 +36,6 @@ GIVE_UP_WAIT_MIN_S = 0.8  # A new plan and its exchange take about this long: a 
 ENTER_EARLY_S = 1.0  # A mission is entered this long before its plan's start; later the entry is passed.
 WITHDRAWN = SwapOutcome.WITHDRAWN, "the mode was changed"
 
-__all__ = ["Handover", "SwapOutcome"]
-
 
 class Handover:
     """Swaps of the flown mission.

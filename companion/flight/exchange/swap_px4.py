@@ -121,7 +121,7 @@ async def replace_whole(
             return SwapOutcome.WITHDRAWN, "the mode was changed"
         # If the last acknowledgement is lost, the upload fails although the mission is flown.
         if await link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state in states, CONFIRM_S
+            lambda report: report.mission_id == identity and report.state in states, CONFIRM_S
         ):
             return SwapOutcome.FLOWN, f"item {sequence} of {len(mission.items)}, {identity:08x}"
         if not may_finish():
@@ -143,7 +143,7 @@ async def _uploaded(
     upload = asyncio.create_task(link.upload(items, may_finish))
     seen = asyncio.create_task(
         link.wait_for_mission_current(
-            lambda told: told.mission_id == identity and told.state in states, UPLOAD_MAX_S
+            lambda report: report.mission_id == identity and report.state in states, UPLOAD_MAX_S
         )
     )
     try:
@@ -171,7 +171,7 @@ async def _confirmed(
         if differs:
             return SwapOutcome.DIFFERS, differs
     is_reported = await link.wait_for_mission_current(
-        lambda told: told.mission_id == identity and told.sequence >= sequence, CONFIRM_S
+        lambda report: report.mission_id == identity and report.sequence >= sequence, CONFIRM_S
     )
     current = link.current
     if is_reported and current is not None and current.state in states | {MissionState.UNKNOWN}:

@@ -83,8 +83,8 @@ class Announcer:
         message = pilot_message(tell, about, **values) if tell else None
         if message is not None and not self._is_news(message, now):
             message = None
-        told = "" if message is None else message.text
-        self._recorder.decide(now, kind.value, text, plan_ms, latency_ms, why, told=told)
+        sent_text = "" if message is None else message.text
+        self._recorder.decide(now, kind.value, text, plan_ms, latency_ms, why, told=sent_text)
         if message is not None:
             self._sent[message.subject] = message.text, now
             self._link.tell(message.severity, message.text)

@@ -39,7 +39,7 @@ class LinkWatch:
         self._announcer = announcer
         self._num_others = 0
         self._num_dropped = 0
-        self._told: set[str] = set()
+        self._announced: set[str] = set()
         self._flooded_s: float | None = None
 
     def note_heartbeat(self, heartbeat: Heartbeat) -> None:
@@ -59,8 +59,8 @@ class LinkWatch:
             self._announcer.decide(DecisionKind.LINK, words, tell="another autopilot", other=system, own=own)
         self._num_others = len(identity.others)
         for reason, (words, name) in ANNOUNCED_ONCE.items():
-            if counters[reason] and reason not in self._told:
-                self._told.add(reason)
+            if counters[reason] and reason not in self._announced:
+                self._announced.add(reason)
                 self._announcer.decide(DecisionKind.LINK, words, tell=name)
         dropped = sum(counters[reason] for reason in DROPS) + counters["flooded_bytes"] // 100
         new, self._num_dropped = dropped - self._num_dropped, dropped

@@ -18,9 +18,16 @@ ARRIVAL_CHANGE_S = 15.0  # A smaller change of the arrival is not announced.
 
 
 class PathNews:
-    """Texts about the successive flown paths."""
+    """Texts about the successive flown paths.
+
+    Attributes
+    ----------
+    passes : bool
+        Whether the last of these paths passed the check when it was entered.
+    """
 
     def __init__(self) -> None:
+        self.passes = False
         self._was_safe: bool | None = None
 
     def of(
@@ -44,7 +51,8 @@ class PathNews:
         """
         goal, was_safe = state.goals[-1], self._was_safe
         leads_to_goal = math.dist(path.positions_enu_m[-1], goal.position_enu_m) <= goal.acceptance_radius_m
-        self._was_safe = is_safe = not state.violations_of(path) if leads_to_goal else None
+        self.passes = not state.violations_of(path)
+        self._was_safe = is_safe = self.passes if leads_to_goal else None
         is_same = before is not None and is_safe is was_safe and not is_another_path(path, before.path, now_s)
         if is_safe is None or is_same:
             return "", "", ""

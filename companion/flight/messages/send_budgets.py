@@ -32,12 +32,12 @@ class SendBudgets:
 
     def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
         self._codec = codec
-        carried = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
-        answered, told = min(ANSWER_BYTES_PER_S, carried), min(TEXT_BYTES_PER_S, carried)
-        self._answers = TokenBucket(answered, BURST_S * answered)
+        share_rate = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
+        answer_rate, text_rate = min(ANSWER_BYTES_PER_S, share_rate), min(TEXT_BYTES_PER_S, share_rate)
+        self._answers = TokenBucket(answer_rate, BURST_S * answer_rate)
         self._answers_to: dict[tuple[int, int], TokenBucket] = {}
         self._changes = TokenBucket(CHANGES_HZ, BURST_S * CHANGES_HZ)
-        self._texts = TokenBucket(told, BURST_S * told)
+        self._texts = TokenBucket(text_rate, BURST_S * text_rate)
         self._parameters: ParameterStore | None = None
         self._files: FileServer | None = None
 
@@ -50,8 +50,8 @@ class SendBudgets:
         """Return the answer to a frame, within the budgets of its sender and of all."""
         if frame.request is None:
             return b""
-        asker = frame.system_id, frame.component_id
-        budget = get_or_create(self._answers_to, asker, self._share, SOURCES_MAX)
+        sender = frame.system_id, frame.component_id
+        budget = get_or_create(self._answers_to, sender, self._share, SOURCES_MAX)
         is_change = frame.request.kind == "parameter_set"
         if not (budget.has_any(now_s) and self._answers.has_any(now_s)) or (
             is_change and not self._changes.takes(now_s)

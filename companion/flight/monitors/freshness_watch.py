@@ -84,9 +84,9 @@ def inputs(
         POSITION: use_by.position_s, "attitude": use_by.attitude_s,
         "airspeed": use_by.airspeed_s, "wind": use_by.wind_s,
     }  # fmt: skip
-    heard = ownship.received_s()
+    received = ownship.received_s()
     own = [
-        Input(name, heard[name], float(age), ownship.doubt(now_s) if name == POSITION else "")
+        Input(name, received[name], float(age), ownship.doubt(now_s) if name == POSITION else "")
         for name, age in ages.items()
     ]
     item = Input(

@@ -115,9 +115,9 @@ class Geofences:
     def _reported_limits(self) -> FenceLimits:
         """Return the fences in the autopilot's parameters, once its home is known."""
         state = self._flight.state
-        told = state.settings
-        radius = told.fence_limit_m(told.fence_radius_m, FENCE_CIRCLE)
-        height = told.fence_limit_m(told.fence_height_m, FENCE_HEIGHT)
+        settings = state.settings
+        radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)
+        height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
         if state.home_enu_m is None or (radius is None and height is None):
             return FenceLimits()
         # Home is reported repeatedly, and may vary a little.

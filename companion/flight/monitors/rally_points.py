@@ -41,7 +41,7 @@ class RallyPoints:
         self._flight, self._link = flight, link
         self._announcer, self._clock = announcer, clock
         self._items: tuple[MissionItem, ...] = ()
-        self._told: tuple[int, int] = (0, 0)
+        self._last_reported: tuple[int, int] = (0, 0)
         self._asked_s = -math.inf
 
     async def renew(self, *, includes_unnamed: bool = False) -> None:
@@ -52,16 +52,16 @@ class RallyPoints:
         includes_unnamed : bool
             Whether to read also a list without an identifier whose number of points is the same.
         """
-        told, now = self._reported_now(), self._clock.now_s()
-        self._flight.apply(after_rally_reported, holds_any=told != (0, 0))
-        is_news = told != self._told or (includes_unnamed and told[0] > 0)
-        if told == (0, 0):
-            self._items, self._told = (), told
+        reported, now = self._reported_now(), self._clock.now_s()
+        self._flight.apply(after_rally_reported, holds_any=reported != (0, 0))
+        is_news = reported != self._last_reported or (includes_unnamed and reported[0] > 0)
+        if reported == (0, 0):
+            self._items, self._last_reported = (), reported
         elif is_news and now - self._asked_s >= REPEAT_MIN_S:
             self._asked_s = now
             try:
                 self._items = await self._link.download_rally_points()
-                self._told = told
+                self._last_reported = reported
             except CompanionError as error:
                 _log.debug("rally points: %s", error)
         self._apply()

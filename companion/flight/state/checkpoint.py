@@ -53,22 +53,22 @@ class Checkpoint:
     ----------
     stem : Path, optional
         Common beginning of the files' names; without it nothing outlasts the process.
-    kept : mapping of str to bytes, optional
+    contents : mapping of str to bytes, optional
         Initial contents by the ends of the files' names, instead of the files.
     """
 
-    def __init__(self, stem: FilePath | None = None, kept: Mapping[str, bytes] | None = None) -> None:
+    def __init__(self, stem: FilePath | None = None, contents: Mapping[str, bytes] | None = None) -> None:
         self._stem = stem
-        self._kept = dict(kept) if kept is not None else self._read()
+        self._contents = dict(contents) if contents is not None else self._read()
 
     @property
-    def kept(self) -> Mapping[str, bytes]:
+    def contents(self) -> Mapping[str, bytes]:
         """The contents by the ends of the files' names, from which another checkpoint can be made."""
-        return self._kept
+        return self._contents
 
     def reached(self, goals: Places) -> int:
         """Return the number of goals reached of this list of goals; 0 for another list."""
-        kept = _goals_in(self._kept.get(GOALS_END))
+        kept = _goals_in(self._contents.get(GOALS_END))
         if kept is None or kept.places != _rounded(goals):
             return 0
         return kept.reached
@@ -81,12 +81,12 @@ class Checkpoint:
     @property
     def boot_s(self) -> float:
         """The autopilot's time since boot at the last note [s]; a shorter one now means a restart."""
-        kept = _goals_in(self._kept.get(GOALS_END))
+        kept = _goals_in(self._contents.get(GOALS_END))
         return 0.0 if kept is None else kept.boot_s
 
     def flown(self, key: int) -> tuple[Path, float] | None:
         """Return the path of the mission with this key, and the path's time at its end; None if unknown."""
-        kept = _flown_in(self._kept.get(FLOWN_END))
+        kept = _flown_in(self._contents.get(FLOWN_END))
         return None if kept is None or kept[0] != key else kept[1:]
 
     def note_flown(self, key: int, path: Path, until_s: float) -> None:
@@ -98,12 +98,12 @@ class Checkpoint:
 
     def forget(self) -> None:
         """Delete everything: a flight is over."""
-        self._kept.clear()
+        self._contents.clear()
         for file in self._files().values():
             try:
                 file.unlink(missing_ok=True)
             except OSError as error:
-                _log.error("the last flight's state is not forgotten: %s", error)
+                _log.error("the last flight's checkpoint cannot be deleted: %s", error)
 
     def _files(self) -> dict[str, FilePath]:
         stem = self._stem
@@ -131,14 +131,14 @@ class Checkpoint:
 
     def _keep(self, end: str, data: bytes) -> None:
         """Store, completely or not at all; a full disk loses the checkpoint, not the flight."""
-        self._kept[end] = data
+        self._contents[end] = data
         file = self._files().get(end)
         if file is None:
             return
         try:
             replace_file(file, data)
         except OSError as error:
-            _log.error("the flight's state is not remembered: %s", error)
+            _log.error("the checkpoint cannot be written: %s", error)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from companion.assurance.checker import Violation
 from companion.assurance.emergency import (
     EmergencyDecision,
     EmergencyOptions,
     EmergencyStep,
     emergency_decision,
 )
-from companion.assurance.violation import keeps_hard_constraints
+from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_construction import construct, construct_until
 from companion.flight.state.progress import Start

@@ -95,7 +95,8 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
     if not state.goals:
         found.append("no waypoint to fly to")
     last = last_item_of(state)
-    if last is not None and last + 1 >= min(operator.tail, len(operator.items)) and _is_item(state):
+    is_item = state.mission.takeover.when == "item"
+    if is_item and last is not None and last + 1 >= min(operator.tail, len(operator.items)):
         found.append(f"takeover after item {last + 1 - operator.first}, and none follows before the landing")
     if takeoff_of(operator) is None and not state.phase.is_airborne:
         found.append("no take-off item")
@@ -112,10 +113,6 @@ def _return(state: FlightState) -> list[str]:
         return []
     name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
     return [f"no return to launch with {name} {kind:g}"]
-
-
-def _is_item(state: FlightState) -> bool:
-    return state.mission.takeover.when == "item"
 
 
 def _unplaced(state: FlightState, operator: Operator) -> list[str]:

@@ -54,11 +54,11 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
     ownship : Ownship
         The aircraft now.
     """
-    ways = return_tracks(state, ownship)
-    if ways is None:
+    tracks = return_tracks(state, ownship)
+    if tracks is None:
         return None
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
-    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in ways)
+    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in tracks)
     return next(filter(None, wrong), ())
 
 
@@ -101,10 +101,10 @@ def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[
     guidance, radius = guidance_of(state), _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
-    ways = (
+    tracks = (
         _track_to(guidance, begun, end, radius).positions_enu_m for begun in _start_headings(ownship, end)
     )
-    return [_with_glide(way, end) for way in ways]
+    return [_with_glide(track, end) for track in tracks]
 
 
 def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
@@ -113,16 +113,16 @@ def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -
     high = (*end[:2], up_m)
     # Before a landing the aircraft descends in the circle with which it begins, or already on the way there.
     ends = [high] if tail is None or tail[:2] != end[:2] else [high, tail]
-    ways: list[FloatArray] = []
+    tracks: list[FloatArray] = []
     for place in ends:
         if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
-            ways += [
+            tracks += [
                 _track_to(guidance, begun, place, radius).positions_enu_m
                 for begun in _start_headings(ownship, place)
             ]
         else:
-            ways += _climbed_first(guidance, ownship, up_m, place, radius)
-    return ways
+            tracks += _climbed_first(guidance, ownship, up_m, place, radius)
+    return tracks
 
 
 def _radius(state: FlightState) -> float:
@@ -132,15 +132,15 @@ def _radius(state: FlightState) -> float:
 
 def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
     """Return the centre of ArduPlane's circle: the nearest rally point within RALLY_LIMIT_KM, or home [m]."""
-    told, here = state.settings, ownship.position_enu_m
-    height = told.return_height_m or 0.0
+    settings, here = state.settings, ownship.position_enu_m
+    height = settings.return_height_m or 0.0
     end = (*home[:2], here[2] if height < 0.0 else home[2] + height)
     rally = min(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]), default=None)
     if rally is None:
         return end
-    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (told.rally_limit_km or 0.0)
+    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (settings.rally_limit_km or 0.0)
     is_far = limit_m > 0.0 and away > limit_m
-    is_home_nearer = bool(told.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
+    is_home_nearer = bool(settings.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
     return end if is_far or is_home_nearer else rally
 
 
@@ -212,7 +212,7 @@ def _climbed_first(
     first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
     # The aircraft may climb faster.
     rows = np.linspace(max(first // 2, 1), len(climb) - 1, CLIMB_ENDS).astype(int)
-    ways = []
+    tracks = []
     for row in rows:
         east, north, up = (float(value) for value in climb.positions_enu_m[row])
         step = climb.positions_enu_m[row] - climb.positions_enu_m[row - 1]
@@ -223,6 +223,6 @@ def _climbed_first(
             bank_rad=float(climb.banks_rad[row]),
             ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
         )
-        way = _track_to(guidance, begun, end, radius_m)
-        ways.append(np.vstack([climb.positions_enu_m[: row + 1], way.positions_enu_m]))
-    return ways
+        track = _track_to(guidance, begun, end, radius_m)
+        tracks.append(np.vstack([climb.positions_enu_m[: row + 1], track.positions_enu_m]))
+    return tracks

@@ -97,20 +97,20 @@ class App:
     async def run(self) -> None:
         """Run until cancelled."""
         places = [goal.position_enu_m for goal in self.state.goals]
-        kept = {end: base64.b64encode(data).decode("ascii") for end, data in self._checkpoint.kept.items()}
+        contents = self._checkpoint.contents.items()
         remembered = {
             "goals_reached": self._checkpoint.reached(places),
             "parameters": self._parameters.values_set,
-            "memory": kept,
+            "memory": {end: base64.b64encode(data).decode("ascii") for end, data in contents},
         }
         self.recorder.begin(self._clock.now_s(), remembered)
         await self.link.open(self._take, self._parameters)
         try:
             async with asyncio.TaskGroup() as tasks:
-                beside = {
+                tasks_by_name = {
                     "housekeeping": self._housekeeping, "states": self._states, "fences": self._keep_up_fences
                 }  # fmt: skip
-                for name, task in beside.items():
+                for name, task in tasks_by_name.items():
                     tasks.create_task(_guarded(name, task), name=name)
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
@@ -214,7 +214,7 @@ class App:
     def _note_armed(self, now: float, *, is_armed: bool) -> None:
         """Follow the flight's phase; a landing ends the flight and deletes its checkpoint."""
         phase = self._flight.apply(after_armed_reported, now, is_armed=is_armed).phase
-        if phase.is_grounded(now) and self._checkpoint.kept:
+        if phase.is_grounded(now) and self._checkpoint.contents:
             self._checkpoint.forget()
         if phase.is_over(now) and not self._reported_landed:
             self.announcer.decide(DecisionKind.LANDED, "the flight is over", tell="landed")
@@ -265,9 +265,9 @@ class App:
         self.recorder.reloaded(self._clock.now_s(), mission, text)
         self.adopt(mission)
         self.announcer.decide(DecisionKind.RELOAD, f"{mission.name} is read again", tell="reloaded")
-        kept = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
-        if kept:
-            words = f"still as set: {kept}"
+        set_values = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
+        if set_values:
+            words = f"still as set: {set_values}"
             self.announcer.decide(DecisionKind.PARAMETERS, words, tell="parameter", parameter=words)
 
     def refuse_reload(self, key: str) -> None:
@@ -363,12 +363,12 @@ class App:
 
     def _note_link(self, now: float) -> None:
         """Record the state of the link, and announce once if the recording has ended."""
-        told = {
+        status = {
             "mode": self.mode.value,
             "autopilot_mode": self.autopilot_mode,
             **self.link.status(),
         }
-        self.recorder.link(now, told)
+        self.recorder.link(now, status)
         self._record_status()
         if self.recorder.failure and not self._reported_failure and self.link.has_received:
             self._reported_failure = True
@@ -377,10 +377,10 @@ class App:
 
     def _record_status(self) -> None:
         """Record the status of the service."""
-        standing = self._pilot_status.message(
+        status = self._pilot_status.message(
             self.autopilot_mode, is_received=self.receives_autopilot, is_warm=self._is_warm
         )
-        self.recorder.standing(self._clock.now_s(), standing)
+        self.recorder.standing(self._clock.now_s(), status)
 
     async def _states(self) -> None:
         """Record the flight, and note goals that are reached."""

@@ -40,7 +40,7 @@ class Departure:
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
         self._read_s = -math.inf
-        self._briefed: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
+        self._last_briefing: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot if it has."""
@@ -61,10 +61,10 @@ class Departure:
         listed = self._flight.listed
         # The briefing is repeated if a parameter changes the shortfalls.
         news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
-        if listed.layout is not None and news != self._briefed:
-            self._briefed = news
+        if listed.layout is not None and news != self._last_briefing:
+            self._last_briefing = news
             if not listed.was_found_flown:
-                self._brief()
+                self._send_briefing()
 
     def _may_have_changed(self, after_s: float, now: float) -> bool:
         """Return whether a list without an identifier was read longer ago than ``after_s`` [s].
@@ -76,17 +76,17 @@ class Departure:
         is_named = current is not None and current.mission_id != 0
         return listed.layout is not None and not is_named and now - listed.read_s > after_s
 
-    def _brief(self) -> None:
+    def _send_briefing(self) -> None:
         """Inform the pilot what will be flown, when the service takes over, and what is wrong."""
         ownship = self._world_model.ownship.state(self._clock.now_s())
-        told = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
+        summary = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
-        if told.plan:
-            decide(DecisionKind.MISSION, told.plan, tell="mission", mission=told.plan)
-            decide(DecisionKind.TAKEOVER, told.takeover, tell="takeover", when=told.takeover)
-            tell = "landing" if told.has_end else "no landing"
-            decide(DecisionKind.MISSION, told.landing, tell=tell, landing=told.landing)
-        for fault in told.faults:
+        if summary.plan:
+            decide(DecisionKind.MISSION, summary.plan, tell="mission", mission=summary.plan)
+            decide(DecisionKind.TAKEOVER, summary.takeover, tell="takeover", when=summary.takeover)
+            tell = "landing" if summary.has_end else "no landing"
+            decide(DecisionKind.MISSION, summary.landing, tell=tell, landing=summary.landing)
+        for fault in summary.faults:
             decide(DecisionKind.FAULT, fault, tell="check", about=fault, fault=fault)
 
     def take_over_if_due(self) -> bool:

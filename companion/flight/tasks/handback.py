@@ -31,21 +31,21 @@ class Handback:
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
         self.found: ResumePath | None = None
-        self._told: ResumePath | None = None
-        self._told_s = -math.inf
+        self._announced: ResumePath | None = None
+        self._announced_s = -math.inf
 
     def look(self) -> None:
         """Check the resume path, and inform the pilot if the result has changed; about once a second."""
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
         if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:
-            self.found, self._told, self._told_s = None, None, -math.inf
+            self.found, self._announced, self._announced_s = None, None, -math.inf
             return
-        if now - self._told_s < REPEAT_MIN_S:
+        if now - self._announced_s < REPEAT_MIN_S:
             return
         self.found = found = resume_path(state, self._reader.current, ownship)
-        if self._told is None or found.is_safe is not self._told.is_safe:
-            self._told, self._told_s = found, now
+        if self._announced is None or found.is_safe is not self._announced.is_safe:
+            self._announced, self._announced_s = found, now
             tell = "handback safe" if found.is_safe else "handback unsafe"
             self._announcer.decide(
                 DecisionKind.HANDBACK, found.text, tell=tell, mode=self._link.mission_mode, what=found.wrong

@@ -41,8 +41,8 @@ class PilotStatus:
         current, emergency = replanning.handover.reader.current, replanning.emergency
         handback: dict[str, object] = {}
         if found is not None:
-            way = np.round(found.positions_enu_m[::4], _DIGITS)
-            handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": way}
+            places = np.round(found.positions_enu_m[::4], _DIGITS)
+            handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": places}
         return {
             "mode": state.mode.name.lower(),
             "autopilot_mode": autopilot_mode,

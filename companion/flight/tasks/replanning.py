@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
-from companion.flight.exchange.handover import SwapOutcome
 from companion.flight.state.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
@@ -36,6 +35,7 @@ from companion.flight.tasks.plan_maker import (
 from companion.flight.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
 from companion.flight.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.flight.tasks.surprise_watch import SurpriseWatch
+from companion.mission.swap import SwapOutcome
 from companion.world.snapshot import Snapshot
 
 # The steps after which a plan to a rally point is tried first.
@@ -350,8 +350,7 @@ class Replanning:
             is_urgent=is_urgent,
         )  # fmt: skip
         if outcome is SwapOutcome.FLOWN:
-            is_failing = bool(self._flight.state.violations_of(constructed.path))
-            self._surprises.note_judgement(constructed.path, is_failing=is_failing)
+            self._surprises.note_judgement(constructed.path, is_failing=not self._announcer.news.passes)
             self._num_failed_swaps = 0
             if constructed.verdict is not Verdict.EMERGENCY:
                 self.emergency = None

@@ -136,10 +136,10 @@ class SurpriseWatch:
         """Return a vehicle that turned towards the flown path from well aside of it; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
-            knew = self._known_tracks.get(track.identity, ())
-            if not knew or passing_reaches(rest, track, ahead_s) >= 1.0:
+            known = self._known_tracks.get(track.identity, ())
+            if not known or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
-            if any(passing_reaches(rest, then, ahead_s) > ASIDE_RADII for then in knew):
+            if any(passing_reaches(rest, then, ahead_s) > ASIDE_RADII for then in known):
                 return track.identity
         return ""
 
@@ -160,8 +160,8 @@ def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
     end_s = min(begin_s + ahead_s, float(path.times_s[-1]))
     times = np.append(path.times_s[path.times_s < end_s], end_s)
     at = np.column_stack([np.interp(times, path.times_s, path.positions_enu_m[:, axis]) for axis in (0, 1)])
-    gone = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
-    apart = at - np.asarray(track.position_enu_m[:2]) - gone
+    moved = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
+    apart = at - np.asarray(track.position_enu_m[:2]) - moved
     steps = np.diff(apart, axis=0)
     along = -(apart[:-1] * steps).sum(axis=1) / np.maximum((steps * steps).sum(axis=1), 1e-9)
     nearest = np.vstack([apart[-1], apart[:-1] + np.clip(along, 0.0, 1.0)[:, None] * steps])

@@ -31,7 +31,7 @@ INSIDE_M = 5.0  # The path ends this far inside the bounds and the margin.
 OVERSHOOT_RADII = 2.0  # While it turns back, the path may go this many turn radii farther out of bounds.
 
 
-class Surroundings:
+class ObstacleDistances:
     """Distances from obstacles.
 
     Parameters
@@ -84,14 +84,14 @@ def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limi
     ndarray, shape (N, 6), or None
         States ``limits.tau`` apart in still air; the first is the start.
     """
-    around = Surroundings(obstacles)
-    if not _is_outside(state[None], around, limits, limits.margin)[0]:
+    clearance = ObstacleDistances(obstacles)
+    if not _is_outside(state[None], clearance, limits, limits.margin)[0]:
         return None
     best: FloatArray | None = None
     for number in range(2 * TURN_STEPS + 1):
         for side in (1.0, -1.0):
             rows = _flown(state, side * math.pi * number / TURN_STEPS, limits)
-            end = _end_of(rows, around, limits)
+            end = _end_of(rows, clearance, limits)
             if end is not None and (best is None or end < len(best) - 1):
                 best = rows[: end + 1]
     return best
@@ -130,16 +130,16 @@ def _out_of_bounds(rows: FloatArray, limits: Limits, inside: float) -> FloatArra
     return found
 
 
-def _is_outside(rows: FloatArray, around: Surroundings, limits: Limits, margin: float) -> FloatArray:
+def _is_outside(rows: FloatArray, clearance: ObstacleDistances, limits: Limits, margin: float) -> FloatArray:
     """Return which of ``rows`` (N, ≥ 3) are no valid start of a plan: (N,)."""
-    clear = around.distances(rows).min(axis=1, initial=np.inf)
+    clear = clearance.distances(rows).min(axis=1, initial=np.inf)
     is_outside: FloatArray = (_out_of_bounds(rows, limits, 0.0) > 0.0) | (clear < margin)
     return is_outside
 
 
-def _end_of(rows: FloatArray, around: Surroundings, limits: Limits) -> int | None:
+def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits) -> int | None:
     """Return the first of ``rows`` (N, 6) at which a plan may begin, or None without a valid path there."""
-    clear = around.distances(rows)
+    clear = clearance.distances(rows)
     out = _out_of_bounds(rows, limits, INSIDE_M)
     is_level = np.abs(rows[:, 4]) < STRAIGHT_RAD
     ready = (out <= 0.0) & (clear.min(axis=1, initial=np.inf) >= limits.margin + INSIDE_M) & is_level
