@@ -31,8 +31,9 @@ from companion.mission.swap import (
 from companion.types.mavlink_enums import MissionState
 from companion.types.mission import Mission, MissionItem
 
-UPLOAD_MAX_S = 60.0  # An upload is given up after this time.
-# An acknowledgement may arrive with the message that the mission is flown: the upload ends in so many turns.
+UPLOAD_MAX_S = 60.0  # The report that the uploaded mission is flown is awaited for at most this time.
+# An acknowledgement may arrive together with the report of the flown mission: the upload then ends within
+# this many turns of the event loop.
 EVENT_LOOP_TURNS = 3
 FLOWN = frozenset({MissionState.ACTIVE})  # The states of a mission that is flown.
 STORED = FLOWN | {MissionState.NOT_STARTED}  # The states of a mission that is stored while the pilot flies.

@@ -154,7 +154,7 @@ def _safe_loiter(
     straight ahead. If none passes, the result is the violations of the first one tried.
     """
     wrong: tuple[Violation, ...] | None = None
-    for path, row, *_ in _places(state, start, paths):
+    for path, row, *_ in _loiter_candidates(state, start, paths):
         found = construct_until(state, path, row)
         if not found.violations and len(found.waypoints.positions_enu_m) <= max_waypoints:
             return FallbackMission(path.until(row), found.waypoints, found.covered_until_s), ()
@@ -178,10 +178,16 @@ def _goals_before(state: FlightState, path: Path) -> str:
     return f", behind {passed} of {len(state.goals_left)} goals" if passed else ""
 
 
-def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> list[_LoiterCandidate]:
-    """Return all candidates in order: by most goals passed if the path there is as safe, threat, distance."""
+def _loiter_candidates(
+    state: FlightState, start: Start, paths: Sequence[Path | None]
+) -> list[_LoiterCandidate]:
+    """Return all candidates, the preferred one first.
+
+    Candidates that pass goals come first, those with most goals leading, if the path to them is about as safe
+    as the safest candidate. The others follow in order of threat level, then of distance.
+    """
     begin = np.asarray(start.state.position_enu_m)
-    places: list[_LoiterCandidate] = []
+    candidates: list[_LoiterCandidate] = []
     for path in (*paths, straight_ahead(start.state, state.wind_enu_m_s)):
         if (
             path is None
@@ -192,13 +198,13 @@ def _places(state: FlightState, start: Start, paths: Sequence[Path | None]) -> l
         found = state.violations_to(None, path)
         hard = [entry.row for entry in found if not keeps_hard_constraints([entry])]
         last = min([len(path) - 1, *(row - 1 for row in hard)])
-        places += _candidates_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
-    safe = min((place.level for place in places), default=0.0) + SAME_THREAT_MAX
+        candidates += _candidates_along(path, last, rows_at_goals(path.positions_enu_m, state.goals_left))
+    safe = min((place.level for place in candidates), default=0.0) + SAME_THREAT_MAX
 
-    def wanted(place: _LoiterCandidate) -> tuple[int, float, int]:
+    def order(place: _LoiterCandidate) -> tuple[int, float, int]:
         return -place.num_goals if place.highest <= safe else 0, place.level, place.row
 
-    return sorted(places, key=wanted)
+    return sorted(candidates, key=order)
 
 
 def _candidates_along(path: Path, last: int, at_goals: Sequence[int]) -> Iterator[_LoiterCandidate]:

@@ -48,7 +48,7 @@ STEP_WORDS = {  # Words in the pilot's text about each step.
     EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
 }
 RETURN_BLOCKED = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
-# After so many failed swaps in a row the pilot is informed that the flown path is kept.
+# After this many failed swaps in a row the pilot is informed that the flown path is kept.
 FAILED_SWAPS_MAX = 3
 
 
