@@ -366,7 +366,10 @@ def _levels(
 
 
 def _closest(times: FloatArray, here: FloatArray, there: FloatArray, is_known: BoolArray) -> Closest | None:
-    """Return the closest approach of ``here``, ``there`` (T, 3) in the steps ``is_known`` (T - 1,)."""
+    """Return the closest approach of ``here`` and ``there`` (T, 3) at ``times`` (T,).
+
+    Only the steps ``is_known`` (T - 1,) count.
+    """
     steps = np.flatnonzero(is_known)
     if not len(steps):
         return None

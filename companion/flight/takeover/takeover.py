@@ -17,7 +17,7 @@ from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
-RADIUS_PARAMETER = {
+RADIUS_PARAMETER: dict[int, int] = {  # The number, from 0, of the parameter that is a loiter's radius.
     Command.NAV_LOITER_UNLIM: 2,
     Command.NAV_LOITER_TURNS: 2,
     Command.NAV_LOITER_TIME: 2,
@@ -109,7 +109,7 @@ def circle_of(
     up_m : float
         Height for an item of unknown height [m].
     """
-    number = RADIUS_PARAMETER.get(Command(item.command)) if item.command in RADIUS_PARAMETER else None
+    number = RADIUS_PARAMETER.get(item.command)
     if number is None:
         return None
     place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)

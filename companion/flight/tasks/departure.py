@@ -40,7 +40,7 @@ class Departure:
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
         self._read_s = -math.inf
-        self._last_briefing: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
+        self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot if it has."""
@@ -61,10 +61,10 @@ class Departure:
         listed = self._flight.listed
         # The briefing is repeated if a parameter changes the shortfalls.
         news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
-        if listed.layout is not None and news != self._last_briefing:
-            self._last_briefing = news
+        if listed.layout is not None and news != self._last_summary:
+            self._last_summary = news
             if not listed.was_found_flown:
-                self._send_briefing()
+                self._send_summary()
 
     def _may_have_changed(self, after_s: float, now: float) -> bool:
         """Return whether a list without an identifier was read longer ago than ``after_s`` [s].
@@ -76,7 +76,7 @@ class Departure:
         is_named = current is not None and current.mission_id != 0
         return listed.layout is not None and not is_named and now - listed.read_s > after_s
 
-    def _send_briefing(self) -> None:
+    def _send_summary(self) -> None:
         """Inform the pilot what will be flown, when the service takes over, and what is wrong."""
         ownship = self._world_model.ownship.state(self._clock.now_s())
         summary = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)

@@ -78,6 +78,7 @@ def riccati_solutions(
         The matrices A of the regulators.
     controls : ndarray, shape (N, 6, 3)
         Their matrices B.
+    state_cost : ndarray, shape (6, 6)
         Q, the cost of deviations.
     control_cost : ndarray, shape (3, 3)
         R, the cost of controls.
