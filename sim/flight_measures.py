@@ -10,12 +10,12 @@ import numpy as np
 
 from companion.assurance.encounters import (
     Masks,
-    Threatening,
+    ThreatHistory,
     aggregated_threat,
     encounter_with,
-    joined,
-    seconds_of,
-    standing,
+    merged_intervals,
+    radar_threats,
+    total_duration_s,
     total_threat,
 )
 from companion.types.encounter import Encounter
@@ -48,7 +48,9 @@ class FlightMeasures:
     def over_all(self) -> Measures:
         """Measures of all dynamic threats together, then of all radars."""
         return of_dynamic_threats(self.dynamic_threats) | {
-            "seconds_in_radar": seconds_of(joined(*(entry.in_sight_s for entry in self.radars))),
+            "seconds_in_radar": total_duration_s(
+                merged_intervals(*(entry.in_sight_s for entry in self.radars))
+            ),
             "TTA": total_threat(self.radars),
             "ATP": aggregated_threat(self.radars),
         }
@@ -63,12 +65,12 @@ def of_dynamic_threats(encounters: Sequence[Encounter]) -> Measures:
 
     Values of events that never happened are infinite.
     """
-    in_sight = joined(*(entry.in_sight_s for entry in encounters))
+    in_sight = merged_intervals(*(entry.in_sight_s for entry in encounters))
     known = [entry.closest for entry in encounters if entry.closest is not None]
     nearest = min(known, key=lambda closest: closest.distance_m, default=None)
     return {
-        "seconds_in_reach": seconds_of(joined(*(entry.in_reach_s for entry in encounters))),
-        "seconds_in_reach_and_sight": seconds_of(in_sight),
+        "seconds_in_reach": total_duration_s(merged_intervals(*(entry.in_reach_s for entry in encounters))),
+        "seconds_in_reach_and_sight": total_duration_s(in_sight),
         "t_f_s": float(in_sight[0, 0]) if len(in_sight) else NEVER,
         "miss_distance_m": NEVER if nearest is None else nearest.distance_m,
         "miss_s": NEVER if nearest is None else nearest.stamp_s,
@@ -94,8 +96,8 @@ def measured(truth: Truth, threats: Sequence[DynamicThreat], radars: Sequence[Ra
     for threat in threats:
         rows = np.array(truth.threat_paths[threat.name])
         height = np.full(len(rows), threat.position_enu_m[2])
-        moving.append(Threatening(threat.name, threat.max_threat_radius_m, np.column_stack([rows, height])))
+        moving.append(ThreatHistory(threat.name, threat.max_threat_radius_m, np.column_stack([rows, height])))
     return FlightMeasures(
         tuple(encounter_with(threat, flown, masks) for threat in moving),
-        tuple(encounter_with(radar, flown, masks) for radar in standing(radars, flown)),
+        tuple(encounter_with(radar, flown, masks) for radar in radar_threats(radars, flown)),
     )

@@ -141,7 +141,7 @@ class Flight:
                     arrived_s = self.now_s
                 if self.simulator.truth.collision:
                     break
-                if self.now_s > SILENT_S and not self.app.link.has_heard:
+                if self.now_s > SILENT_S and not self.app.link.has_received:
                     raise NoAutopilotError("no heartbeat of an autopilot within 10 s")
                 if on_step is not None:
                     on_step(self)

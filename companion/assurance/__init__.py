@@ -1,5 +1,4 @@
-"""Independent check of every plan and mission, and the order of the steps where none passes.
+"""Independent check of every plan and mission, the order of the emergency steps, and encounters with threats.
 
-And what a flight met, read off its paths when it is over. Plain NumPy and shapely; touches no code of the
-planner's, whose mistakes it would share.
+Plain NumPy and shapely. The package uses no code of the planner, because it would share its mistakes.
 """

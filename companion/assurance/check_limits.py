@@ -1,4 +1,4 @@
-"""What the checker holds paths and missions to."""
+"""The limits that the checker applies to paths and missions."""
 
 from __future__ import annotations
 
@@ -8,32 +8,34 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckLimits:
-    """What a path has to keep.
+    """The limits of a path.
 
     Parameters
     ----------
     bounds : tuple of float
         East, north, up, each low and high [m].
     margin_m : float
-        Distance from obstacles beyond what the covariance asks for [m].
+        Distance from obstacles, in addition to the position's uncertainty [m].
     deviations : float
-        Standard deviations of position added to the margin.
-    turn_radius_min_m, straight_length_min_m : float
-        Smallest radius of a turn, and shortest straight flight between two turns [m].
+        Number of standard deviations of position that are added to the margin.
+    turn_radius_min_m : float
+        Smallest radius of a turn [m].
+    straight_length_min_m : float
+        Shortest straight flight between two turns [m].
     bank_max_rad : float
-        With the wind behind a turn is wider: its radius is flown at no more bank than this.
+        Largest bank angle. With the wind behind, a turn at this bank is wider than in still air.
     climb_angle_max_rad, descent_angle_max_rad : float
-        Both positive [rad].
+        Steepest climb and descent, both positive [rad].
     airspeed_min_m_s, airspeed_max_m_s : float
         Limits of the airspeed [m/s].
     acceleration_max_m_s2 : float
-        How fast the airspeed may rise along the path, as in still air [m/s²].
+        Largest increase of the airspeed, as in still air [m/s²].
     threat_level_max : float
-        Largest threat level of a row; 1 limits nothing.
+        Largest threat level of a row; 1 means no limit.
     quality_min : float
         Smallest product of p_c over the rows.
     altitude_tolerance_m : float
-        Widens the altitude band, for an aircraft in flight [m].
+        Widening of the altitude bounds, for an aircraft in flight [m].
     """
 
     bounds: tuple[float, float, float, float, float, float]

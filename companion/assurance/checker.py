@@ -1,21 +1,22 @@
 """Independent check of paths and missions before they are flown.
 
-Written apart from the planner and sharing no code with it: plain NumPy and shapely. A fault in a
-kernel or in the search can then not hide itself here.
+The module shares no code with the planner and uses plain NumPy and shapely. A fault in a kernel or in the
+search can therefore not hide itself here.
 
-What rows of a path can tell
-----------------------------
-Between two rows the aircraft flies a curve that the rows only sample: an arc, or, where a turn begins
-or ends between them, an arc and a straight piece. Three rules rest on that:
+What the rows of a path determine
+---------------------------------
+Between two rows the aircraft flies a curve that the rows only sample: an arc, or an arc and a straight piece
+if a turn begins or ends between them. Three rules follow:
 
-- *Clearance* is measured from the chord, less the most that the curve can leave it. A curve of length
-  ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, does so farthest with its whole turn in
-  the middle: by ``L·Δ/4 − r·Δ²/8``, which is ``L·Δ/8`` for an arc from end to end.
-- *Turn radius* is the edge's mean: length over course change. Chord and courses must agree, so a path
+- *Clearance* is measured from the chord, less the largest distance of the curve from the chord. For a curve
+of
+  length ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, that distance is largest with the
+  whole turn in the middle: ``L·Δ/4 − r·Δ²/8``. For an arc from end to end it is ``L·Δ/8``.
+- *Turn radius* is the mean of the edge: length over course change. Chord and courses have to agree, so a path
   cannot hide a turn by stating courses that it does not fly.
-- *Straight flight* between turns is the sum of edges without course change, and of the two edges on
-  either side of them the part that a turn at the smallest radius does not need. Of these parts one
-  edge length at most is granted: that is the uncertainty of sampling.
+- *Straight flight* between turns is the sum of the edges without course change, and of the part of the two
+  adjacent edges that a turn at the smallest radius does not need. At most one edge length of these parts
+  counts: that is the uncertainty of sampling.
 """
 
 from __future__ import annotations
@@ -28,7 +29,6 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.check_limits import CheckLimits
-from companion.assurance.coming_back import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
 from companion.assurance.curves import CORNER_SIDES, NUMBER_MAX
 from companion.assurance.edges import (
     STRAIGHT_COURSE_RAD,
@@ -42,38 +42,39 @@ from companion.assurance.edges import (
 from companion.assurance.exposure import Exposure
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
-from companion.assurance.violation import Violation, listed, outside
+from companion.assurance.return_to_bounds import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
+from companion.assurance.violation import Violation, where_broken, where_outside
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, ThreatPicture
 
-__all__ = ["Checker", "Violation"]
-
 BoolArray = NDArray[np.bool_]
 
 GRAVITY_M_S2 = 9.80665
-POINT_TOLERANCE_M = 0.01  # of bounds and goals
-BULGE_TOLERANCE_M = 2.0  # by which an arc between two rows inside the bounds may pass them
-SPEED_TOLERANCE_M_S = 0.01
-CLIMB_TOLERANCE_RAD = math.radians(0.1)
-COURSE_TOLERANCE_RAD = 0.02  # between an edge's chord and its courses
-RATIO_TOLERANCE = 0.02  # of radii, and of lengths against speeds
-CORNER_TOLERANCE = 0.15  # of the leg that corners need: waypoints on an arc lie closer than its tangents
-CORNER_MIN_RAD = 0.05  # corners below it are flown as they are
-LOITER_SIDES = 72
+POINT_TOLERANCE_M = 0.01  # Rounding of positions, against bounds and goals.
+BULGE_TOLERANCE_M = 2.0  # An arc between two rows inside the bounds may pass the bounds by this much.
+SPEED_TOLERANCE_M_S = 0.01  # Rounding of airspeeds.
+CLIMB_TOLERANCE_RAD = math.radians(0.1)  # Rounding of climb angles.
+COURSE_TOLERANCE_RAD = 0.02  # An edge's chord and its courses may differ by this much.
+RATIO_TOLERANCE = 0.02  # Relative tolerance of radii, and of lengths against speeds.
+# Relative tolerance of the leg that corners need: waypoints on an arc lie closer together than its tangents
+# meet.
+CORNER_TOLERANCE = 0.15
+CORNER_MIN_RAD = 0.05  # The arc of a smaller corner is not checked apart from its legs.
+LOITER_SIDES = 72  # A loiter circle is checked as a polygon of this many sides.
 
 
 class Checker:
-    """All rules over the obstacles of one world.
+    """All rules, applied to the obstacles of one world.
 
     Parameters
     ----------
     obstacles : sequence of Obstacle
-        Upright prisms. A polygon that crosses itself is taken as its convex hull.
+        Upright prisms. A polygon that crosses itself is replaced by its convex hull.
     limits : CheckLimits
-        What paths and missions have to keep.
+        The limits of paths and missions.
     exposure : Exposure, optional
-        Works threat levels out; left out, only what a path states of itself is judged.
+        Computes threat levels. If omitted, only the levels that a path states itself are checked.
 
     Raises
     ------
@@ -101,26 +102,26 @@ class Checker:
         picture: ThreatPicture | None = None,
         may_come_back: bool = False,
     ) -> tuple[Violation, ...]:
-        """Every rule a path breaks from a row on; nothing if it may be flown.
+        """Return every rule that a path breaks from a row on; nothing if it may be flown.
 
         Parameters
         ----------
         path : Path
-            As planned or as it is being flown.
+            The path, as planned or as it is being flown.
         goal_enu_m : sequence of float, optional
-            East, north, up of the point at which it has to end [m].
+            East, north, up of the point at which the path has to end [m].
         acceptance_radius_m : float, optional
-            How near; 0 if left out [m].
+            Allowed distance of the end from the goal; 0 if omitted [m].
         from_row : int
-            Rows before it have been flown and are not judged; they still count as what came before.
+            Earlier rows have been flown and are not judged; they still count as the history of later ones.
         wind_enu_m_s : tuple of float
             Velocity of the air over the ground, east and north [m/s].
         wind_std_m_s : float
-            How well that is known: time stamps may be off by so much [m/s].
+            Standard deviation of that velocity: time stamps may be off accordingly [m/s].
         picture : ThreatPicture, optional
-            Threats that were sighted: how much the path is exposed to them is worked out here.
+            The sighted threats, from which the exposure of the path is computed here.
         may_come_back : bool
-            Whether it may begin where no path may be; see :mod:`companion.assurance.coming_back`.
+            Whether the path may begin where no path may be; see :mod:`companion.assurance.return_to_bounds`.
         """
         num = len(path.times_s)
         table = (path.courses_rad, path.climb_angles_rad, path.speeds_m_s, path.collision_free)
@@ -137,14 +138,14 @@ class Checker:
             if may_come_back:
                 deviation = float(curves.position_deviations(path.position_covariances_m2[:1])[0][0])
                 places, spread = path.positions_enu_m, self.limits.deviations * deviation
-                found = self._way_back(places[0], spread).left_of(found, places)
+                found = self._return_to_bounds(places[0], spread).remaining(found, places)
             found += self._exposure_violations(path, first, picture)
             if goal_enu_m is not None:
                 found += goal_violations(path, goal_enu_m, acceptance_radius_m or 0.0)
         return tuple(violation for violation in found if violation.row >= first)
 
     def _path_violations(self, path: Path, first: int, wind: Wind) -> Iterator[Violation]:
-        """Violations of all rows; edges that end at or before ``first`` are left out."""
+        """Check all rows; edges that end at or before ``first`` are not judged."""
         deviations, well_formed = curves.position_deviations(path.position_covariances_m2)
         numbers = np.column_stack(
             [path.times_s, path.positions_enu_m, path.courses_rad, path.climb_angles_rad, path.speeds_m_s]
@@ -175,7 +176,7 @@ class Checker:
     def _exposure_violations(
         self, path: Path, first: int, picture: ThreatPicture | None
     ) -> Iterator[Violation]:
-        """Rows from ``first`` on above the limit of the threat level, whatever the path states of itself."""
+        """Check the threat levels of rows from ``first`` on, computed independently of the path."""
         limit = self.limits.threat_level_max
         is_finite = np.isfinite(path.times_s).all() and (np.abs(path.positions_enu_m) <= NUMBER_MAX).all()
         if self._exposure is None or picture is None or limit >= 1.0 or not is_finite:
@@ -183,20 +184,22 @@ class Checker:
         levels = self._exposure.levels(path, picture)
         rows = np.arange(len(levels))
         above = (rows >= first) & ~(levels <= limit + 1e-9)
-        yield from listed("threat", rows, above, levels, limit, "threat level, by the check's own count")
+        yield from where_broken(
+            "threat", rows, above, levels, limit, "threat level, by the check's own count"
+        )
 
     def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
-        """Bounds, speeds, stated climb angles of ``usable`` (N,) rows; threat levels and quality of all."""
+        """Check bounds, speeds, climb angles of ``usable`` (N,) rows; threat levels, quality of all."""
         limits, ahead = self.limits, np.arange(len(usable)) >= first
         ready = usable & ahead
         yield from self._bounds_violations(path.positions_enu_m, ready, POINT_TOLERANCE_M)
         speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
-        yield from outside(
+        yield from where_outside(
             "speed", rows, ready, speed, airspeeds, tolerance=SPEED_TOLERANCE_M_S, detail="airspeed [m/s]"
         )
-        yield from outside(
+        yield from where_outside(
             "climb",
             rows,
             ready,
@@ -207,10 +210,10 @@ class Checker:
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
-        yield from listed("threat", rows, too_high, level, limits.threat_level_max, "threat level")
+        yield from where_broken("threat", rows, too_high, level, limits.threat_level_max, "threat level")
         free = path.collision_free
         is_share = (free >= 0.0) & (free <= 1.0)
-        yield from listed("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
+        yield from where_broken("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
         quality = float(np.prod(free[first:]))
         if not quality >= limits.quality_min:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
@@ -218,35 +221,35 @@ class Checker:
     def _edge_violations(
         self, path: Path, edges: Edges, ahead: BoolArray, speeds: GroundSpeeds
     ) -> Iterator[Violation]:
-        """Times, agreement of speeds, courses, positions; radii, climb of edges ``ahead`` (N - 1,)."""
+        """Check times, speeds, courses against positions, radii and climb of edges ``ahead`` (N - 1,)."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
-        yield from listed("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
+        yield from where_broken("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
         timed = ahead & (edges.steps_s > 0.0)
         flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
         farthest = flown * speeds.most
         too_far = timed & (edges.chords_m > farthest * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
-        yield from listed(
+        yield from where_broken(
             "pace", rows, too_far, edges.chords_m, farthest, "farther than speed and time allow [m]"
         )
-        # No curve of the smallest radius has a shorter chord than its arc (Schur's theorem).
+        # A curve's chord is not shorter than the chord of an arc of the smallest radius (Schur's theorem).
         nearest = flown * speeds.least
         arc = np.minimum(0.5 * nearest / limits.turn_radius_min_m, 0.5 * math.pi)
         least = nearest * np.sinc(arc / math.pi)
         too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
-        yield from listed(
+        yield from where_broken(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
         turns = np.abs(edges.turns_rad)
-        room = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
-        astray = ahead & (np.abs(edges.offsets_rad) > room)
-        yield from listed("course", rows, astray, np.abs(edges.offsets_rad), room,
+        allowed = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
+        disagrees = ahead & (np.abs(edges.offsets_rad) > allowed)
+        yield from where_broken("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
                            "courses do not agree with positions [rad]")  # fmt: skip
         radii = edges.lengths_m / np.maximum(turns, 1e-12)
         banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
         smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
-        yield from listed("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        yield from where_broken("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
         gained = speeds.fastest_m_s - speeds.level_m_s
@@ -256,20 +259,21 @@ class Checker:
         self, angles_rad: FloatArray, rows: NDArray[np.int64], flown: BoolArray,
         airspeeds_m_s: FloatArray | float, gained_m_s: FloatArray,
     ) -> Iterator[Violation]:  # fmt: skip
-        """Climbs too steep up or down over the ground.
+        """Check climb angles over the ground.
 
-        ``angles_rad`` (N,) of ``rows`` (N,) ``flown`` (N,) at ``airspeeds_m_s`` (N,), or one of all, and
-        the ground speed that the wind adds, ``gained_m_s`` (N,).
+        ``angles_rad`` (N,) belong to ``rows`` (N,), of which those ``flown`` (N,) are judged.
+        ``airspeeds_m_s`` (N,) may be one number for all; ``gained_m_s`` (N,) is the ground speed that the
+        wind adds.
         """
         low, high = self._climbs
         for most, sign, name in ((high, 1.0, "upper"), (-low, -1.0, "lower")):
             limit = slope_over_ground(most, airspeeds_m_s, gained_m_s)
             steep = flown & ~(sign * angles_rad <= limit + CLIMB_TOLERANCE_RAD)
             detail = f"climb angle between rows [rad], {name}"
-            yield from listed("climb", rows, steep, angles_rad, sign * limit, detail)
+            yield from where_broken("climb", rows, steep, angles_rad, sign * limit, detail)
 
     def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
-        """Bounds of the arcs' middles, off their chords by the sagitta; of edges ``ahead`` (N - 1,)."""
+        """Check the bounds at the middles of the arcs of edges ``ahead`` (N - 1,)."""
         turns = edges.turns_rad
         sagitta = 0.5 * edges.flat_chords_m * np.tan(0.25 * turns)
         course = path.courses_rad[:-1] + 0.5 * turns
@@ -284,12 +288,12 @@ class Checker:
     def _bounds_violations(
         self, points: FloatArray, ready: BoolArray, tolerance_m: float, row: int | None = None
     ) -> Iterator[Violation]:
-        """Those ``points`` (N, 3) [m] out of bounds where ``ready`` (N,); ``row``, if given, names all."""
+        """Check that ``points`` (N, 3) [m] are in bounds if ``ready`` (N,); ``row`` names all."""
         widen = (tolerance_m, tolerance_m, POINT_TOLERANCE_M + self.limits.altitude_tolerance_m)
         rows = np.arange(len(points)) if row is None else np.full(len(points), row)
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
-            yield from outside(
+            yield from where_outside(
                 "bounds",
                 rows,
                 ready,
@@ -307,9 +311,9 @@ class Checker:
         bulges: FloatArray,
         rows: NDArray[np.int64],
     ) -> Iterator[Violation]:
-        """Segments that come too near to a prism: their distance less the bulge, against the margin.
+        """Check segments for prisms: distance less bulge, against the margin.
 
-        ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) is what to name each by.
+        ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) are the reported rows.
         """
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
             yield Violation(
@@ -321,24 +325,24 @@ class Checker:
         loiter_centre_enu_m: FloatArray | None = None, may_come_back: bool = False,
         wind_enu_m_s: tuple[float, float] = (0.0, 0.0), airspeed_m_s: float | None = None,
     ) -> tuple[Violation, ...]:  # fmt: skip
-        """Every rule that mission waypoints break as they are flown: straight legs and fly-by corners.
+        """Return every rule that a mission's waypoints break, flown as straight legs with fly-by corners.
 
         Parameters
         ----------
         positions_enu_m : ndarray, shape (K, 3)
-            Waypoints in order, the first the one the aircraft comes from.
+            Waypoints in order; the aircraft comes from the first [m].
         ends_in_loiter : bool
-            Whether the last is a loiter; it breaks the rule ``ending`` if not.
+            Whether the last waypoint is a loiter; the rule ``ending`` is broken if not.
         loiter_radius_m : float or None
             Radius of that loiter; the sign (direction) does not matter [m].
         loiter_centre_enu_m : ndarray, shape (3,), optional
-            Centre of the loiter, where that is not the last waypoint but a point beside it [m].
+            Centre of the loiter, if that differs from the last waypoint [m].
         may_come_back : bool
-            As in :meth:`check_path`.
+            Same as in :meth:`check_path`.
         wind_enu_m_s : tuple of float
-            What pushes from behind makes climbs over the ground flatter: velocity of the air [m/s].
+            Velocity of the air over the ground; a tailwind makes climbs flatter [m/s].
         airspeed_m_s : float, optional
-            Slowest on the legs [m/s]; left out, the slowest there is.
+            Lowest airspeed on the legs; the aircraft's lowest airspeed if omitted [m/s].
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
@@ -352,7 +356,7 @@ class Checker:
         with np.errstate(all="ignore"):
             found = list(self._leg_violations(points, wind_enu_m_s, airspeed_m_s))
             if may_come_back:
-                found = self._way_back(points[0], 0.0).left_of(found, points)
+                found = self._return_to_bounds(points[0], 0.0).remaining(found, points)
             centre = points[-1] if loiter_centre_enu_m is None else np.asarray(loiter_centre_enu_m)
             found += self._ending_violations(points, centre, ends_in_loiter, loiter_radius_m)
         return tuple(found)
@@ -360,26 +364,28 @@ class Checker:
     def check_track(
         self, positions_enu_m: FloatArray, margin_m: float, *, may_come_back: bool = False
     ) -> tuple[Violation, ...]:
-        """Clearance and bounds of a track as it is flown from where the aircraft is.
+        """Check clearance and bounds of a track that begins at the aircraft's position.
 
-        Where the aircraft begins nearer to something it has to come away, and out of bounds to go no
-        farther out.
+        If the aircraft begins too near to an obstacle, it has to move away from it. If it begins out of
+        bounds, it may go no farther out.
 
         Parameters
         ----------
         positions_enu_m : ndarray, shape (K, 3)
-            Places close together, the first the aircraft's own [m].
+            Positions close together, the first is the aircraft's own [m].
         margin_m : float
             Distance to keep from obstacles [m].
         may_come_back : bool
-            Whether it may turn back where it is out of bounds, and leave a fence about it.
+            Whether the track may turn back out of bounds, and leave a fence that contains the aircraft.
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if len(points) < 2 or not (np.abs(points) <= NUMBER_MAX).all():
             return (Violation("finite", 0, math.nan, NUMBER_MAX, "no track of finite numbers"),)
         at_first = [
             clear
-            for *_, clear in self._prisms.near(*curves.spot(points[0]), np.array([margin_m]), np.zeros(1))
+            for *_, clear in self._prisms.near(
+                *curves.short_segment(points[0]), np.array([margin_m]), np.zeros(1)
+            )
         ]
         margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
@@ -389,10 +395,12 @@ class Checker:
         found = list(self._bounds_violations(points, np.full(len(points), True), BULGE_TOLERANCE_M + out))
         rows, none = np.arange(1, len(points)), np.zeros(len(points) - 1)
         found += self._clearance_violations(points[:-1], points[1:], margins, none, rows)
-        return tuple(self._way_back(points[0], 0.0).left_of(found, points) if may_come_back else found)
+        if may_come_back:
+            found = self._return_to_bounds(points[0], 0.0).remaining(found, points)
+        return tuple(found)
 
-    def _way_back(self, place: FloatArray, spread_m: float) -> ReturnToBounds:
-        """What is forgiven a flight that begins at ``place`` (3,) [m]."""
+    def _return_to_bounds(self, place: FloatArray, spread_m: float) -> ReturnToBounds:
+        """Return the exceptions for a flight that begins at ``place`` (3,) [m]."""
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         widened = np.array([0.0, 0.0, self.limits.altitude_tolerance_m])
         out = float(np.maximum(low - widened - place, place - high - widened).max())
@@ -400,7 +408,7 @@ class Checker:
             return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])
         near = self._clearance_violations(
-            *curves.spot(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
+            *curves.short_segment(place), margin, np.zeros(1), np.zeros(1, dtype=np.int64)
         )
         return ReturnToBounds(
             max(out, 0.0), {entry.detail: entry.value for entry in near}, self.limits.turn_radius_min_m
@@ -409,7 +417,7 @@ class Checker:
     def _leg_violations(
         self, points: FloatArray, wind_enu_m_s: tuple[float, float], airspeed_m_s: float | None
     ) -> Iterator[Violation]:
-        """Bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
+        """Check bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
         yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
         rows = np.arange(1, len(points))
         none = np.zeros(len(rows))
@@ -423,12 +431,12 @@ class Checker:
         airspeed = self.limits.airspeed_min_m_s if airspeed_m_s is None else airspeed_m_s
         gained = tailwinds(away, airspeed, wind_enu_m_s)
         yield from self._climb_violations(angles, rows, flown, airspeed, gained)
-        kept = np.flatnonzero(np.append(True, moving))  # repeated waypoints are no corners
+        kept = np.flatnonzero(np.append(True, moving))  # A repeated waypoint is no corner.
         if len(kept) >= 3:
             yield from self._corner_violations(points[kept], kept)
 
     def _corner_violations(self, points: FloatArray, rows: NDArray[np.int64]) -> Iterator[Violation]:
-        """Whether turns at ``points`` (K, 3) [m] of ``rows`` (K,) fit on their legs and clear obstacles."""
+        """Check that the turns at ``points`` (K, 3) [m] of ``rows`` (K,) fit on their legs and are clear."""
         away = np.diff(points[:, :2], axis=0)
         lengths = np.hypot(away[:, 0], away[:, 1])
         courses = np.arctan2(away[:, 0], away[:, 1])
@@ -436,7 +444,7 @@ class Checker:
         reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
         needed = np.append(reach, 0.0) + np.append(0.0, reach)
         short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
-        yield from listed(
+        yield from where_broken(
             "corner", rows[1:], short, lengths, needed, "leg too short for the turns at its ends [m]"
         )
         for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):
@@ -453,7 +461,7 @@ class Checker:
     def _ending_violations(
         self, points: FloatArray, centre: FloatArray, ends_in_loiter: bool, loiter_radius_m: float | None
     ) -> Iterator[Violation]:
-        """Whether a loiter about ``centre`` (3,) after ``points`` (K, 3) [m] is flyable, clear, in bounds."""
+        """Check that a loiter about ``centre`` (3,) after ``points`` (K, 3) is flyable and clear."""
         last, smallest = len(points) - 1, self.limits.turn_radius_min_m
         if not ends_in_loiter:
             yield Violation("ending", last, 0.0, 1.0, "the mission does not end in a loiter")
@@ -469,7 +477,7 @@ class Checker:
         margins, bulges = none + self.limits.margin_m, none + bulge
         rows = np.full(LOITER_SIDES, last)
         found = list(self._clearance_violations(ring[:-1], ring[1:], margins, bulges, rows))
-        if found:  # one for the circle, not one for each of its sides
+        if found:  # The circle is reported once, not once per side.
             yield min(found, key=lambda violation: violation.value)
         outside = list(self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=last))
         yield from outside[:1]

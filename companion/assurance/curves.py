@@ -1,6 +1,6 @@
-"""Curves between the places that a path or a mission names, and how well those places are known.
+"""Curves between the positions of a path or a mission, and the positions' uncertainty.
 
-Plain NumPy, as all of the checker; shares nothing with the planner.
+Plain NumPy, like the rest of the checker; the module shares nothing with the planner.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from companion.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-NUMBER_MAX = 1e8  # anything larger is no position, time or speed
-CORNER_SIDES = 8
-SPOT_M = 0.01  # a line without any length is near to nothing
-NEARER_M = 0.5  # noise of a position that is within the margin already
-COMES_AWAY = 0.1  # of the way flown from there
+NUMBER_MAX = 1e8  # A larger number is no valid position, time or speed.
+CORNER_SIDES = 8  # The arc of a corner is checked as this many segments.
+SPOT_M = 0.01  # The length of a segment that stands for a point: shapely finds nothing near an empty line.
+NEARER_M = 0.5  # A position inside the margin may seem nearer by this much: noise.
+RECEDES = 0.1  # A track that begins inside the margin gains at least this much distance per metre flown.
 
 
 def wrapped(angles: FloatArray) -> FloatArray:
@@ -39,7 +39,7 @@ def wrapped(angles: FloatArray) -> FloatArray:
 
 
 def position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Largest deviation of each covariance, and whether it is one.
+    """Return the largest standard deviation of each covariance, and whether the covariance is valid.
 
     Parameters
     ----------
@@ -63,25 +63,25 @@ def position_deviations(covariances: FloatArray) -> tuple[FloatArray, BoolArray]
 
 
 def fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tuple[FloatArray, float]:
-    """Arc that rounds a corner.
+    """Return the arc of a fly-by corner.
 
     Parameters
     ----------
     corner : ndarray, shape (3, 3)
-        Waypoint before it, itself, and the one after it [m].
+        The waypoints before, at and after the corner [m].
     course : float
-        Course of the leg to it, clockwise from north.
+        Course of the leg to the corner, clockwise from north [rad].
     turn : float
-        Change of course at it, positive to the right.
+        Change of course at the corner, positive to the right [rad].
     cut_m : float
-        Distance from it at which the arc begins and ends [m].
+        Distance from the corner at which the arc begins and ends [m].
 
     Returns
     -------
     ndarray, shape (S, 3)
         Points of the arc [m].
     float
-        By how much it leaves the lines between them [m].
+        Largest distance of the arc from the lines between its points [m].
     """
     into, out = corner[1] - corner[0], corner[2] - corner[1]
     before = corner[1] - into * (cut_m / float(np.hypot(into[0], into[1])))
@@ -95,45 +95,45 @@ def fly_by(corner: FloatArray, course: float, turn: float, cut_m: float) -> tupl
     return np.column_stack([east, north, up]), radius * (1.0 - math.cos(0.5 * turn / CORNER_SIDES))
 
 
-def spot(position_enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Place as a line that is next to nothing long.
+def short_segment(position_enu_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a point as a very short segment.
 
     Parameters
     ----------
     position_enu_m : ndarray, shape (3,)
-        The place [m].
+        The point [m].
 
     Returns
     -------
     ndarray, shape (1, 3)
-        Its beginning [m].
+        Start of the segment [m].
     ndarray, shape (1, 3)
-        Its end [m].
+        End of the segment [m].
     """
     here = np.asarray(position_enu_m, dtype=np.float64)[None, :]
     return here, here + np.array([SPOT_M, 0.0, 0.0])
 
 
 def margins_along(positions_enu_m: FloatArray, clear_m: float, margin_m: float) -> FloatArray:
-    """Distance to keep on each piece of a track that may begin within its margin, and comes away then.
+    """Return the distance to keep on each piece of a track that may begin inside the margin and then recedes.
 
     Parameters
     ----------
     positions_enu_m : ndarray, shape (K, 3)
-        Places of the track [m].
+        Positions of the track [m].
     clear_m : float
-        Distance to the nearest obstacle at the first of them [m].
+        Distance from the nearest obstacle at the first position [m].
     margin_m : float
-        Distance to keep [m].
+        Distance to keep elsewhere [m].
 
     Returns
     -------
     ndarray, shape (J,)
-        Distance to keep on each of the J = K - 1 pieces between them [m].
+        Distance to keep on each of the J = K - 1 pieces [m].
     """
     lengths = np.cumsum(np.linalg.norm(np.diff(positions_enu_m, axis=0), axis=1))
     if clear_m >= margin_m:
         return np.full(len(lengths), margin_m)
-    needed: FloatArray = np.clip(clear_m - NEARER_M + COMES_AWAY * lengths, 0.0, margin_m)
+    needed: FloatArray = np.clip(clear_m - NEARER_M + RECEDES * lengths, 0.0, margin_m)
     needed[0] = max(0.0, min(needed[0], clear_m - NEARER_M))
     return needed

@@ -1,6 +1,6 @@
-"""What follows from the rows of a path alone, edge by edge.
+"""Quantities that follow from the rows of a path alone, per edge, and the rules on them.
 
-Plain NumPy, as all of the checker; shares nothing with the planner.
+Plain NumPy, like the rest of the checker; the module shares nothing with the planner.
 """
 
 from __future__ import annotations
@@ -14,46 +14,46 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.prisms import LENGTH_TOLERANCE_M
-from companion.assurance.violation import Violation, listed
+from companion.assurance.violation import Violation, where_broken
 from companion.frames import FloatArray
 from companion.types.path import Path
 
 BoolArray = NDArray[np.bool_]
 
-GOAL_TOLERANCE_M = 0.01
-SPEED_JOIN_M_S = 0.15  # by which rows of one path that were planned apart may differ
-SLOWING_M_S2 = 1.0  # or the limit, if that is more: the throttle is closed sooner than speed is gained
-STRAIGHT_COURSE_RAD = 1e-3  # course change below which an edge is straight
+GOAL_TOLERANCE_M = 0.01  # Rounding of positions.
+SPEED_JOIN_M_S = 0.15  # Rows of one path that were planned separately may differ by this airspeed.
+SLOWING_M_S2 = 1.0  # The aircraft may slow down this fast: closing the throttle acts sooner than opening it.
+STRAIGHT_COURSE_RAD = 1e-3  # An edge with a smaller course change is straight.
 
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """What follows from the N rows alone: one number an edge, edge k from row k to row k + 1.
+    """The edges of a path of N rows; edge k leads from row k to row k + 1.
 
-    Time ``steps_s`` (N - 1,), lengths ``chords_m``, ``flat_chords_m``, ``lengths_m``, ``rises_m`` (N - 1,)
-    and angles ``turns_rad``, ``offsets_rad`` (N - 1,); ``rows``, ``usable`` (N - 1,) tell which they are.
+    Time ``steps_s`` (N - 1,), lengths ``chords_m``, ``flat_chords_m``, ``lengths_m``, ``rises_m`` (N - 1,),
+    angles ``turns_rad``, ``offsets_rad`` (N - 1,), and ``rows``, ``usable`` (N - 1,).
     """
 
-    rows: NDArray[np.int64]  # row at the end of each
-    usable: BoolArray  # both ends have numbers
+    rows: NDArray[np.int64]  # row at the end of the edge
+    usable: BoolArray  # whether both ends have finite numbers
     steps_s: FloatArray
     chords_m: FloatArray
     flat_chords_m: FloatArray
     turns_rad: FloatArray  # course change, positive to the right
-    offsets_rad: FloatArray  # chord's course against the mean course
-    lengths_m: FloatArray  # along the arc, level
+    offsets_rad: FloatArray  # course of the chord less the mean course
+    lengths_m: FloatArray  # horizontal length along the arc
     rises_m: FloatArray
 
 
 def edges_of(path: Path, usable_rows: BoolArray) -> Edges:
-    """Differences between rows.
+    """Return the differences between rows.
 
     Parameters
     ----------
     path : Path
-        As planned, of N rows.
+        A path of N rows.
     usable_rows : ndarray, shape (N,)
-        Which rows have numbers; those of the others are taken as 0.
+        Whether the numbers of each row are finite; the others are replaced by 0.
     """
     positions = np.where(usable_rows[:, None], path.positions_enu_m, 0.0)
     courses = np.where(usable_rows, path.courses_rad, 0.0)
@@ -79,44 +79,46 @@ def edges_of(path: Path, usable_rows: BoolArray) -> Edges:
 def acceleration_violations(
     path: Path, edges: Edges, ahead: BoolArray, most_m_s2: float
 ) -> Iterator[Violation]:
-    """Airspeeds that rise or fall faster along the path than they can.
+    """Check that the airspeed rises and falls no faster along the path than the aircraft can.
 
-    By the way: ``v² = u² + 2·a·s``, so as in still air, however soon the wind takes the aircraft there.
+    The rule is ``v² = u² + 2·a·s`` over the path's length, as in still air: it does not depend on how soon
+    the wind takes the aircraft there.
 
     Parameters
     ----------
     path : Path
-        As planned, of N rows.
+        A path of N rows.
     edges : Edges
-        What its rows say of its edges.
+        The edges of the path.
     ahead : ndarray, shape (N - 1,)
         Which edges are judged.
     most_m_s2 : float
-        Acceleration [m/s²].
+        Largest acceleration [m/s²].
     """
     before, after = path.speeds_m_s[:-1], path.speeds_m_s[1:]
-    ways = np.hypot(edges.lengths_m, edges.rises_m)
-    fastest = np.sqrt(before**2 + 2.0 * most_m_s2 * ways) + SPEED_JOIN_M_S
-    slowest = np.sqrt(np.maximum(before**2 - 2.0 * max(most_m_s2, SLOWING_M_S2) * ways, 0.0)) - SPEED_JOIN_M_S
+    lengths = np.hypot(edges.lengths_m, edges.rises_m)
+    fastest = np.sqrt(before**2 + 2.0 * most_m_s2 * lengths) + SPEED_JOIN_M_S
+    slowing = max(most_m_s2, SLOWING_M_S2)
+    slowest = np.sqrt(np.maximum(before**2 - 2.0 * slowing * lengths, 0.0)) - SPEED_JOIN_M_S
     detail = "airspeed over one edge [m/s]"
-    yield from listed("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
-    yield from listed("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
+    yield from where_broken("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
+    yield from where_broken("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
 
 
 def bulges(edges: Edges, radius_m: float) -> FloatArray:
-    """How far the curves may leave their chords; see :mod:`companion.assurance.checker`.
+    """Return how far the curves may leave their chords; see :mod:`companion.assurance.checker`.
 
     Parameters
     ----------
     edges : Edges
-        Those of a path of N rows.
+        The edges of a path of N rows.
     radius_m : float
         Radius of the tightest turn [m].
 
     Returns
     -------
     ndarray, shape (E,)
-        For each of the E = N - 1 edges [m].
+        One distance for each of the E = N - 1 edges [m].
     """
     turns = np.abs(edges.turns_rad)
     spread: FloatArray = 0.25 * edges.lengths_m * turns - 0.125 * radius_m * turns**2
@@ -127,14 +129,16 @@ def bulges(edges: Edges, radius_m: float) -> FloatArray:
 def straight_violations(
     edges: Edges, turn_radius_m: float, straight_min_m: float, first: int
 ) -> Iterator[Violation]:
-    """Find turns begun before enough straight flight since the last; see :mod:`companion.assurance.checker`.
+    """Check that enough straight flight lies between two turns; see :mod:`companion.assurance.checker`.
 
     Parameters
     ----------
     edges : Edges
-        What a path's rows say of its edges.
-    turn_radius_m, straight_min_m : float
-        Radius of the tightest turn, and the least straight flight between two [m].
+        The edges of a path.
+    turn_radius_m : float
+        Radius of the tightest turn [m].
+    straight_min_m : float
+        Shortest straight flight between two turns [m].
     first : int
         Turns at rows up to this one are not judged.
     """
@@ -157,16 +161,16 @@ def straight_violations(
 
 
 def goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
-    """Whether the last row is at the goal.
+    """Check that the last row is at the goal.
 
     Parameters
     ----------
     path : Path
-        As planned.
+        The planned path.
     goal_enu_m : sequence of float
-        East, north, up [m].
+        East, north, up of the goal [m].
     radius_m : float
-        How near counts as there [m].
+        Allowed distance from the goal [m].
     """
     away = float(np.linalg.norm(path.positions_enu_m[-1] - np.asarray(goal_enu_m, dtype=np.float64)))
     if not away <= radius_m + GOAL_TOLERANCE_M:

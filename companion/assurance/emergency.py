@@ -1,17 +1,17 @@
-"""What to do when no plan passes the checker: the steps in their order, as a pure function.
+"""The emergency steps in their order, for when no plan passes the checker, as a pure function.
 
-Theory of operation: the table below is read from the top; the first row whose condition holds is the
-step. Whoever carries it out announces the step and records the reason.
+Theory of operation: the table is read from the top, and the first row whose condition holds is the step. The
+caller carries it out, announces it and records the reason.
 
 ======================  ==================================================================
 step                    taken when
 ======================  ==================================================================
-``KEEP_FLOWN``          the plan being flown still passes the checker
-``LEAST_THREAT``        a plan keeps the hard constraints, though threat or quality are past their limits
-``LOITER``              a reachable point has a loiter circle and a way to it that pass
-``RALLY_POINT``         a plan to a rally point of the autopilot's keeps the hard constraints
-``RETURN_TO_LAUNCH``    the mission file allows it, and the way that the autopilot takes keeps clear
-``LEAVE_TO_AUTOPILOT``  always: nothing is sent, the autopilot goes on with the mission it holds
+``KEEP_FLOWN``          the flown plan still passes the checker
+``LEAST_THREAT``        a plan keeps the hard constraints, but breaks the limits of threat or quality
+``LOITER``              a loiter circle within reach and the path to it pass
+``RALLY_POINT``         a plan to one of the autopilot's rally points keeps the hard constraints
+``RETURN_TO_LAUNCH``    the mission file allows it, and the path that the autopilot takes is clear
+``LEAVE_TO_AUTOPILOT``  always: nothing is sent, and the autopilot continues its mission
 ======================  ==================================================================
 """
 
@@ -26,7 +26,7 @@ from companion.assurance.violation import SOFT_RULES, Violation, keeps_hard_cons
 
 
 class EmergencyStep(Enum):
-    """Steps, the most wanted first."""
+    """The steps, the most preferred first."""
 
     KEEP_FLOWN = "keep the flown plan"
     LEAST_THREAT = "fly the least-threat plan"
@@ -38,22 +38,22 @@ class EmergencyStep(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmergencyOptions:
-    """What the steps are chosen by; ``None`` stands for something that there is not.
+    """The candidates for the steps; ``None`` means that there is no candidate.
 
     Parameters
     ----------
     flown : sequence of Violation or None
-        What the rest of the plan being flown breaks.
+        Violations of the rest of the flown plan.
     least_threat : sequence of Violation or None
-        What the least-threat plan breaks.
+        Violations of the least-threat plan.
     loiter : sequence of Violation or None
-        What the safest reachable loiter and the way to it break.
+        Violations of the safest loiter within reach and the path to it.
     rally : sequence of Violation or None
-        What the plan to a rally point breaks.
+        Violations of the plan to a rally point.
     may_return : bool
         Whether the mission file allows return to launch.
     return_path : sequence of Violation or None
-        What the way breaks that the autopilot would take.
+        Violations of the path that the autopilot would take to return.
     """
 
     flown: Sequence[Violation] | None
@@ -65,19 +65,19 @@ class EmergencyOptions:
 
 
 class EmergencyDecision(NamedTuple):
-    """A step and why it was taken."""
+    """A step, and the reason for it."""
 
     step: EmergencyStep
     reason: str
 
 
 def _passes(violations: Sequence[Violation] | None) -> bool:
-    """Whether there is something, and it breaks nothing."""
+    """Return whether there is a candidate that breaks nothing."""
     return violations is not None and not violations
 
 
 def _is_flyable(violations: Sequence[Violation] | None) -> bool:
-    """Whether there is something, and it keeps the hard constraints."""
+    """Return whether there is a candidate that keeps the hard constraints."""
     return violations is not None and keeps_hard_constraints(violations)
 
 
@@ -96,12 +96,12 @@ _TABLE: tuple[tuple[EmergencyStep, Callable[[EmergencyOptions], bool], str], ...
 
 
 def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
-    """Choose the first step that can be taken, and say why those before it could not.
+    """Choose the first step that can be taken, and say why the earlier ones cannot.
 
     Parameters
     ----------
     options : EmergencyOptions
-        What the checker said of each candidate.
+        The checker's result for each candidate.
     """
     refused = {
         EmergencyStep.KEEP_FLOWN: _refusal("the flown plan", options.flown),
@@ -125,7 +125,7 @@ def emergency_decision(options: EmergencyOptions) -> EmergencyDecision:
 
 
 def _refusal(name: str, violations: Sequence[Violation] | None, missing: str = "") -> str:
-    """Why a candidate is not taken: that there is none, or the first hard rule it breaks."""
+    """Return why a candidate is refused: it does not exist, or the first hard rule that it breaks."""
     if violations is None:
         return missing or f"no {name.removeprefix('the ')}"
     ordered = sorted(violations, key=lambda violation: violation.rule in SOFT_RULES)

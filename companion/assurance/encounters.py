@@ -1,11 +1,11 @@
 """How near a flight came to its threats, and how long they had it in reach and in sight.
 
-Read off the paths alone, the true ones of a simulated flight or those known on board, with formulas written
-for this: nothing here is shared with what plans or checks.
+The numbers follow from the paths alone: the true ones of a simulated flight, or those known on board. The
+formulas are written for this purpose, and share nothing with the planner or the checker.
 
-Both paths are straight between their rows, and what is said of distance and reach is exact for that. Sight
-is asked once in every stretch between two rows, at the middle of its part in reach: an edge of a shadow is
-known to half the time between rows, and a sight shorter than that may be missed.
+Both paths are linear between their rows, and distance and reach are exact for that. Sight is tested once
+between two rows, at the middle of the part in reach. The time at which a shadow begins or ends is therefore
+known to half the time between rows, and a shorter sight may be missed.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from companion.frames import FloatArray
 from companion.types.encounter import Closest, Encounter
 from companion.types.threat import Obstacle, Radar
 
-GAP_S = 5.0  # rows farther apart tell nothing of the time between them
-WAYPOINT_S = 1.0  # τ, the planner's step (paper 2.2)
-NUM_SECONDARY = 10  # points between two waypoints (paper 5.3)
-THREATS_MAX = 20  # of a recording: those tracked longest, and as many radars
-LINES_MAX = 100_000  # of sight to one of them: two and a half hours of levels
-PAIRS_MAX = 20_000_000  # of such a line and a prism: a minute's work, whatever is claimed
-CHUNK_PAIRS = 100_000
+GAP_S = 5.0  # Between rows farther apart the position counts as unknown.
+WAYPOINT_S = 1.0  # τ, the planner's time step (paper 2.2).
+NUM_SECONDARY = 10  # The paper takes this many points between two waypoints (5.3).
+THREATS_MAX = 20  # A recording's summary has at most this many tracks, the longest, and as many radars.
+LINES_MAX = 100_000  # At most this many lines of sight per threat: two and a half hours of levels.
+PAIRS_MAX = 20_000_000  # At most this many pairs of a line and a prism: about a minute of computation.
+CHUNK_PAIRS = 100_000  # Pairs that are tested at once, which bounds the memory.
 
 BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Threatening:
+class ThreatHistory:
     """A threat as it truly was, or as it was tracked.
 
     Parameters
     ----------
     name : str
-        To tell it by.
+        The threat's name.
     reach_m : float
-        RD_max, or a radar's R_max [m].
+        RD_max of a dynamic threat, or R_max of a radar [m].
     rows : ndarray, shape (M, 4)
-        Time [s], east, north, up [m], by rising time.
+        Time [s], east, north, up [m], in order of time.
     is_moving : bool
-        Whether it is a dynamic threat, and no radar.
+        Whether the threat is dynamic, not a radar.
     boundary_coefficient_per_m : float
-        K_R of a radar's detection boundary h_B = K_R·L² [1/m]; 0 is none: a flight in the plane, a little
-        below the radar's height, is seen.
+        K_R of a radar's detection boundary h_B = K_R·L² [1/m]. With 0 there is no boundary: a flight in the
+        plane, slightly below the radar, is seen.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Threatening:
 
 
 class Masks:
-    """Obstacles as far as they hide: whole prisms, wherever their bases are.
+    """Obstacles as masks of sight: whole prisms, whatever their base.
 
     Parameters
     ----------
@@ -77,21 +77,21 @@ class Masks:
         self._heights = np.array(heights, dtype=np.float64).reshape(-1, 2)
 
     def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
-        """Whether straight lines run through no prism; along a side or a roof is not through it.
+        """Return which straight lines pass through no prism; along a side or a roof is not through it.
 
         Parameters
         ----------
         eyes, places : ndarray, shape (N, 3)
-            Their ends, east, north, up [m].
+            The lines' ends, east, north, up [m].
 
         Returns
         -------
         ndarray, shape (N,)
-            One answer a line.
+            Whether each line is free.
         """
         if not len(eyes) or not len(self._polygons):
             return np.ones(len(eyes), dtype=bool)
-        size = 1 + CHUNK_PAIRS // len(self._polygons)  # they may all be near one line
+        size = 1 + CHUNK_PAIRS // len(self._polygons)  # All prisms may be near one line.
         chunks = [slice(first, first + size) for first in range(0, len(eyes), size)]
         return np.concatenate([self._is_free(eyes[chunk], places[chunk]) for chunk in chunks])
 
@@ -99,7 +99,7 @@ class Masks:
         return len(self._polygons)
 
     def _is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
-        """One answer (N,) a line from ``eyes`` (N, 3) to ``places`` (N, 3) [m]."""
+        """Return whether each line from ``eyes`` (N, 3) to ``places`` (N, 3) [m] is free, (N,)."""
         free = np.ones(len(eyes), dtype=bool)
         lines = shapely.linestrings(np.stack([eyes[:, :2], places[:, :2]], axis=1))
         line, prism = self._tree.query(lines, predicate="intersects")
@@ -111,34 +111,35 @@ class Masks:
         is_point = (ends[0] == ends[1]).all(axis=1)
         pieces = np.where(
             is_point, shapely.points(ends[0]), shapely.linestrings(np.stack(ends, axis=1))
-        )  # straight up there is but a point to look at
+        )  # A vertical piece is a point on the map.
         walls = self._polygons[prism]
         free[line[shapely.intersects(walls, pieces) & ~shapely.touches(walls, pieces)]] = False
         return free
 
 
 def encounter_with(
-    threat: Threatening, flown: FloatArray, masks: Masks, lines_max: int = sys.maxsize
+    threat: ThreatHistory, flown: FloatArray, masks: Masks, lines_max: int = sys.maxsize
 ) -> Encounter:
-    """What a flight and one threat were to each other.
+    """Return the encounter of a flight with one threat.
 
-    The level is membership (1) of the paper, ``μ = exp(−R⁴/R_max⁴)`` for ``R ≤ R_max`` above the detection
-    boundary, in sight, else 0. R is the slant range; a dynamic threat has RD_max and no boundary (its 3.1,
-    3.2). As for TTA (its 5.3) it is taken at the waypoints and at ten points between each two. A flown path
-    has no waypoints: one is set every second from its first row, as the planner sets its nodes.
+    The level is membership (1) of the paper: ``μ = exp(−R⁴/R_max⁴)`` for ``R ≤ R_max`` above the detection
+    boundary and in sight, else 0. R is the slant range. A dynamic threat has RD_max and no boundary (3.1,
+    3.2). As for TTA (5.3), the level is taken at the waypoints and at ten points between each two. A flown
+    path has no waypoints, so one is set every second from its first row, as the planner sets its nodes.
 
     Parameters
     ----------
     threat : Threatening
         The threat.
     flown : ndarray, shape (N, C)
-        Time [s], east, north, up [m], by rising time, and more that is not read.
+        Time [s], east, north, up [m], in order of time; further columns are ignored.
     masks : Masks
-        What hides.
+        What blocks sight.
     lines_max : int
-        So many lines of sight are asked: of more instants only some are taken, of more levels none.
+        Largest number of lines of sight. If there are more instants, only some are used; if there are more
+        levels, none is computed.
     """
-    own, other = _whole(flown[:, :4]), _whole(threat.rows)
+    own, other = _finite_rows(flown[:, :4]), _finite_rows(threat.rows)
     times = _shared_times(own, other)
     times = times[:: 1 + len(times) // lines_max]
     here, there = _places(own, times), _places(other, times)
@@ -148,7 +149,7 @@ def encounter_with(
     reached = _parts_in_reach(away, threat.reach_m) * is_known[:, None]
     inside = np.flatnonzero(reached[:, 1] > reached[:, 0])
     reached = reached[inside]
-    stretches = times[inside, None] + reached * np.diff(times)[inside, None]
+    intervals = times[inside, None] + reached * np.diff(times)[inside, None]
     middle = 0.5 * reached.sum(axis=1)[:, None]
     seen = _is_seen(
         threat, here[inside] + middle * np.diff(here, axis=0)[inside],
@@ -163,24 +164,24 @@ def encounter_with(
             _is_known(own, times) & _is_known(other, times), np.linalg.norm(away, axis=1), np.nan
         ),
         levels=_levels(threat, own, other, masks, lines_max),
-        in_reach_s=joined(stretches),
-        in_sight_s=joined(stretches[seen]),
+        in_reach_s=merged_intervals(intervals),
+        in_sight_s=merged_intervals(intervals[seen]),
         closest=_closest(times, here, there, is_known),
     )
 
 
-def standing(radars: Sequence[Radar], flown: FloatArray) -> tuple[Threatening, ...]:
-    """Radars as threats that were where they are all the time.
+def radar_threats(radars: Sequence[Radar], flown: FloatArray) -> tuple[ThreatHistory, ...]:
+    """Return radars as threats that do not move during a flight.
 
     Parameters
     ----------
     radars : sequence of Radar
         The radars.
     flown : ndarray, shape (N, C)
-        Rows that begin with the time [s].
+        Rows of the flight, each beginning with the time [s].
     """
     return tuple(
-        Threatening(
+        ThreatHistory(
             radar.name, radar.max_threat_radius_m,
             np.column_stack([flown[:, 0], np.tile(radar.position_enu_m, (len(flown), 1))]),
             is_moving=False, boundary_coefficient_per_m=radar.boundary_coefficient_per_m,
@@ -195,43 +196,44 @@ def known_encounters(
     radars: Sequence[Radar],
     obstacles: Sequence[Obstacle],
 ) -> tuple[Encounter, ...]:
-    """Encounters as they were known on board.
+    """Return the encounters as they were known on board.
 
     Parameters
     ----------
     flown : ndarray, shape (N, C)
-        As for :func:`encounter_with`, by the aircraft's own estimate.
+        The aircraft's own estimate, as for :func:`encounter_with`.
     tracks : iterable of tuple of str and sequence
-        Identity, and rows of time [s], east, north, up and reach [m], which is 0 of what hunts nobody.
+        Identity, and rows of time [s], east, north, up and reach [m]. The reach of a vehicle that is no
+        threat is 0.
     radars : sequence of Radar
-        The mission file's, whether or not they were sensed.
+        The mission file's radars, whether or not they were sensed.
     obstacles : sequence of Obstacle
-        What hides.
+        What blocks sight.
     """
     masks = Masks(obstacles)
     tables = [(name, np.asarray(rows, dtype=np.float64).reshape(-1, 5)) for name, rows in tracks]
-    moving = [Threatening(name, float(rows[-1, 4]), rows[:, :4]) for name, rows in tables if len(rows)]
+    moving = [ThreatHistory(name, float(rows[-1, 4]), rows[:, :4]) for name, rows in tables if len(rows)]
     longest = sorted((threat for threat in moving if threat.reach_m > 0.0), key=lambda t: -len(t.rows))
-    threats = [*longest[:THREATS_MAX], *standing(radars[:THREATS_MAX], flown)]
+    threats = [*longest[:THREATS_MAX], *radar_threats(radars[:THREATS_MAX], flown)]
     lines_max = min(LINES_MAX, 1 + PAIRS_MAX // max(1, len(threats) * len(masks)))
     found = [encounter_with(threat, flown, masks, lines_max) for threat in threats]
     return tuple(entry for entry in found if entry.closest is not None)
 
 
-def joined(*stretches: FloatArray) -> FloatArray:
-    """Stretches of time as few as they are, each from and to.
+def merged_intervals(*intervals: FloatArray) -> FloatArray:
+    """Merge intervals of time that overlap or touch.
 
     Parameters
     ----------
-    *stretches : ndarray, shape (K, 2)
-        From and to [s]; they may overlap.
+    *intervals : ndarray, shape (K, 2)
+        Start and end of each interval [s]; they may overlap.
 
     Returns
     -------
     ndarray, shape (J, 2)
-        The same time in stretches that do not meet, by rising time [s].
+        The same time as disjoint intervals, in order of time [s].
     """
-    rows = np.vstack([np.empty((0, 2)), *stretches])
+    rows = np.vstack([np.empty((0, 2)), *intervals])
     rows = rows[np.argsort(rows[:, 0])]
     ends = np.maximum.accumulate(rows[:, 1])
     begins = np.append(True, rows[1:, 0] > ends[:-1] + 1e-9)[: len(rows)]
@@ -239,27 +241,27 @@ def joined(*stretches: FloatArray) -> FloatArray:
     return np.column_stack([rows[first, 0], ends[np.append(first[1:], len(rows))[: len(first)] - 1]])
 
 
-def seconds_of(stretches: FloatArray) -> float:
-    """How long they are together [s].
+def total_duration_s(intervals: FloatArray) -> float:
+    """Return the total duration of disjoint intervals [s].
 
     Parameters
     ----------
-    stretches : ndarray, shape (K, 2)
-        From and to [s], apart from each other.
+    intervals : ndarray, shape (K, 2)
+        Start and end of each [s].
     """
-    return float((stretches[:, 1] - stretches[:, 0]).sum())
+    return float((intervals[:, 1] - intervals[:, 0]).sum())
 
 
 def total_threat(encounters: Sequence[Encounter]) -> float:
-    """TTA or TDTA: the sum of the levels over waypoints, points between, and threats (paper 5.3)."""
+    """TTA or TDTA: the sum of the levels over waypoints, the points between them, and threats (paper 5.3)."""
     return float(sum(entry.levels.sum() for entry in encounters))
 
 
 def aggregated_threat(encounters: Sequence[Encounter]) -> float:
     """ATP or ADTP: the waypoints' levels by IFWA with equal weights, ``1 − Π(1 − μ)^(1/N)`` (paper 5.3).
 
-    Where several threats see a waypoint, its μ is theirs by IFWA as in 3.3: by falling μ, each raised by
-    those before it, ``μ'_k = 1 − Π_{i ≤ k}(1 − μ_i)``, with weights 1/m.
+    If several threats see a waypoint, its μ combines theirs by IFWA as in 3.3: in order of falling μ, each is
+    raised by the earlier ones, ``μ'_k = 1 − Π_{i ≤ k}(1 − μ_i)``, with weights 1/m.
     """
     if not encounters:
         return 0.0
@@ -271,26 +273,27 @@ def aggregated_threat(encounters: Sequence[Encounter]) -> float:
 
 
 def _between(begin: FloatArray, gain: FloatArray, bounds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shares (P,) of lines from height ``begin`` (P,) by ``gain`` (P,) that lie in ``bounds`` (P, 2).
+    """Return which part of each line from height ``begin`` (P,) by ``gain`` (P,) lies in ``bounds`` (P, 2).
 
-    From and to; nothing of a line does where the first is not the lesser.
+    Returns the shares (P,) of the line at which the part starts and ends; the part is empty unless the first
+    is smaller.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.sort((bounds - begin[:, None]) / gain[:, None], axis=1)
     is_inside = (bounds[:, 0] < begin) & (begin < bounds[:, 1])
-    is_inside |= bounds[:, 0] == begin  # what stands on the ground hides what is there, too
+    is_inside |= bounds[:, 0] == begin  # A prism on the ground also hides what is on the ground.
     low = np.where(gain != 0.0, np.clip(shares[:, 0], 0.0, 1.0), 0.0)
     return low, np.where(gain != 0.0, np.clip(shares[:, 1], 0.0, 1.0), is_inside)
 
 
-def _whole(rows: FloatArray) -> FloatArray:
-    """Rows (M, 4) of ``rows`` (N, 4) that are whole, by rising time."""
+def _finite_rows(rows: FloatArray) -> FloatArray:
+    """Return the finite rows (M, 4) of ``rows`` (N, 4), in order of time."""
     found = rows[np.isfinite(rows).all(axis=1)]
     return found[np.argsort(found[:, 0], kind="stable")]
 
 
 def _shared_times(own: FloatArray, other: FloatArray) -> FloatArray:
-    """Stamps (T,) of ``own`` (N, 4) and ``other`` (M, 4) within the time of both [s]."""
+    """Return the stamps (T,) of ``own`` (N, 4) and ``other`` (M, 4) at which both exist [s]."""
     if not len(own) or not len(other):
         return np.empty(0)
     low, high = max(own[0, 0], other[0, 0]), min(own[-1, 0], other[-1, 0])
@@ -300,14 +303,14 @@ def _shared_times(own: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _places(rows: FloatArray, times: FloatArray) -> FloatArray:
-    """Places (T, 3) on ``rows`` (N, 4) at ``times`` (T,)."""
+    """Return the positions (T, 3) on ``rows`` (N, 4) at ``times`` (T,)."""
     if not len(times):
         return np.empty((0, 3))
     return np.column_stack([np.interp(times, rows[:, 0], rows[:, axis]) for axis in (1, 2, 3)])
 
 
 def _is_known(rows: FloatArray, times: FloatArray) -> BoolArray:
-    """Whether each of ``times`` (T,) is on ``rows`` (N, 4), or between two not too far apart; (T,)."""
+    """Return which of ``times`` (T,) are on ``rows`` (N, 4), or between two that are close enough; (T,)."""
     if not len(rows):
         return np.zeros(len(times), dtype=bool)
     stamps = rows[:, 0]
@@ -319,7 +322,7 @@ def _is_known(rows: FloatArray, times: FloatArray) -> BoolArray:
 
 
 def _parts_in_reach(away: FloatArray, reach_m: float) -> FloatArray:
-    """Shares (T - 1, 2), from and to, of the steps of ``away`` (T, 3) in reach; equal where none is."""
+    """Return which part of each step of ``away`` (T, 3) is in reach: shares (T - 1, 2), equal if none."""
     begin, step = away[:-1], np.diff(away, axis=0)
     square, half = np.einsum("ij,ij->i", step, step), np.einsum("ij,ij->i", begin, step)
     rest = np.einsum("ij,ij->i", begin, begin) - reach_m**2
@@ -332,8 +335,8 @@ def _parts_in_reach(away: FloatArray, reach_m: float) -> FloatArray:
     return found
 
 
-def _is_seen(threat: Threatening, here: FloatArray, there: FloatArray, masks: Masks) -> BoolArray:
-    """Whether a threat at ``there`` (K, 3) sees the aircraft at ``here`` (K, 3); one answer (K,) each."""
+def _is_seen(threat: ThreatHistory, here: FloatArray, there: FloatArray, masks: Masks) -> BoolArray:
+    """Return whether a threat at ``there`` (K, 3) sees the aircraft at ``here`` (K, 3), (K,)."""
     away = here - there
     flat = np.hypot(away[:, 0], away[:, 1])
     seen = np.ones(len(here), dtype=bool)
@@ -344,9 +347,9 @@ def _is_seen(threat: Threatening, here: FloatArray, there: FloatArray, masks: Ma
 
 
 def _levels(
-    threat: Threatening, own: FloatArray, other: FloatArray, masks: Masks, num_max: int
+    threat: ThreatHistory, own: FloatArray, other: FloatArray, masks: Masks, num_max: int
 ) -> FloatArray:
-    """Membership (S,) all along ``own`` (N, 4) of a threat on ``other`` (M, 4); none of too many."""
+    """Return the membership (S,) along ``own`` (N, 4) of a threat on ``other`` (M, 4); empty if too many."""
     num_steps = int((own[-1, 0] - own[0, 0]) / WAYPOINT_S + 1e-9) if len(own) else num_max
     if num_steps * (NUM_SECONDARY + 1) >= num_max:
         return np.empty(0)
@@ -363,7 +366,10 @@ def _levels(
 
 
 def _closest(times: FloatArray, here: FloatArray, there: FloatArray, is_known: BoolArray) -> Closest | None:
-    """Closest approach of ``here`` and ``there`` (T, 3) at ``times`` (T,), in steps ``is_known`` (T - 1,)."""
+    """Return the closest approach of ``here`` and ``there`` (T, 3) at ``times`` (T,).
+
+    Only the steps ``is_known`` (T - 1,) count.
+    """
     steps = np.flatnonzero(is_known)
     if not len(steps):
         return None

@@ -1,9 +1,9 @@
-"""How much threat a path is under, worked out anew from what was sighted: no number of the planner's is read.
+"""The threat level of a path, computed anew from the sighted threats; no number of the planner is used.
 
-Radars by formula (1) with lines of sight cut by the prisms themselves; moving threats by a bound of what they
-can do: from where they were sighted, by the shortest ways round corners, as fast as they can, and twice the
-deviation of their place nearer. What comes of several threats at once is the A-IFS of paper 3.1 and 3.3, of
-an aircraft whose place is known (δ = 0). Plain NumPy and shapely.
+Radars follow formula (1), with lines of sight against the prisms themselves. Moving threats are bounded by
+what they can do: from where they were sighted, on the shortest path round corners, at full speed, and nearer
+by twice the deviation of their position. Several threats combine by the A-IFS of paper 3.1 and 3.3, for an
+aircraft whose position is known (δ = 0). Plain NumPy and shapely.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState
 
-WELL_CLEAR_UP_M = 76.0  # 250 ft, of aircraft that fly on (ASTM F3442)
-EYE_M = 2.0  # above the ground, of what drives
-DEVIATIONS = 2.0  # of a threat's place it is taken to be nearer
-SPACING_M = 30.0  # rows farther apart are looked at between
-CORNER_M = 1.0  # off an obstacle's corner its ways lead
+WELL_CLEAR_UP_M = 76.0  # 250 ft, the vertical separation from aircraft that fly straight on (ASTM F3442).
+EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
+DEVIATIONS = 2.0  # A threat is assumed nearer by this many standard deviations of its position.
+SPACING_M = 30.0  # Between rows farther apart, further points are examined.
+CORNER_M = 1.0  # Paths of ground vehicles pass an obstacle's corner at this distance.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureModel:
-    """The numbers of the threat model.
+    """Parameters of the threat model.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ class ExposureModel:
     weight_count, exponent : float
         ω_N and ω_C of (2).
     is_literal : bool
-        Whether (2) is taken as printed, and not shifted.
+        Whether (2) is used as printed, without the shift.
     is_plane : bool
-        Whether threats are taken to be at the aircraft's height.
+        Whether threats are assumed at the aircraft's height.
     """
 
     airspeed_min_m_s: float
@@ -60,11 +60,11 @@ class Exposure:
     Parameters
     ----------
     walls : sequence of Obstacle
-        What hides, and what ground vehicles drive round.
+        What blocks sight, and what ground vehicles drive round.
     bounds : tuple of float
-        East and north, low and high each, and more that is not read [m]: beyond them nothing drives.
+        East and north, each low and high [m]; nothing drives beyond them. Further numbers are ignored.
     model : ExposureModel
-        The numbers of the threat model.
+        Parameters of the threat model.
     """
 
     def __init__(self, walls: Sequence[Obstacle], bounds: Sequence[float], model: ExposureModel) -> None:
@@ -73,19 +73,19 @@ class Exposure:
         self._model = model
 
     def levels(self, path: Path, picture: ThreatPicture) -> FloatArray:
-        """Threat level of each row, or of the worst place since the row before.
+        """Return the threat level of each row, or of the worst point since the row before.
 
         Parameters
         ----------
         path : Path
-            As planned; places, times, courses and airspeeds are read, nothing else.
+            The path; only positions, times, courses and airspeeds are used.
         picture : ThreatPicture
-            What was sighted.
+            The sighted threats.
 
         Returns
         -------
         ndarray, shape (N,)
-            In [0, 1].
+            Threat levels in [0, 1].
         """
         at = _Flight.along(path)
         exposures = [self._to_radar(at, radar) for radar in picture.radars]
@@ -102,7 +102,7 @@ class Exposure:
         return found
 
     def _to_radar(self, at: _Flight, radar: Radar) -> tuple[FloatArray, FloatArray]:
-        """Membership and non-membership (K,) of one radar."""
+        """Return membership and non-membership (K,) of one radar."""
         place = np.tile(np.asarray(radar.position_enu_m), (len(at.rows), 1))
         if self._model.is_plane:
             place[:, 2] = at.places[:, 2]
@@ -116,30 +116,30 @@ class Exposure:
         return _pair(at, away, ranges, reach, seen, self._model)
 
     def _to_track(self, at: _Flight, track: TrackState) -> tuple[FloatArray, FloatArray]:
-        """Membership and non-membership (K,) of what one moving threat can be by then, at its worst."""
+        """Return membership and non-membership (K,) of the worst that one moving threat can do."""
         posts, delays = self._posts(track)
         nearer = DEVIATIONS * _deviation(track, (0, 2))
         reach, speed = track.max_threat_radius_m, track.speed_max_m_s
-        left = at.times - track.stamp_s - delays[:, None]  # (P, K) [s] to go on from there
+        left = at.times - track.stamp_s - delays[:, None]  # (P, K) time left to drive on from each post [s]
         flat = np.linalg.norm(posts[:, None, :2] - at.places[None, :, :2], axis=2)
         post, row = np.nonzero((left >= 0.0) & (flat <= reach + nearer + speed * np.maximum(left, 0.0)))
         there, here = posts[post], at.places[row]
         if self._model.is_plane:
             there[:, 2] = here[:, 2]
-        gone = self._gone(track, there, here, speed * left[post, row], nearer)
-        ranges = np.linalg.norm(gone - here, axis=1)
+        there = self._advanced(track, there, here, speed * left[post, row], nearer)
+        ranges = np.linalg.norm(there - here, axis=1)
         eye = np.array([0.0, 0.0, 0.0 if self._model.is_plane or track.is_airborne else EYE_M])
         seen = ranges <= reach
         near = np.flatnonzero(seen)
-        seen[near] = self._sight.is_free(gone[near] + eye, here[near])
-        mu, nu = _pair(at.at(row), gone - here, ranges, reach, seen, self._model)
-        order = np.argsort(mu - nu, kind="stable")  # the worst of each row last
+        seen[near] = self._sight.is_free(there[near] + eye, here[near])
+        mu, nu = _pair(at.at(row), there - here, ranges, reach, seen, self._model)
+        order = np.argsort(mu - nu, kind="stable")  # The worst of each row comes last.
         worst_mu, worst_nu = np.zeros(len(at.rows)), np.zeros(len(at.rows))
         worst_mu[row[order]], worst_nu[row[order]] = mu[order], nu[order]
         return worst_mu, worst_nu
 
     def _to_passing(self, at: _Flight, track: TrackState) -> tuple[FloatArray, FloatArray]:
-        """Membership and non-membership (K,) of an aircraft that flies on as it does."""
+        """Return membership and non-membership (K,) of an aircraft that flies straight on."""
         ahead = at.times - track.stamp_s
         there = np.asarray(track.position_enu_m) + ahead[:, None] * np.asarray(track.velocity_enu_m_s)
         away = there - at.places
@@ -149,34 +149,34 @@ class Exposure:
         nearer = np.maximum(ranges - DEVIATIONS * np.hypot(place, velocity * ahead), 0.0)
         seen = is_level & (nearer <= track.max_threat_radius_m)
         mu, _ = _pair(at, away, nearer, track.max_threat_radius_m, seen, self._model)
-        return mu, np.zeros(len(mu))  # it is kept clear of whichever way one flies
+        return mu, np.zeros(len(mu))  # The own heading does not make such an aircraft less of a threat.
 
-    def _gone(
+    def _advanced(
         self, track: TrackState, posts: FloatArray, places: FloatArray, far: FloatArray, nearer: float
     ) -> FloatArray:
-        """Where it is by then (J, 3) if it goes on from ``posts`` (J, 3) towards ``places`` (J, 3) [m].
+        """Return where a threat (J, 3) is if it goes from ``posts`` (J, 3) towards ``places`` (J, 3) [m].
 
-        ``far`` (J,) is how far it comes [m]; what drives stays at the post where the way is not free.
+        ``far`` (J,) is the distance that it covers [m]. A ground vehicle stays if the line is not free.
         """
         toward = places - posts
         if not track.is_airborne:
             toward[:, 2] = 0.0
-            free = self._sight.is_way_free(posts, places)
+            free = self._sight.is_drivable(posts, places)
             far = np.where(free, far, 0.0)
         distance = np.maximum(np.linalg.norm(toward, axis=1), 1e-9)
         share = np.minimum((far + nearer) / distance, 1.0)
-        gone: FloatArray = posts + share[:, None] * toward
-        return gone
+        advanced: FloatArray = posts + share[:, None] * toward
+        return advanced
 
     def _posts(self, track: TrackState) -> tuple[FloatArray, FloatArray]:
-        """Its place and the corners it can come to (P, 3) [m], and how long it takes to each (P,) [s]."""
+        """Return a threat's position and the corners in its reach (P, 3) [m], and times to them (P,) [s]."""
         here = np.asarray(track.position_enu_m, dtype=np.float64)
         corners, between = self._corners
         if track.is_airborne or track.speed_max_m_s <= 0.0 or not len(corners):
             return here[None], np.zeros(1)
         posts = np.column_stack([corners, np.full(len(corners), here[2])])
         first = np.linalg.norm(corners - here[:2], axis=1)
-        first[~self._sight.is_way_free(np.tile(here, (len(posts), 1)), posts)] = np.inf
+        first[~self._sight.is_drivable(np.tile(here, (len(posts), 1)), posts)] = np.inf
         lengths = (first[:, None] + between).min(axis=0)
         is_reached = np.isfinite(lengths)
         delays = np.append(0.0, lengths[is_reached] / track.speed_max_m_s)
@@ -184,10 +184,10 @@ class Exposure:
 
     @cached_property
     def _corners(self) -> tuple[FloatArray, FloatArray]:
-        """Corners of walls that stand on the ground (C, 2), and the shortest ways between them (C, C) [m]."""
+        """Corners of walls that stand on the ground (C, 2), and shortest paths between them (C, C) [m]."""
         rings = [
             np.asarray(shapely.buffer(wall, CORNER_M, join_style="mitre").exterior.coords)[:-1]
-            for wall in self._sight.standing
+            for wall in self._sight.grounded
         ]
         corners = np.vstack([np.empty((0, 2)), *rings])
         west, east, south, north = self._bounds[:4]
@@ -196,17 +196,17 @@ class Exposure:
         num = len(corners)
         a, b = np.triu_indices(num, 1)
         spatial = np.column_stack([corners, np.zeros(num)])
-        free = self._sight.is_way_free(spatial[a], spatial[b])
+        free = self._sight.is_drivable(spatial[a], spatial[b])
         lengths = np.full((num, num), np.inf)
         lengths[a, b] = lengths[b, a] = np.where(
             free, np.linalg.norm(corners[a] - corners[b], axis=1), np.inf
         )
-        return corners, shortest_ways(lengths)
+        return corners, shortest_lengths(lengths)
 
 
 @dataclass(frozen=True, slots=True)
 class _Flight:
-    """Places of a path close together: K of them, and the row of the path that each counts for.
+    """K points of a path, close together, and the row of the path that each belongs to.
 
     ``places`` (K, 3) [m], ``times`` (K,) [s], ``courses``, ``climbs`` (K,) [rad], ``speeds`` (K,) [m/s],
     ``rows`` (K,).
@@ -220,14 +220,14 @@ class _Flight:
     rows: NDArray[np.int64]
 
     def at(self, which: NDArray[np.int64]) -> _Flight:
-        """Some of the places, ``which`` (J,)."""
+        """Return some of the points, ``which`` (J,)."""
         columns = (self.places, self.times, self.courses, self.climbs, self.speeds)
         places, times, courses, climbs, speeds = (column[which] for column in columns)
         return _Flight(places, times, courses, climbs, speeds, self.rows[which])
 
     @classmethod
     def along(cls, path: Path) -> _Flight:
-        """The path's rows, and places between those that are far apart."""
+        """Return the path's rows, and points between rows that are far apart."""
         lengths = np.linalg.norm(np.diff(path.positions_enu_m, axis=0), axis=1)
         pieces = np.maximum(np.ceil(lengths / SPACING_M), 1.0).astype(int)
         ends = np.repeat(np.arange(1, len(path)), pieces)
@@ -245,28 +245,28 @@ class _Flight:
         )
 
 
-def shortest_ways(lengths: FloatArray) -> FloatArray:
-    """Shortest ways between all pairs of places, by Floyd and Warshall (CLRS, section 25.2).
+def shortest_lengths(lengths: FloatArray) -> FloatArray:
+    """Return the shortest paths between all pairs of points, by Floyd and Warshall (CLRS, section 25.2).
 
     Parameters
     ----------
     lengths : ndarray, shape (N, N)
-        Straight ways, infinite where there is none [m].
+        Direct distances, infinite if there is no direct path [m].
 
     Returns
     -------
     ndarray, shape (N, N)
-        Ways over others, infinite where none leads there [m].
+        Lengths of the shortest paths, infinite if there is none [m].
     """
-    ways = lengths.copy()
-    np.fill_diagonal(ways, 0.0)
-    for over in range(len(ways)):
-        np.minimum(ways, ways[:, over, None] + ways[None, over, :], out=ways)
-    return ways
+    shortest = lengths.copy()
+    np.fill_diagonal(shortest, 0.0)
+    for over in range(len(shortest)):
+        np.minimum(shortest, shortest[:, over, None] + shortest[None, over, :], out=shortest)
+    return shortest
 
 
 def _deviation(track: TrackState, rows: tuple[int, int]) -> float:
-    """Largest standard deviation of two of a track's estimates, whichever way it points."""
+    """Return the largest standard deviation, in any direction, of two of a track's estimates."""
     covariance = np.asarray(track.covariance)[np.ix_(rows, rows)]
     return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
 
@@ -275,9 +275,9 @@ def _pair(
     at: _Flight, away: FloatArray, ranges: FloatArray, reach: float, seen: NDArray[np.bool_],
     model: ExposureModel,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Membership (1) and non-membership (K,) of a threat ``away`` (K, 3) at ``ranges`` (K,) [m].
+    """Return membership (1) and non-membership (K,) of a threat ``away`` (K, 3) at ``ranges`` (K,) [m].
 
-    Nothing of it where it is not ``seen`` (K,).
+    Both are 0 if the aircraft is not ``seen`` (K,).
     """
     mu = np.where(seen, np.exp(-((ranges / reach) ** 4)), 0.0)
     course = np.column_stack(
@@ -293,7 +293,7 @@ def _pair(
 
 
 def _aggregated(mu: FloatArray, nu: FloatArray, model: ExposureModel) -> FloatArray:
-    """Threat levels (K,) of places from ``mu``, ``nu`` (T, K) of each threat: (2), then IFWA of paper 3.3."""
+    """Return threat levels (K,) from ``mu``, ``nu`` (T, K) of each threat: (2), then IFWA of paper 3.3."""
     count = (mu > 0.0).sum(axis=0)
     base = model.weight_count * count
     with np.errstate(divide="ignore"):

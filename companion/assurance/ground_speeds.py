@@ -1,6 +1,6 @@
-"""How fast the edges of a path are flown over the ground, in a wind that is known so well.
+"""Ground speeds on the edges of a path, in a wind of known uncertainty.
 
-Plain NumPy, as all of the checker; shares nothing with the planner.
+Plain NumPy, like the rest of the checker; the module shares nothing with the planner.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ class Wind:
 
 @dataclass(frozen=True, slots=True)
 class GroundSpeeds:
-    """How fast edges are flown over the ground, (N - 1,) each.
+    """Ground speeds on the edges of a path of N rows, (N - 1,) each.
 
-    ``most``, ``least`` (N - 1,) in airspeeds, as far as the wind is known; ``fastest_m_s`` (N - 1,) in the
-    wind as it is told; ``level_m_s`` (N - 1,) the level part of the airspeed.
+    ``most`` and ``least`` (N - 1,) are ratios to the airspeed and include the wind's uncertainty.
+    ``fastest_m_s`` (N - 1,) is the ground speed in the wind as stated, ``level_m_s`` (N - 1,) the horizontal
+    part of the airspeed.
     """
 
     most: FloatArray
@@ -39,16 +40,16 @@ class GroundSpeeds:
 
 
 def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
-    """Speeds over the ground at beginning, middle and end of each edge, by the triangle of velocities.
+    """Return the ground speeds at start, middle and end of each edge, by the wind triangle.
 
     Parameters
     ----------
     path : Path
-        As planned.
+        The path.
     edges : Edges
-        What its rows say of its edges.
+        The edges of the path.
     wind : Wind
-        As it is told.
+        The wind as stated.
     """
     climbs = np.arctan2(edges.rises_m, edges.lengths_m)
     level = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * np.cos(climbs)
@@ -64,21 +65,21 @@ def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
 
 
 def tailwinds(legs_enu_m: FloatArray, airspeed_m_s: float, wind_enu_m_s: tuple[float, float]) -> FloatArray:
-    """What the wind adds to the speed over the ground along straight legs.
+    """Return what the wind adds to the ground speed along straight legs.
 
     Parameters
     ----------
     legs_enu_m : ndarray, shape (K, 3)
-        From the beginning to the end of each [m].
+        Vectors from the start to the end of each leg [m].
     airspeed_m_s : float
-        At which they are flown [m/s].
+        Airspeed on the legs [m/s].
     wind_enu_m_s : tuple of float
         Velocity of the air over the ground, east and north [m/s].
 
     Returns
     -------
     ndarray, shape (K,)
-        Negative against the wind [m/s].
+        Added ground speed, negative against the wind [m/s].
     """
     courses = np.arctan2(legs_enu_m[:, 0], legs_enu_m[:, 1])
     level = airspeed_m_s * np.cos(np.arctan2(legs_enu_m[:, 2], np.hypot(legs_enu_m[:, 0], legs_enu_m[:, 1])))
@@ -88,23 +89,23 @@ def tailwinds(legs_enu_m: FloatArray, airspeed_m_s: float, wind_enu_m_s: tuple[f
 def slope_over_ground(
     angle_rad: float, airspeeds_m_s: FloatArray | float, gained_m_s: FloatArray
 ) -> FloatArray:
-    """Steepest flight over the ground, of an angle that is the steepest in still air.
+    """Return the steepest slope over the ground for the steepest climb angle in still air.
 
-    Against the wind it stays that angle: how much steeper could be flown is not made use of.
+    Against the wind the slope stays the angle in still air: the steeper slope that is possible is not used.
 
     Parameters
     ----------
     angle_rad : float
-        Positive, of a climb or a descent in still air [rad].
+        Largest angle of a climb or a descent in still air, positive [rad].
     airspeeds_m_s : ndarray, shape (K,)
-        At which it is flown; one number for all [m/s].
+        Airspeeds, or one number for all [m/s].
     gained_m_s : ndarray, shape (K,)
-        By how much the level speed over the ground exceeds that in the air [m/s].
+        Horizontal ground speed less horizontal airspeed [m/s].
 
     Returns
     -------
     ndarray, shape (K,)
-        Positive [rad].
+        Slopes, positive [rad].
     """
     level = airspeeds_m_s * np.cos(angle_rad) + np.maximum(gained_m_s, 0.0)
     slopes: FloatArray = np.arctan2(airspeeds_m_s * np.sin(angle_rad), level)
@@ -112,9 +113,9 @@ def slope_over_ground(
 
 
 def _made_good(courses: FloatArray, level_m_s: FloatArray, east_m_s: float, north_m_s: float) -> FloatArray:
-    """Speeds over the ground by the triangle of velocities, shape (M, K), or (K,) as courses are.
+    """Return ground speeds by the wind triangle, with the shape of ``courses``: (M, K) or (K,).
 
-    ``courses`` (M, K), ``level_m_s`` (K,), level airspeeds; [rad], [m/s].
+    ``courses`` (M, K) [rad], ``level_m_s`` (K,) horizontal airspeeds [m/s].
     """
     along = east_m_s * np.sin(courses) + north_m_s * np.cos(courses)
     across = east_m_s * np.cos(courses) - north_m_s * np.sin(courses)

@@ -1,4 +1,4 @@
-"""Upright prisms, and how near segments come to them: exact, with shapely.
+"""Upright prisms, and the exact distance of segments from them, with shapely.
 
 Branch and bound along each segment; nothing is sampled.
 """
@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
-LENGTH_TOLERANCE_M = 0.2  # of clearances: where a planner samples an edge, it sees corners that late
-PIECE_MIN_M = 0.05  # pieces of a climbing segment are not split further
+LENGTH_TOLERANCE_M = 0.2  # Tolerance of clearances: a planner that samples an edge sees corners this late.
+PIECE_MIN_M = 0.05  # Shorter pieces of a climbing segment are not split further.
 
 
 class Prisms:
-    """Obstacles of one world, indexed.
+    """The obstacles of one world, indexed.
 
     Parameters
     ----------
     obstacles : sequence of Obstacle
-        A polygon that crosses itself is taken as its convex hull.
+        The prisms. A polygon that crosses itself is replaced by its convex hull.
 
     Raises
     ------
@@ -49,16 +49,16 @@ class Prisms:
     def near(
         self, starts: FloatArray, ends: FloatArray, margins: FloatArray, bulges: FloatArray
     ) -> Iterator[tuple[int, str, float]]:
-        """Segments that come too near to a prism.
+        """Yield the segments that come too near to a prism.
 
         Parameters
         ----------
         starts, ends : ndarray, shape (N, 3)
-            East, north, up [m].
+            Ends of the segments, east, north, up [m].
         margins : ndarray, shape (N,)
             Distance to keep [m].
         bulges : ndarray, shape (N,)
-            How far the curve flown may leave the segment [m].
+            Largest distance of the flown curve from the segment [m].
 
         Yields
         ------
@@ -78,13 +78,13 @@ class Prisms:
     def _distances(
         self, starts: FloatArray, ends: FloatArray, prisms: NDArray[np.int64], limit: FloatArray
     ) -> FloatArray:
-        """Distance (N,) of segments to prisms where it is less than a limit, else the limit [m].
+        """Return the distance (N,) of segments from prisms, or the limit if that is smaller [m].
 
-        Segments go from ``starts`` (N, 3) to ``ends`` (N, 3) [m]; ``prisms`` (N,) is the number of the
-        prism that each is paired with, ``limit`` (N,) the limit [m].
+        Segments lead from ``starts`` (N, 3) to ``ends`` (N, 3) [m]. ``prisms`` (N,) is the number of each
+        one's prism, ``limit`` (N,) the limit [m].
 
-        Branch and bound along the segment: level distance and height gap of a piece bound its distance
-        from below, and are exact where the height gap does not change.
+        Branch and bound along the segment: horizontal distance and height gap of a piece bound its distance
+        from below, and are exact if the height gap is constant.
         """
         result = limit.copy()
         best = limit.copy()  # upper bound of each pair's distance
@@ -96,7 +96,7 @@ class Prisms:
             q = starts[pair] + high[:, None] * (ends - starts)[pair]
             polygons, heights = self._polygons[prisms[pair]], self._heights[prisms[pair]]
             gap_p, gap_q = _height_gap(p[:, 2], heights), _height_gap(q[:, 2], heights)
-            # Heights rise or fall evenly, so a piece that straddles the prism has a gap of 0 inside.
+            # Heights change linearly, so a piece that straddles the prism's heights has a gap of 0 inside.
             straddles = (np.minimum(p[:, 2], q[:, 2]) < heights[:, 1]) & (
                 np.maximum(p[:, 2], q[:, 2]) > heights[:, 0]
             )
@@ -115,15 +115,15 @@ class Prisms:
 
 
 def _height_gap(heights: FloatArray, prisms: FloatArray) -> FloatArray:
-    """Height (N,) of points above or below prisms, 0 between [m].
+    """Return the height (N,) of points above or below prisms, 0 between base and top [m].
 
-    ``heights`` (N,) are those of the points, ``prisms`` (N, 2) base and top of each one's prism [m].
+    ``heights`` (N,) are the points' heights, ``prisms`` (N, 2) base and top of each one's prism [m].
     """
     gap: FloatArray = np.maximum(np.maximum(prisms[:, 0] - heights, heights - prisms[:, 1]), 0.0)
     return gap
 
 
 def _lines(starts: FloatArray, ends: FloatArray) -> NDArray[np.object_]:
-    """Level projections, (N,) lines, of segments from ``starts`` (N, 3) to ``ends`` (N, 3) [m]."""
+    """Return the horizontal projections (N,) of segments from ``starts`` to ``ends`` (N, 3) [m]."""
     lines: NDArray[np.object_] = shapely.linestrings(np.stack([starts[:, :2], ends[:, :2]], axis=1))
     return lines

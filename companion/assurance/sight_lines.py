@@ -1,4 +1,4 @@
-"""What walls hide, and which straight ways they leave free: exact, with shapely."""
+"""Which lines of sight and which straight drives walls leave free; exact, with shapely."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from companion.types.threat import Obstacle
 
 BoolArray = NDArray[np.bool_]
 
-STANDS_M = 1.0  # higher a wall does not stand on the ground: it hides nothing, and is driven under
-TOUCH_M = 1e-6  # of a wall that a line may touch
+GROUNDED_MAX_M = 1.0  # A wall whose base is higher hides nothing, and vehicles drive under it.
+WALL_CONTACT_TOLERANCE_M = 1e-6  # A line this close to a wall's side touches the wall, and does not cross it.
 
 
 class SightLines:
@@ -23,36 +23,36 @@ class SightLines:
     Parameters
     ----------
     walls : sequence of Obstacle
-        A polygon that crosses itself is taken as its convex hull.
+        The walls. A polygon that crosses itself is replaced by its convex hull.
 
     Attributes
     ----------
-    standing : list of shapely.Polygon
-        Those that hide.
+    grounded : list of shapely.Polygon
+        The walls that stand on the ground.
     """
 
     def __init__(self, walls: Sequence[Obstacle]) -> None:
-        grounded = [wall for wall in walls if min(wall.base_m, wall.top_m) <= STANDS_M]
-        polygons = [shapely.Polygon(wall.polygon_enu_m) for wall in grounded]
-        self.standing = [polygon if polygon.is_valid else polygon.convex_hull for polygon in polygons]
-        self._tops = np.array([max(wall.base_m, wall.top_m) for wall in grounded], dtype=np.float64)
-        inner = [polygon.buffer(-TOUCH_M) for polygon in self.standing]
+        low_walls = [wall for wall in walls if min(wall.base_m, wall.top_m) <= GROUNDED_MAX_M]
+        polygons = [shapely.Polygon(wall.polygon_enu_m) for wall in low_walls]
+        self.grounded = [polygon if polygon.is_valid else polygon.convex_hull for polygon in polygons]
+        self._tops = np.array([max(wall.base_m, wall.top_m) for wall in low_walls], dtype=np.float64)
+        inner = [polygon.buffer(-WALL_CONTACT_TOLERANCE_M) for polygon in self.grounded]
         self._polygons = np.array(inner, dtype=object)
         shapely.prepare(self._polygons)
         self._tree = shapely.STRtree(self._polygons)
 
     def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
-        """Whether straight lines pass over or beside all walls.
+        """Return which straight lines pass over or beside all walls.
 
         Parameters
         ----------
         eyes, places : ndarray, shape (N, 3)
-            Their ends [m].
+            Ends of the lines [m].
 
         Returns
         -------
         ndarray, shape (N,)
-            One answer a line.
+            Whether each line is free.
         """
         lines, which, wall = self._crossings(eyes, places)
         tops, ends = self._tops[wall], np.stack([eyes[which, 2], places[which, 2]])
@@ -66,18 +66,18 @@ class SightLines:
         free[which[hides]] = False
         return free
 
-    def is_way_free(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
-        """Whether what drives straight from one place to another meets no wall.
+    def is_drivable(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """Return which straight drives meet no wall.
 
         Parameters
         ----------
         starts, ends : ndarray, shape (N, 3)
-            Their ends [m].
+            Ends of the drives [m].
 
         Returns
         -------
         ndarray, shape (N,)
-            One answer a way.
+            Whether each drive is free.
         """
         free = np.ones(len(starts), dtype=bool)
         free[self._crossings(starts, ends)[1]] = False
@@ -86,7 +86,7 @@ class SightLines:
     def _crossings(
         self, starts: FloatArray, ends: FloatArray
     ) -> tuple[NDArray[np.object_], NDArray[np.int64], NDArray[np.int64]]:
-        """Lines (N,) from ``starts`` (N, 3) to ``ends`` (N, 3) [m]; which cross which wall, (C,) each."""
+        """Return lines (N,) from ``starts`` to ``ends`` (N, 3) [m], and line and wall of crossings (C,)."""
         nothing = np.empty(0, dtype=np.int64)
         lines: NDArray[np.object_] = shapely.linestrings(np.stack([starts[:, :2], ends[:, :2]], axis=1))
         if not len(starts) or not len(self._polygons):
@@ -96,7 +96,7 @@ class SightLines:
 
 
 def _lowest(eyes: FloatArray, places: FloatArray, within: NDArray[np.object_]) -> FloatArray:
-    """Lowest height (C,) of lines from ``eyes`` (C, 3) to ``places`` (C, 3) on parts ``within`` (C,) [m]."""
+    """Return the lowest height (C,), on parts ``within`` (C,), of lines ``eyes`` to ``places`` (C, 3) [m]."""
     points, pair = shapely.get_coordinates(within, return_index=True)
     along = places[pair, :2] - eyes[pair, :2]
     share = np.einsum("ij,ij->i", points - eyes[pair, :2], along) / np.einsum("ij,ij->i", along, along)

@@ -1,4 +1,4 @@
-"""What the checker reports, and how a column of numbers is turned into it."""
+"""The checker's results, and helpers that make them from columns of numbers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from companion.frames import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-SOFT_RULES = frozenset({"threat", "quality"})
+SOFT_RULES = frozenset({"threat", "quality"})  # An emergency plan may break these rules.
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One rule broken at one row; rows of an edge or leg are that of its end."""
+    """A rule that is broken at a row; an edge or a leg counts as the row of its end."""
 
     rule: str
     row: int
@@ -30,14 +30,14 @@ class Violation:
 
     @property
     def in_short(self) -> str:
-        """What a pilot reads of it, as "12 m from tower"."""
+        """The text for the pilot, such as "12 m from tower"."""
         words, _, unit = self.detail.rstrip("]").partition(" [")
         value = f"{self.value:.0f} {unit}".rstrip()
         name = words.removeprefix("distance to ")
         return f"{words} {value}" if name == words else f"{value} from {name}"
 
 
-def listed(
+def where_broken(
     rule: str,
     rows: NDArray[np.int64],
     broken: BoolArray,
@@ -45,29 +45,29 @@ def listed(
     limit: float | FloatArray,
     detail: str,
 ) -> Iterator[Violation]:
-    """One violation for every element that is broken.
+    """Yield one violation for every element that breaks a rule.
 
     Parameters
     ----------
     rule : str
         Name of the rule.
     rows : ndarray, shape (N,)
-        Row that each element is reported at.
+        The row under which each element is reported.
     broken : ndarray, shape (N,)
-        Whether the rule is broken there.
+        Whether each element breaks the rule.
     values : ndarray, shape (N,)
-        What was found, in the unit that ``detail`` names.
+        The values, in the unit that ``detail`` names.
     limit : float or ndarray, shape (N,)
-        What is allowed, in the same unit: one for all, or one for each.
+        The limit in the same unit: one for all, or one for each.
     detail : str
-        What the values are, with their unit.
+        Description of the values, with their unit.
     """
     limits = np.broadcast_to(limit, np.shape(values))
     for index in np.flatnonzero(broken):
         yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
 
 
-def outside(
+def where_outside(
     rule: str,
     rows: NDArray[np.int64],
     ready: BoolArray,
@@ -77,30 +77,32 @@ def outside(
     tolerance: float,
     detail: str,
 ) -> Iterator[Violation]:
-    """One violation for every element below or above its limits, where it is ready to be judged.
+    """Yield one violation for every judged element below or above its limits.
 
     Parameters
     ----------
     rule : str
         Name of the rule.
     rows : ndarray, shape (N,)
-        Row that each element is reported at.
+        The row under which each element is reported.
     ready : ndarray, shape (N,)
-        Whether the element is to be judged.
+        Whether each element is judged.
     values : ndarray, shape (N,)
-        What was found, in the unit that ``detail`` names.
+        The values, in the unit that ``detail`` names.
     limits : tuple of float
-        Lowest and highest value allowed, in the same unit.
+        Lowest and highest allowed value, in the same unit.
     tolerance : float
-        By how much a value may pass them, in the same unit.
+        A value may pass the limits by this much, in the same unit.
     detail : str
-        What the values are, with their unit.
+        Description of the values, with their unit.
     """
     low, high = limits
-    yield from listed(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
-    yield from listed(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
+    yield from where_broken(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
+    yield from where_broken(
+        rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper"
+    )
 
 
 def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:
-    """Whether only threat level or quality are past their limits."""
+    """Return whether the violations break only the limits of threat level or quality."""
     return all(violation.rule in SOFT_RULES for violation in violations)

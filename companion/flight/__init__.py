@@ -1,4 +1,4 @@
-"""One flight: what is known and decided of it, who flies when, and how missions reach the autopilot.
+"""One flight: its state, the decisions about it, and the exchange of missions with the autopilot.
 
 ``tasks`` waits and composes; ``state`` decides, without a clock and without the link.
 """

@@ -1,4 +1,4 @@
-"""Waypoints and mission items: from paths to lists as each autopilot keeps them, and back.
+"""Waypoints and mission items: from paths to each autopilot's list of items, and back.
 
-Touches paths and the checker's findings; what is sent to an autopilot is the swap's and the link's business.
+The modules use paths and the checker's results. Sending lists to an autopilot is left to `flight.exchange`.
 """

@@ -1,8 +1,8 @@
-"""Fences in the autopilot: where the aircraft must not be, as obstacles.
+"""The autopilot's geofences as obstacles.
 
-Exclusion zones are obstacles as they stand; of inclusion zones, which the aircraft must all stay inside,
-it is what lies outside them within the mission's bounds. Fences that are parameters, a circle about home and
-a ceiling, are an inclusion and what lies above.
+An exclusion zone is an obstacle itself. Of the inclusion zones, all of which contain the aircraft, the part
+of the mission's bounds outside them is an obstacle. Fences that are parameters, a circle about home and a
+ceiling, are an inclusion zone and the space above the ceiling.
 
 References
 ----------
@@ -30,26 +30,26 @@ POLYGON_IN, POLYGON_OUT = (
     Command.NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
 )
 CIRCLE_IN, CIRCLE_OUT = Command.NAV_FENCE_CIRCLE_INCLUSION, Command.NAV_FENCE_CIRCLE_EXCLUSION
-CIRCLE_SIDES = 24
-AREA_MIN_M2 = 1.0
-ABOVE_AND_BELOW_M = 1000.0  # of the bounds: a fence has no top
-VERTICES_MAX = 2_000
+CIRCLE_SIDES = 24  # A circle is approximated by a polygon of this many sides.
+AREA_MIN_M2 = 1.0  # A smaller polygon encloses nothing.
+ABOVE_AND_BELOW_M = 1000.0  # A fence has no top or bottom: its prism extends this far beyond the bounds.
+VERTICES_MAX = 2_000  # Longer fence lists are refused, because of the time that they take to process.
 
 Bounds = tuple[float, float, float, float, float, float]
 
 
 class FenceError(ValueError):
-    """A fence that cannot be understood; it is said, and what was known before stays."""
+    """A fence that cannot be interpreted. The pilot is informed, and the previous fences stay in use."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fences:
-    """Zones of a fence list, as polygons of east and north [m].
+    """The zones of a fence list, as polygons of east and north [m].
 
     Parameters
     ----------
     exclusions, inclusions : tuple of ndarray, shape (N, 2)
-        Not closed. Circles are polygons: round an exclusion, inside an inclusion.
+        Open polygons. A circle's polygon contains an excluded circle, and lies inside an included one.
     ceiling_m : float or None
         Height above the mission's origin that the aircraft must stay below [m].
     """
@@ -66,11 +66,11 @@ class FenceLimits:
     Parameters
     ----------
     home_enu_m : tuple of float
-        What they count from [m].
+        Position of home [m].
     radius_m : float or None
-        Distance from home to stay within [m]; None without.
+        Largest distance from home [m]; None if there is no limit.
     height_m : float or None
-        Height above home to stay below [m]; None without.
+        Largest height above home [m]; None if there is no limit.
     """
 
     home_enu_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -82,7 +82,7 @@ class FenceLimits:
         return radius + ("" if self.height_m is None else f", below {self.height_m:.0f} m")
 
     def added_to(self, fences: Fences) -> Fences:
-        """Fences with these among them."""
+        """Return fences with these limits added."""
         east, north, up = self.home_enu_m
         if self.radius_m is not None:
             circle = _round(np.array([east, north]), self.radius_m)
@@ -91,12 +91,12 @@ class FenceLimits:
 
 
 def fences_of(items: Sequence[MissionItem], frame: LocalFrame) -> Fences:
-    """Zones of a fence list as read from the autopilot.
+    """Return the zones of a fence list as read from the autopilot.
 
     Raises
     ------
     FenceError
-        If a polygon has not the vertices it announces, or encloses nothing.
+        If a polygon does not have the announced number of vertices, or encloses nothing.
     """
     if len(items) > VERTICES_MAX:
         raise FenceError(f"{len(items)} items are more than {VERTICES_MAX}")
@@ -120,12 +120,12 @@ def fences_of(items: Sequence[MissionItem], frame: LocalFrame) -> Fences:
 
 
 def _corners_at(items: Sequence[MissionItem], index: int) -> Sequence[MissionItem]:
-    """Items of the polygon that begins at an index.
+    """Return the items of the polygon that begins at an index.
 
     Raises
     ------
     FenceError
-        If it has not the vertices it announces.
+        If the polygon does not have the announced number of vertices.
     """
     command, count = items[index].command, int(items[index].parameters[0] or 0.0)
     corners = items[index : index + max(count, 1)]
@@ -145,7 +145,7 @@ def _place(item: MissionItem, frame: LocalFrame) -> tuple[float, float]:
 
 
 def _polygon(corners: Sequence[MissionItem], frame: LocalFrame, index: int) -> FloatArray:
-    """East and north of a polygon's corners, (N, 2) [m]."""
+    """Return east and north of a polygon's corners, (N, 2) [m]."""
     points = np.array([_place(corner, frame) for corner in corners])
     shape = shapely.Polygon(points)
     if not shape.is_valid or shape.area < AREA_MIN_M2:
@@ -154,7 +154,7 @@ def _polygon(corners: Sequence[MissionItem], frame: LocalFrame, index: int) -> F
 
 
 def _circle(item: MissionItem, frame: LocalFrame, *, is_inside: bool) -> FloatArray:
-    """Polygon (N, 2) about a circle to stay out of, or inside one to stay in: east and north [m]."""
+    """Return a polygon (N, 2) around an excluded circle, or inside an included one: east, north [m]."""
     radius = item.parameters[0] or 0.0
     if not 0.0 < radius < 1e6:
         raise FenceError(f"item {item.sequence}: a circle of radius {radius:g} m")
@@ -163,13 +163,13 @@ def _circle(item: MissionItem, frame: LocalFrame, *, is_inside: bool) -> FloatAr
 
 
 def _round(centre: FloatArray, reach_m: float) -> FloatArray:
-    """Polygon (N, 2) with its corners so far from ``centre`` (2,): east and north [m]."""
+    """Return a polygon (N, 2) with corners at a distance from ``centre`` (2,): east and north [m]."""
     angles = np.arange(CIRCLE_SIDES) * 2.0 * math.pi / CIRCLE_SIDES
     return np.asarray(centre + reach_m * np.column_stack([np.sin(angles), np.cos(angles)]))
 
 
 def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
-    """Upright prisms that keep the aircraft out of where it must not be.
+    """Return upright prisms that cover where the aircraft must not be.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
 
 
 def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[FloatArray]:
-    """What of the bounds, with a rim, is not inside all ``inclusions`` (N, 2): polygons (M, 2) [m]."""
+    """Yield the part of the bounds, with a rim, outside ``inclusions`` (N, 2), as polygons (M, 2) [m]."""
     if not inclusions:
         return
     inside = shapely.intersection_all([shapely.Polygon(zone) for zone in inclusions])
@@ -197,13 +197,13 @@ def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[Float
 
 
 def _with_rim(bounds: Bounds) -> shapely.Polygon:
-    """The bounds' rectangle, and a little beyond."""
+    """Return the bounds' rectangle, extended by a tenth of its longer side."""
     rim = 0.1 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
     return shapely.box(bounds[0] - rim, bounds[2] - rim, bounds[1] + rim, bounds[3] + rim)
 
 
 def _simple(shape: shapely.Geometry) -> Iterator[FloatArray]:
-    """A shape as polygons (N, 2) [m] without holes: itself if it is one, else in triangles."""
+    """Yield a shape as polygons (N, 2) [m] without holes: itself, or triangles if it has holes."""
     for part in shapely.get_parts(shape):
         if part.area < AREA_MIN_M2:
             continue

@@ -1,4 +1,4 @@
-"""What an autopilot stores differently from what was sent; its known roundings do not count."""
+"""Compare the mission that an autopilot stores with the one that was sent, apart from known roundings."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from companion.mission.operator import FIRST_WITHOUT_PLACE
 from companion.types.mission import Command, MavFrame, MissionItem
 
-ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates to whole centimetres
-SPEED_TOLERANCE_M_S = 0.06
-# Parameters (by number, from 0) that ArduPlane does not store for a command: they read back as 0.
+ALTITUDE_TOLERANCE_M = 0.011  # ArduPlane truncates altitudes to whole centimetres.
+SPEED_TOLERANCE_M_S = 0.06  # ArduPlane stores airspeeds in steps of 0.1 m/s.
+# ArduPlane does not store these parameters (numbered from 0) of a command: they read back as 0.
 DROPPED: dict[int, frozenset[int]] = {
     Command.NAV_WAYPOINT: frozenset({0, 3}),
     Command.NAV_LOITER_UNLIM: frozenset({0, 1, 3}),
@@ -28,11 +28,11 @@ SAME_FRAME: dict[int, int] = {
 
 
 def difference(sent: Sequence[MissionItem], read: Sequence[MissionItem]) -> str:
-    """What is stored differently from what was sent, '' if nothing that matters.
+    """Return the first difference in words, or '' if nothing differs that matters.
 
-    Known roundings of ArduPlane's do not count: frames come back in their float form, altitudes cut to
-    centimetres, most parameters to whole numbers, a waypoint's hold time and yaw as 0; item 0 is the home
-    slot and is not ours. Parameters of commands whose storage is not known are not compared.
+    ArduPlane's known roundings do not count: frames come back in their float form, altitudes truncated to
+    centimetres, most parameters as whole numbers, a waypoint's hold time and yaw as 0. Item 0 is the home
+    slot and is not compared. Parameters are not compared for commands whose storage is not known.
     """
     if len(sent) != len(read):
         return f"{len(read)} items instead of {len(sent)}"
@@ -45,7 +45,7 @@ def difference(sent: Sequence[MissionItem], read: Sequence[MissionItem]) -> str:
             stored, sent_value = theirs.parameters[wrong] or 0.0, ours.parameters[wrong] or 0.0
             return f"{where}: parameter {wrong + 1} {stored:g} instead of {sent_value:g}"
         if ours.command >= FIRST_WITHOUT_PLACE:
-            continue  # DO_ items have no place, and their frame is not kept
+            continue  # DO_ items have no position, and their frame is not stored.
         if SAME_FRAME.get(ours.frame, ours.frame) != theirs.frame and ours.frame != theirs.frame:
             return f"{where}: frame {theirs.frame} instead of {ours.frame}"
         if (ours.latitude_e7, ours.longitude_e7) != (theirs.latitude_e7, theirs.longitude_e7):
@@ -56,7 +56,7 @@ def difference(sent: Sequence[MissionItem], read: Sequence[MissionItem]) -> str:
 
 
 def _wrong_parameter(ours: MissionItem, theirs: MissionItem) -> int | None:
-    """Number, from 0, of the first parameter that is stored as something else."""
+    """Return the number, from 0, of the first parameter that is stored differently."""
     dropped = DROPPED.get(ours.command)
     if dropped is None:
         return None

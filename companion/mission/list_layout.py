@@ -1,13 +1,14 @@
-"""How ours and the operator's items share the autopilot's list.
+"""How the service's items and the operator's items share the autopilot's list.
 
-On ArduPlane a mission list is overwritten in place while it is flown, so a new path never goes where
-the flown one stands. The list is: home, the operator's own items, bank A, bank B. The bank being
-flown is sent again unchanged, the other carries the new path; each ends in a loiter, or jumps to the
-operator's items that follow the goal; the list never gets shorter. An upload broken off at any item
-leaves the flown bank whole.
+ArduPlane overwrites a mission list in place while it flies it, so a new path never overwrites the flown one.
+The list consists of home, the operator's own items, bank A and bank B. The flown bank is sent again
+unchanged, and the other bank receives the new path. Each bank ends in a loiter, or jumps to the operator's
+items that follow the goal. The list never gets shorter. An upload that stops at any item leaves the flown
+bank intact.
 
-PX4 switches over in one step. The list is: the operator's items up to the goal, ours, the operator's
-that follow the goal; ours end in a loiter, or run on into those.
+PX4 replaces its list in one step. The list consists of the operator's items up to the goal, the service's
+items, and the operator's items that follow the goal. The service's items end in a loiter, or continue with
+the operator's.
 """
 
 from __future__ import annotations
@@ -27,29 +28,31 @@ from companion.mission.waypoints import MissionPart
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
 BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
-BANK_EXTRAS = 3  # the airspeed, a jump, and the loiter at the end
-WHOLE_WAYPOINTS_MAX = 200
-WHOLE_ITEMS_MIN, WHOLE_SHARE = 16, 1.5  # of the first mission, with room for longer ones
-_FOR_EVER = -1.0
-_HALF_CENTIMETRE_M = 0.004
+BANK_EXTRAS = 3  # A bank also holds the airspeed, a jump, and the loiter at the end.
+WHOLE_WAYPOINTS_MAX = 200  # A mission on a PX4 has at most this many waypoints.
+# The service's items on a PX4 take at least this many items, and this multiple of the first mission's: so
+# later, longer missions fit as well.
+WHOLE_ITEMS_MIN, WHOLE_SHARE = 16, 1.5
+_FOR_EVER = -1.0  # The repeat count of a DO_JUMP that repeats without end.
+_HALF_CENTIMETRE_M = 0.004  # Just under half a centimetre: the truncation then restores the stored altitude.
 
 
 @dataclass(frozen=True, slots=True)
 class TwoBankLayout:
-    """Where the banks lie in an ArduPlane's list.
+    """The positions of the banks in an ArduPlane's list.
 
     Parameters
     ----------
     prefix : tuple of MissionItem
-        Home and the operator's own items, kept as read.
+        Home and the operator's own items, as read.
     size : int
-        Items a bank.
+        Number of items of a bank.
     flown : tuple of MissionItem or None
-        The bank being flown, as sent; None before the first.
+        The flown bank as sent; None before the first.
     flown_index : int
-        0 or 1: which one it is.
-    tail : int
-        Index of the operator's item that follows the goal; the prefix's length if none does.
+        Which bank is flown, 0 or 1.
+    tail : int or None
+        Index of the operator's item that follows the goal; the prefix's length if there is none.
     """
 
     prefix: tuple[MissionItem, ...]
@@ -60,38 +63,38 @@ class TwoBankLayout:
 
     @property
     def max_waypoints(self) -> int:
-        """Most waypoints of a path that it carries, the operator's actions not counted."""
+        """Largest number of waypoints of a path, not counting the operator's actions."""
         return self.size - BANK_EXTRAS
 
     @property
     def num_items(self) -> int:
-        """Length of the list with the next mission in it; the first one may leave the idle bank out."""
+        """Length of the list after the next swap; the first mission may omit the idle bank."""
         return len(self.prefix) + (1 if self.flown is None else 2) * self.size
 
     @property
     def flown_span(self) -> tuple[int, int]:
-        """First sequence of the part flown, and the one behind its last."""
+        """Sequence of the first item of the flown bank, and the sequence after its last."""
         first = self.first_of(self.flown_index)
         return first, first + self.size
 
     @property
     def tail_span(self) -> tuple[int, int]:
-        """First sequence of the operator's items that follow the goal, and the one behind their last."""
+        """Sequence of the operator's first item after the goal, and the sequence after the last."""
         end = len(self.prefix)
         return end if self.tail is None else self.tail, end
 
     def first_of(self, index: int) -> int:
-        """Sequence of a bank's first item."""
+        """Return the sequence of a bank's first item."""
         return len(self.prefix) + index * self.size
 
     def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
-        """A bank that carries a part."""
+        """Return a bank that contains a mission part."""
         has_tail = self.tail is not None and self.tail < len(self.prefix)
         jumps = part.continues_with_operator_items and has_tail
         return bank_items(part, self.size, jump_to=self.tail if jumps else None)
 
     def with_new(self, bank: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, TwoBankLayout]:
-        """The list with a new path in the idle bank, and the banks once that is flown."""
+        """Return the list with a new path in the idle bank, and the layout once that bank is flown."""
         index = 1 - self.flown_index
         banks: list[tuple[MissionItem, ...] | None] = [None, None]
         banks[index], banks[self.flown_index] = bank, self.flown
@@ -107,18 +110,20 @@ class TwoBankLayout:
 
 @dataclass(frozen=True, slots=True)
 class SingleListLayout:
-    """A PX4's list.
+    """The layout of a PX4's list.
 
     Parameters
     ----------
-    head, tail : tuple of MissionItem
-        The operator's items before ours and behind them.
+    head : tuple of MissionItem
+        The operator's items before the service's.
+    tail : tuple of MissionItem
+        The operator's items after the service's.
     flown : tuple of MissionItem or None
-        Ours, as sent; None before the first.
+        The service's items as sent; None before the first.
     size : int
-        Items that ours always take: the last one is repeated up to it. A PX4 overlooks that a count has
-        changed when it comes before any item (read in its source), so that a count which a bad link
-        has kept for a while could cut a longer list off; lists of one length cannot be.
+        Fixed number of the service's items: the last item is repeated up to it. A PX4 does not notice that a
+        count has changed if the message comes before any item (read in its source). A count that a bad link
+        delays could therefore truncate a longer list; lists of one length are safe.
     """
 
     head: tuple[MissionItem, ...]
@@ -128,7 +133,7 @@ class SingleListLayout:
 
     @property
     def max_waypoints(self) -> int:
-        """Most waypoints of a path that it carries."""
+        """Largest number of waypoints of a path."""
         return WHOLE_WAYPOINTS_MAX
 
     @property
@@ -138,24 +143,24 @@ class SingleListLayout:
 
     @property
     def flown_span(self) -> tuple[int, int]:
-        """First sequence of the part flown, and the one behind its last."""
+        """Sequence of the first of the service's items, and the sequence after their last."""
         return len(self.head), len(self.head) + len(self.flown or ())
 
     @property
     def tail_span(self) -> tuple[int, int]:
-        """First sequence of the operator's items that follow the goal, and the one behind their last."""
+        """Sequence of the operator's first item after the goal, and the sequence after the last."""
         first = self.flown_span[1]
         return first, first + len(self.tail)
 
     def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
-        """Ours, for a part: at its end a loiter, or the airspeed twice and what follows the goal."""
+        """Return the service's items for a part: they end in a loiter, or in the airspeed twice."""
         goes_on = part.continues_with_operator_items and self.tail
         ours = (*part.items, *((part.speed,) * 2 if goes_on else (part.loiter,)))
         size = max(self.size or int(WHOLE_SHARE * len(ours)), len(self.flown or ()), WHOLE_ITEMS_MIN)
         return ours + ours[-1:] * (size - len(ours))
 
     def with_new(self, ours: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, SingleListLayout]:
-        """The list with another part of ours, and the layout once that is flown."""
+        """Return the list with another mission part, and the layout once it is flown."""
         behind, by = len(self.head), len(ours)
         items = [*shifted_jumps(self.head, behind, by), *ours, *shifted_jumps(self.tail, behind, by)]
         numbered = tuple(replace(item, sequence=n, is_current=n == behind) for n, item in enumerate(items))
@@ -166,14 +171,14 @@ Layout = TwoBankLayout | SingleListLayout
 
 
 def marked(mission: Mission, sequence: int) -> tuple[MissionItem, ...]:
-    """The list with the item at which it is entered as the only current one."""
+    """Return the list with the entry as its only current item."""
     return tuple(replace(item, is_current=item.sequence == sequence) for item in mission.items)
 
 
 def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> tuple[MissionItem, ...]:
-    """A bank: waypoints, the airspeed, and loiters at the last waypoint up to the bank's size.
+    """Return a bank: waypoints, the airspeed, and loiters at the last waypoint up to the bank's size.
 
-    With ``jump_to`` the operator's item of that sequence is flown next instead of the loiter.
+    With ``jump_to`` the autopilot jumps to the operator's item of that sequence instead of the loiter.
     """
     items = part.items
     if jump_to is not None:
@@ -183,16 +188,16 @@ def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> t
 
 
 def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> TwoBankLayout:
-    """TwoBankLayout behind what the autopilot holds now, with room for paths half as long again."""
+    """Return a layout behind the autopilot's present items, for paths up to half as long again."""
     size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
-    return TwoBankLayout(prefix=held_height(existing), size=size, tail=tail)
+    return TwoBankLayout(prefix=with_stable_height(existing), size=size, tail=tail)
 
 
-def held_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """Items as read from an ArduPlane, so that sending them again stores the same altitudes.
+def with_stable_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+    """Return items as read from an ArduPlane, changed so that sending them again stores the same altitudes.
 
-    It cuts altitudes to centimetres in single precision: 80.12 m read back may be stored as 80.11 m, and
-    a list sent again at every swap would sink a centimetre each time.
+    ArduPlane truncates altitudes to centimetres in single precision: 80.12 m read back may be stored as
+    80.11 m. A list that is sent again at every swap would lose a centimetre each time.
     """
     return tuple(
         replace(item, altitude_m=item.altitude_m + math.copysign(_HALF_CENTIMETRE_M, item.altitude_m))
@@ -203,16 +208,16 @@ def held_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
 
 
 def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current: int) -> TwoBankLayout:
-    """How ours are to stand in an ArduPlane's list as read; after a restart, as they stand already.
+    """Return the layout of an ArduPlane's list as read; after a restart, the existing one.
 
     Parameters
     ----------
     read : sequence of MissionItem
-        What the autopilot holds.
+        The autopilot's list.
     operator : Operator
-        What in it is the operator's.
+        The operator's part of it.
     current : int
-        Sequence of the item being flown: the bank in which it lies is not written to.
+        Sequence of the item being flown. The bank that contains it is not written to.
     """
     banks = banks_in(read)
     if banks is None:
@@ -221,11 +226,13 @@ def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current:
     kept = [tuple(read[begin : begin + size]) for begin in range(first, len(read), size)]
     index = 1 if len(kept) == 2 and current >= first + size else 0
     if current < first:
-        index = len(kept) - 1  # the first is written next; a second one keeps the list's length
+        index = len(kept) - 1  # The first bank is written next; a second bank keeps the list's length.
     flown = tuple(replace(item, sequence=1, is_current=False) for item in kept[index])
-    return TwoBankLayout(held_height(operator.items), size, held_height(flown), index, operator.tail)
+    return TwoBankLayout(
+        with_stable_height(operator.items), size, with_stable_height(flown), index, operator.tail
+    )
 
 
 def single_list_layout_of(operator: Operator) -> SingleListLayout:
-    """How ours are to stand in a PX4's list: between the operator's items up to the goal and the others."""
+    """Return the layout of a PX4's list: the service's items after the operator's items up to the goal."""
     return SingleListLayout(head=operator.items[: operator.tail], tail=operator.items[operator.tail :])

@@ -1,4 +1,4 @@
-"""Circles that a mission may end in."""
+"""Circles in which a mission may end."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ import shapely
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
-HEIGHT_MARGIN_M = 20.0  # An obstacle this far above or below a circle is not beside it.
-FITS_M = 0.1  # A circle may lack so much room: the check measures it exactly.
+HEIGHT_MARGIN_M = 20.0  # An obstacle farther above or below a circle is ignored.
+# A circle may fall short of the clearance by this much: the checker measures it exactly.
+FIT_TOLERANCE_M = 0.1
 
 
 class Circle(NamedTuple):
-    """A circle that a mission may end in.
+    """A circle in which a mission may end.
 
     Parameters
     ----------
     centre_enu_m : ndarray, shape (3,)
         Middle of the circle [m].
     radius_m : float
-        Radius that is kept clear [m].
+        Radius that the circle is checked with [m].
     direction : float
-        +1 clockwise (to the right), -1 counter-clockwise: the sign ArduPlane wants on the radius.
+        +1 clockwise (to the right), -1 counter-clockwise: ArduPlane's sign of the radius.
     """
 
     centre_enu_m: FloatArray
@@ -38,22 +39,22 @@ def circles_along(
     positions_enu_m: FloatArray, courses_rad: FloatArray, radius_m: float, obstacles: Sequence[Obstacle],
     bounds: tuple[float, float, float, float, float, float], margin_m: float,
 ) -> list[list[Circle]]:  # fmt: skip
-    """Circles that touch a path at some places, on either side, as far as they have room there.
+    """Return circles that touch a path at given points, on either side, as far as they are clear.
 
-    An aircraft that is sent to circle the point it is just passing overshoots by half a radius. It joins a
-    circle beside that point without a turn back. A circle that would leave the bounds is moved inside them,
-    and may be flown either way round.
+    An aircraft that is sent to circle the point that it is passing overshoots by half a radius. It joins a
+    circle beside that point without turning back. A circle that would leave the bounds is moved inside them,
+    and may then be flown in either direction.
 
     Parameters
     ----------
     positions_enu_m : ndarray, shape (N, 3)
-        Places of the path [m].
+        Points of the path [m].
     courses_rad : ndarray, shape (N,)
-        Courses there, clockwise from north.
+        Courses at the points, clockwise from north.
     radius_m : float
         Radius of the circles [m].
     obstacles : sequence of Obstacle
-        What they have to keep clear of.
+        What the circles keep clear of.
     bounds : tuple of float
         East, north and up, lowest and highest each [m].
     margin_m : float
@@ -62,33 +63,33 @@ def circles_along(
     Returns
     -------
     list of list of Circle
-        At most four for each place, the one with most room first.
+        At most four circles for each point, the one with the largest clearance first.
     """
     right = np.column_stack([np.cos(courses_rad), -np.sin(courses_rad)])
     touching = positions_enu_m[:, None, :2] + radius_m * np.stack([right, -right], axis=1)
     low, high = np.array([bounds[0], bounds[2]]) + radius_m, np.array([bounds[1], bounds[3]]) - radius_m
     centres = np.minimum(high, np.maximum(low, touching))
-    room = np.minimum(centres - low, high - centres).min(axis=2)
+    clearance = np.minimum(centres - low, high - centres).min(axis=2)
     points, heights = shapely.points(centres), positions_enu_m[:, 2]
     for obstacle in obstacles:
-        beside = (heights >= obstacle.base_m - HEIGHT_MARGIN_M) & (
+        overlaps = (heights >= obstacle.base_m - HEIGHT_MARGIN_M) & (
             heights <= obstacle.top_m + HEIGHT_MARGIN_M
         )
         polygon = shapely.Polygon(obstacle.polygon_enu_m)
         shapely.prepare(polygon)
-        away = shapely.distance(polygon, points[beside]) - radius_m - margin_m
-        room[beside] = np.minimum(room[beside], away)
+        away = shapely.distance(polygon, points[overlaps]) - radius_m - margin_m
+        clearance[overlaps] = np.minimum(clearance[overlaps], away)
     found = []
     for row, place in enumerate(positions_enu_m):
         at_row = []
-        for side in np.argsort(-room[row], kind="stable"):
-            if room[row, side] < -FITS_M:
+        for side in np.argsort(-clearance[row], kind="stable"):
+            if clearance[row, side] < -FIT_TOLERANCE_M:
                 continue
             centre, direction = centres[row, side], 1.0 - 2.0 * float(side)
             directions = [direction]
             if (centre != touching[row, side]).any():
-                met = math.copysign(1.0, float((centre - place[:2]) @ right[row]))
-                directions = [met, -met]
-            at_row += [Circle(np.append(centre, place[2]), radius_m, way) for way in directions]
+                nearer = math.copysign(1.0, float((centre - place[:2]) @ right[row]))
+                directions = [nearer, -nearer]
+            at_row += [Circle(np.append(centre, place[2]), radius_m, direction) for direction in directions]
         found.append(at_row)
     return found

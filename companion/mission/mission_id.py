@@ -1,4 +1,4 @@
-"""The name that PX4 gives a mission: a checksum that tells what it stores and flies."""
+"""PX4's identifier of a mission: a checksum over what it stores and flies."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from collections.abc import Sequence
 
 from companion.types.mission import MissionItem
 
-_ALL_ONES = 0xFFFFFFFF  # zlib starts with it and XORs with it in the end; PX4 does neither
+_ALL_ONES = 0xFFFFFFFF  # zlib starts with this value and XORs with it at the end; PX4 does neither.
 
 
 def mission_id(items: Sequence[MissionItem]) -> int:
-    """CRC-32 over everything that a mission's items say but which of them is current.
+    """Return the CRC-32 over a mission's items, except for which of them is current.
 
-    Frame, command, autocontinue, parameters 1 to 4, latitude, longitude and altitude of each item, as
-    they are sent; polynomial EDB88320 (reversed), start and final XOR 0.
+    It covers frame, command, autocontinue, parameters 1 to 4, latitude, longitude and altitude of each item
+    as sent; polynomial EDB88320 (reversed), start and final XOR 0.
 
     Parameters
     ----------
     items : sequence of MissionItem
-        As uploaded; NaN stands for parameters that are not set.
+        The items as uploaded; NaN stands for parameters that are not set.
 
     References
     ----------

@@ -1,8 +1,8 @@
-"""What the operator left in the autopilot, and what of it is ours.
+"""Separate the operator's items in the autopilot's list from the service's.
 
-The operator's items survive every swap: takeoff and the way to the goal in front of ours, landing and
-everything after the goal behind or beside it. After a restart ours are found again by their shape: a
-waypoint followed by the airspeed, and at the end a loiter, or the airspeed twice.
+The operator's items survive every swap: takeoff and the way to the goal come before the service's items, the
+landing and everything after the goal come after them. After a restart the service's items are recognised by
+their shape: a waypoint followed by the airspeed, and at the end a loiter, or the airspeed twice.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ GOALS = frozenset(
         Command.NAV_LOITER_TO_ALT, Command.NAV_SPLINE_WAYPOINT,
     }
 )  # fmt: skip
-FIRST_WITHOUT_PLACE = 100
+FIRST_WITHOUT_PLACE = 100  # Commands from this number on, the DO_ commands, have no position.
 RELATIVE_FRAMES = frozenset({MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT})
 ABSOLUTE_FRAMES = frozenset({MavFrame.GLOBAL, MavFrame.GLOBAL_INT})
-BANK_ITEMS_LIMITS = (20, 60)
-SAME_PLACE_M = 1.0
+BANK_ITEMS_LIMITS = (20, 60)  # Smallest and largest number of items of an ArduPlane's bank.
+SAME_PLACE_M = 1.0  # Goals closer together than this count as one.
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +33,11 @@ class Operator:
     Parameters
     ----------
     items : tuple of MissionItem
-        Numbered from 0; on ArduPlane item 0 is the home slot.
+        The items, numbered from 0; on ArduPlane item 0 is the home slot.
     tail : int
-        Index of the first item that is flown after the last goal; the number of items if none is.
+        Index of the first item that is flown after the last goal; the number of items if there is none.
     first : int
-        Index of the first item that is flown: 1 behind ArduPlane's home slot.
+        Index of the first item that is flown: 1 on ArduPlane, after the home slot.
     """
 
     items: tuple[MissionItem, ...]
@@ -46,13 +46,13 @@ class Operator:
 
     @property
     def has_landing(self) -> bool:
-        """Whether it ends in a landing."""
+        """Return whether the mission contains a landing."""
         return any(item.command == Command.NAV_LAND for item in self.items)
 
 
 @dataclass(frozen=True, slots=True)
 class OperatorGoal:
-    """A waypoint of the operator's, its number in the list, and the DO_ items to carry out on reaching it."""
+    """An operator's waypoint, its number in the list, and the DO_ items to carry out on reaching it."""
 
     position_enu_m: tuple[float, float, float]
     sequence: int
@@ -60,7 +60,7 @@ class OperatorGoal:
 
 
 def landing_start(items: Sequence[MissionItem]) -> int:
-    """Index at which what ends a mission begins; the number of items if nothing does.
+    """Return the index at which the ending of a mission begins; the number of items if there is none.
 
     That is DO_LAND_START, else the approach to the first landing, else a return to launch.
     """
@@ -69,7 +69,7 @@ def landing_start(items: Sequence[MissionItem]) -> int:
             return index
     for index, item in enumerate(items):
         if item.command == Command.NAV_LAND:
-            # PX4 wants a waypoint or a circle to a height right before it.
+            # PX4 requires a waypoint or a loiter to altitude directly before the landing.
             has_approach = index > 0 and items[index - 1].command in (
                 Command.NAV_WAYPOINT,
                 Command.NAV_LOITER_TO_ALT,
@@ -88,21 +88,21 @@ def operator_of(
     *,
     num_home_items: int = 0,
 ) -> Operator:
-    """The operator's mission in a list without ours.
+    """Return the operator's mission, from a list without the service's items.
 
     Parameters
     ----------
     items : sequence of MissionItem
-        As read, ours taken out.
+        The list as read, without the service's items.
     frame : LocalFrame
         The mission file's frame.
     home_amsl_m : float or None
-        Height that relative altitudes count from, where it is known.
+        Height of home, from which relative altitudes count, if known [m].
     goal : tuple of float, optional
-        East, north [m] of the mission file's last goal, and its acceptance radius: everything behind
-        the operator's own waypoint there follows the goal.
+        East and north of the mission file's last goal, and its acceptance radius [m]. Everything after the
+        operator's own waypoint there follows the goal.
     num_home_items : int
-        Items at the list's beginning that are not flown: ArduPlane's home slot.
+        Number of items at the start of the list that are not flown: ArduPlane's home slot.
     """
     kept = renumbered(items)
     tail = landing_start(kept)
@@ -120,7 +120,7 @@ def operator_of(
 def position_of(
     item: MissionItem, frame: LocalFrame, home_amsl_m: float | None
 ) -> tuple[float, float, float] | None:
-    """East, north, up of an item [m]; None if it has no place or its height is not known."""
+    """Return east, north, up of an item [m]; None if it has no position or its height is not known."""
     altitude = altitude_amsl_of(item, home_amsl_m)
     is_placed = item.command < FIRST_WITHOUT_PLACE and (item.latitude_e7 != 0 or item.longitude_e7 != 0)
     if not is_placed or altitude is None:
@@ -129,7 +129,7 @@ def position_of(
 
 
 def altitude_amsl_of(item: MissionItem, home_amsl_m: float | None) -> float | None:
-    """Height of an item above the sea [m]; None over terrain, or where home's is not known."""
+    """Return the height of an item above sea level [m]; None over terrain, or if home's is not known."""
     if item.frame in RELATIVE_FRAMES:
         return None if home_amsl_m is None else home_amsl_m + item.altitude_m
     return item.altitude_m if item.frame in ABSOLUTE_FRAMES else None
@@ -138,9 +138,9 @@ def altitude_amsl_of(item: MissionItem, home_amsl_m: float | None) -> float | No
 def goals_of_operator(
     operator: Operator, frame: LocalFrame, home_amsl_m: float | None
 ) -> tuple[OperatorGoal, ...]:
-    """The operator's waypoints before the landing as goals, each with the DO_ items behind it.
+    """Return the operator's waypoints before the landing as goals, each with the DO_ items after it.
 
-    Waypoints at one place in a row are one goal; jumps are left out, since a route is flown once.
+    Consecutive waypoints at one place are one goal. Jumps are omitted, since a route is flown once.
     """
     goals: list[OperatorGoal] = []
     for item in operator.items[operator.first : operator.tail]:
@@ -162,35 +162,35 @@ def _apart(one: tuple[float, float, float], other: tuple[float, float, float]) -
 
 
 def renumbered(items: Sequence[MissionItem], first: int = 0) -> tuple[MissionItem, ...]:
-    """Items numbered in order, none of them current."""
+    """Return items numbered in order, none of them current."""
     return tuple(replace(item, sequence=first + n, is_current=False) for n, item in enumerate(items))
 
 
-def is_speed_of_ours(item: MissionItem) -> bool:
-    """Whether an item is the airspeed as we set it: by airspeed, throttle unchanged."""
+def is_service_speed(item: MissionItem) -> bool:
+    """Return whether an item sets the airspeed as the service does: airspeed type, throttle unchanged."""
     return item.command == Command.DO_CHANGE_SPEED and (item.parameters[0], item.parameters[2]) == (0.0, -1.0)
 
 
-def starts_of_ours(items: Sequence[MissionItem]) -> list[int]:
-    """Where a part of ours may begin: a waypoint followed by the airspeed."""
+def possible_starts(items: Sequence[MissionItem]) -> list[int]:
+    """Return where the service's items may begin: at each waypoint followed by the airspeed."""
     return [
         index
         for index in range(len(items) - 1)
-        if items[index].command == Command.NAV_WAYPOINT and is_speed_of_ours(items[index + 1])
+        if items[index].command == Command.NAV_WAYPOINT and is_service_speed(items[index + 1])
     ]
 
 
 def banks_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
-    """Where our first bank begins in an ArduPlane's list, and how long a bank is; None without any."""
+    """Return the start of the first bank in an ArduPlane's list and a bank's length; None without banks."""
     low, high = BANK_ITEMS_LIMITS
-    for first in starts_of_ours(items):
+    for first in possible_starts(items):
         half, odd = divmod(len(items) - first, 2)
         for candidate in [len(items) - first] if odd else [half, len(items) - first]:
             ends = range(first + candidate, len(items) + 1, candidate)
             begins = range(first, len(items), candidate)
             if (
                 low <= candidate <= high
-                and set(begins) <= set(starts_of_ours(items))
+                and set(begins) <= set(possible_starts(items))
                 and all(items[end - 1].command == Command.NAV_LOITER_UNLIM for end in ends)
             ):
                 return first, candidate
@@ -198,11 +198,11 @@ def banks_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
 
 
 def span_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
-    """Where our part of a PX4's list begins and ends; None without one."""
-    for first in starts_of_ours(items):
+    """Return the start and end of the service's items in a PX4's list; None without such items."""
+    for first in possible_starts(items):
         for index in range(first + 2, len(items)):
             is_end = items[index].command == Command.NAV_LOITER_UNLIM or (
-                is_speed_of_ours(items[index]) and is_speed_of_ours(items[index - 1])
+                is_service_speed(items[index]) and is_service_speed(items[index - 1])
             )
             if is_end:
                 return first, _end_of_repetition(items, index)
@@ -210,7 +210,7 @@ def span_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
 
 
 def _end_of_repetition(items: Sequence[MissionItem], index: int) -> int:
-    """Index behind the last of equal items in a row; a PX4 marks the one that it flies."""
+    """Return the index after the last of equal consecutive items; which one is current does not matter."""
     same = replace(items[index], sequence=0, is_current=False)
     end = index + 1
     while end < len(items) and replace(items[end], sequence=0, is_current=False) == same:
@@ -219,19 +219,19 @@ def _end_of_repetition(items: Sequence[MissionItem], index: int) -> int:
 
 
 def without_banks(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """The operator's items in an ArduPlane's list as read."""
+    """Return the operator's items in an ArduPlane's list as read."""
     banks = banks_in(items)
     return tuple(items) if banks is None else tuple(items[: banks[0]])
 
 
 def without_span(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """The operator's items in a PX4's list as read."""
+    """Return the operator's items in a PX4's list as read."""
     span = span_in(items)
     return tuple(items) if span is None else (*items[: span[0]], *items[span[1] :])
 
 
 def shifted_jumps(items: Sequence[MissionItem], behind: int, by: int) -> tuple[MissionItem, ...]:
-    """Items with their jumps still leading where they led, when items are put in at an index."""
+    """Return items whose jumps keep their targets when ``by`` items are inserted at an index."""
     return tuple(
         replace(item, parameters=(target + by, *item.parameters[1:]))
         if item.command == Command.DO_JUMP and (target := item.parameters[0] or 0.0) >= behind

@@ -1,4 +1,4 @@
-"""Where the aircraft is along a path, and where it will be on it."""
+"""Where the aircraft is on a path, and which part of the path is left."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from companion.types.path import Path
 
-MIN_ROWS = 3
+MIN_ROWS = 3  # A rest of a path with fewer rows is too short to fly.
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,11 +18,11 @@ class Progress:
     Parameters
     ----------
     row : int
-        The path's row before it.
+        The path's row before the point.
     share : float
-        How far towards the next row, in [0, 1].
+        Position between that row and the next, in [0, 1].
     off_track_m : float
-        Distance of the aircraft from it [m].
+        Distance of the aircraft from the point [m].
     """
 
     row: int
@@ -33,10 +33,10 @@ class Progress:
 def progress_on(
     path: Path, position_enu_m: tuple[float, float, float], from_row: int = 0, num_rows: int | None = None
 ) -> Progress:
-    """Nearest point of a path at or after a row.
+    """Return the point of a path nearest to a position, at or after a row.
 
-    ``num_rows`` bounds the search: a path may come by the same place again, and the nearest point of
-    all of it may be minutes ahead.
+    ``num_rows`` limits the search: a path may pass the same place again, and the nearest point of the whole
+    path may be minutes ahead.
     """
     from_row = min(from_row, len(path) - 2)
     last = len(path) - 1 if num_rows is None else min(len(path) - 1, from_row + num_rows)
@@ -51,22 +51,22 @@ def progress_on(
 
 
 def distance_along(path: Path, progress: Progress) -> float:
-    """Length of the path flown at a point of it, over the ground [m]."""
+    """Return the path's horizontal length up to a point [m]."""
     steps = np.hypot(*np.diff(path.positions_enu_m[: progress.row + 2, :2], axis=0).T)
     return float(steps[:-1].sum() + progress.share * steps[-1])
 
 
 def time_at(path: Path, progress: Progress) -> float:
-    """The path's own time at a point of it [s]."""
+    """Return the path's time at a point [s]."""
     t0, t1 = path.times_s[progress.row], path.times_s[progress.row + 1]
     return float(t0 + progress.share * (t1 - t0))
 
 
 def rest_of_path(path: Path, path_time_s: float, now_s: float) -> Path | None:
-    """What is left of a path from its first row at or after one of its times on.
+    """Return the rest of a path, from its first row at or after one of its times.
 
-    Restamped so that the path's time ``path_time_s`` falls on the clock's ``now_s``. It begins at a row,
-    since only rows lie exactly on turns. None where fewer than three rows are left.
+    The rest is restamped so that the path's time ``path_time_s`` becomes the clock's ``now_s``. It begins at
+    a row, because only rows lie exactly on turns. The result is None if fewer than three rows are left.
     """
     first = int(np.searchsorted(path.times_s, path_time_s, side="left"))
     if len(path) - first < MIN_ROWS:

@@ -19,16 +19,16 @@ Place = tuple[float, float, float]
 def rally_points_of(
     items: Sequence[MissionItem], frame: LocalFrame, home_amsl_m: float | None
 ) -> tuple[Place, ...]:
-    """East, north, up of rally points [m]; without those whose height is not known, as over terrain.
+    """Return east, north, up of rally points [m], without those of unknown height, such as over terrain.
 
     Parameters
     ----------
     items : sequence of MissionItem
-        The list as read.
+        The rally list as read.
     frame : LocalFrame
         The mission file's frame.
     home_amsl_m : float or None
-        Height that relative altitudes count from, where it is known [m].
+        Height of home, from which relative altitudes count, if known [m].
     """
     placed = [
         (item, altitude_amsl_of(item, home_amsl_m))

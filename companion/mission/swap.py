@@ -1,4 +1,4 @@
-"""A verified swap: how it may end, what it needs of the link, and how a stored list is entered."""
+"""A verified swap of missions: its outcomes, the link functions it needs, and entering a stored list."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from companion.types.mission import Mission, MissionItem
 
 
 class MissionLink(Protocol):
-    """What the swap needs of the link."""
+    """The functions of the link that a swap needs."""
 
     async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
-        """Replace the autopilot's list; the id it is given, 0 without one."""
+        """Replace the autopilot's list; return its id, 0 if it has none."""
         ...
 
     async def write(self, items: Sequence[MissionItem]) -> None:
@@ -32,35 +32,35 @@ class MissionLink(Protocol):
         ...
 
     async def set_current(self, sequence: int, is_ahead: Callable[[], bool] | None = None) -> None:
-        """Fly to an item now; not asked again once it is no more ahead."""
+        """Fly to an item now; the request is not repeated once ``is_ahead`` is false."""
         ...
 
     @property
     def current(self) -> MissionCurrent | None:
-        """What the autopilot told last of the mission it flies."""
+        """The last message about the mission that the autopilot flies."""
         ...
 
     async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
-        """Wait for it to tell something; whether it did in time."""
+        """Wait for such a message that fulfils a condition; return whether it came in time."""
         ...
 
 
 class SwapOutcome(Enum):
-    """How a swap ended. Whatever it is, what was flown before is whole, or the new one is flown."""
+    """How a swap ended. In every case either the previous mission is intact, or the new one is flown."""
 
     FLOWN = "flown"
-    STALE = "stale"  # the aircraft has passed the entry meanwhile; not entered
+    STALE = "stale"  # the aircraft has passed the entry; not entered
     REFUSED = "refused"  # the autopilot or the link refused; not entered
-    DIFFERS = "differs"  # read back differently; not entered
-    WITHDRAWN = "withdrawn"  # the pilot took over meanwhile; not entered
-    FOREIGN = "foreign"  # somebody else has uploaded a mission; not touched
+    DIFFERS = "differs"  # the list reads back differently; not entered
+    WITHDRAWN = "withdrawn"  # the pilot has taken over; not entered
+    FOREIGN = "foreign"  # another station has uploaded a mission; not changed
 
 
-NO_WAY_IN = SwapOutcome.STALE, "no way into it would keep clear"
+NO_SAFE_ENTRY = SwapOutcome.STALE, "no way into it would keep clear"
 
 
 def entry_now(entry: Callable[[], int | None], may_act: Callable[[], bool]) -> int | tuple[SwapOutcome, str]:
-    """Sequence at which a list is entered now, or why it is not."""
+    """Return the sequence at which a list can be entered now, or why it cannot."""
     if not may_act():
         return SwapOutcome.WITHDRAWN, "the mode was changed"
     sequence = entry()
@@ -68,7 +68,7 @@ def entry_now(entry: Callable[[], int | None], may_act: Callable[[], bool]) -> i
 
 
 def is_still_ahead(sequence: int, entry: Callable[[], int | None], may_act: Callable[[], bool]) -> bool:
-    """Whether an entry chosen before can still be flown to, and the pilot leaves it to us."""
+    """Return whether a chosen entry is still ahead, and the pilot still leaves control to the service."""
     first = entry()
     return may_act() and first is not None and first <= sequence
 
@@ -76,18 +76,19 @@ def is_still_ahead(sequence: int, entry: Callable[[], int | None], may_act: Call
 async def enter(
     link: MissionLink, mission: Mission, entry: Callable[[], int | None], may_act: Callable[[], bool]
 ) -> tuple[SwapOutcome, str]:
-    """Fly a stored list from the entry that still lies ahead.
+    """Enter a stored list at the first entry that is still ahead.
 
     Parameters
     ----------
     link : MissionLink
-        To the autopilot.
+        The link to the autopilot.
     mission : Mission
         The stored list.
     entry : callable
-        Sequence of the first item that lies ahead, None if none does; asked at the last moment.
+        Returns the sequence of the first item that is ahead, None if there is none; called at the last
+        moment.
     may_act : callable
-        Whether the pilot still leaves it to us.
+        Returns whether the pilot still leaves control to the service.
     """
     sequence = entry_now(entry, may_act)
     if not isinstance(sequence, int):

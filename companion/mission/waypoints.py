@@ -1,4 +1,4 @@
-"""From paths to waypoints, and from waypoints to mission items."""
+"""Convert paths to waypoints, and waypoints to mission items."""
 
 from __future__ import annotations
 
@@ -14,46 +14,47 @@ from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.path import Path
 
-FIRST_WAYPOINT_AHEAD_M = (
-    45.0  # the entry lies at least this far along the path: nearer is reached on entering
-)
-ENTRY_ROOM_M = 110.0  # from an entry on the straight to the next corner: room for its turn
-CORNER_MAX_RAD = math.radians(50.0)
-CHORD_MAX_RAD = math.radians(25.0)  # of a turn flown from point to point
-GOAL_ACCEPTANCE_M = 15.0  # at the goal, before what follows it: a fly-by might pass the goal by
-STRAIGHT_RAD = 1e-4
-FLY_BY_M = 50.0  # WP_RADIUS, at which ArduPlane turns to the next waypoint
-HEIGHT_TOLERANCE_M = 8.0
-SLIGHT_M = 2.0
-MARK_M = 40.0  # from something to be done, within which any waypoint serves
-SPACING_M = 60.0  # between a waypoint for height and its neighbours
-MENDED_RULES = frozenset({"corner", "climb"})
-MENDED_MAX = 4
+# The first waypoint is at least this far along the path; nearer ones are passed.
+FIRST_WAYPOINT_AHEAD_M = 45.0
+# The turn at the first corner needs this distance from an entry on the straight.
+ENTRY_STRAIGHT_MIN_M = 110.0
+CORNER_MAX_RAD = math.radians(50.0)  # A turn is divided into corners of at most this angle.
+CHORD_MAX_RAD = math.radians(25.0)  # A turn flown from point to point is divided into parts of this angle.
+# Acceptance radius of a goal that the mission continues after: a fly-by might miss it.
+GOAL_ACCEPTANCE_M = 15.0
+STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
+FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
+HEIGHT_TOLERANCE_M = 8.0  # Waypoints are added if the height differs from the line between them by more.
+SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
+MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
+SPACING_M = 60.0  # A waypoint for height keeps this distance from its neighbours.
+REPAIRABLE_RULES = frozenset({"corner", "climb"})  # Removing a waypoint may repair violations of these rules.
+REMOVED_MAX = 4  # At most this many waypoints are removed.
 
 
 @dataclass(frozen=True, slots=True)
 class Waypoints:
-    """What a bank carries out.
+    """The waypoints of a mission, and how it ends.
 
     Parameters
     ----------
     positions_enu_m : ndarray, shape (K, 3)
-        Waypoints in order, the last the path's end [m].
+        Waypoints in order, the last is the path's end [m].
     distances_m : ndarray, shape (K,)
-        Length of the path flown where each is passed [m].
+        Length of the path up to each waypoint [m].
     airspeed_m_s : float
-        True airspeed commanded after the first.
+        True airspeed that is commanded after the first waypoint [m/s].
     loiter_centre_enu_m : ndarray, shape (3,), or None
-        Where to circle afterwards [m]; None circles the path's end.
+        Centre of the circle at the end [m]; None for the path's end.
     loiter_radius_m : float
-        Positive clockwise; 0 leaves it to the autopilot.
+        Radius of the circle, positive clockwise [m]; 0 for the autopilot's own.
     continues_with_operator_items : bool
         Whether the operator's items that follow the goal are flown after the last waypoint.
     actions : tuple of (int, tuple of MissionItem)
-        The operator's DO_ items to carry out at a waypoint, by its number.
+        Waypoint numbers with the operator's DO_ items to carry out there.
     airspeed_again : int
-        Number of the waypoint behind which the airspeed is commanded once more, for an aircraft that
-        enters behind the first; 0 for none.
+        Number of the waypoint after which the airspeed is commanded again, for an aircraft that enters behind
+        the first waypoint; 0 for none.
     """
 
     positions_enu_m: FloatArray
@@ -67,7 +68,7 @@ class Waypoints:
 
     @property
     def num_items(self) -> int:
-        """How much room they take in the autopilot's list, and the operator's items among them."""
+        """Number of items in the autopilot's list, including the operator's actions."""
         again = self.airspeed_again > 0
         return len(self.positions_enu_m) + again + sum(len(items) for _, items in self.actions)
 
@@ -80,35 +81,35 @@ def waypoints_from_path(
     marked_m: Sequence[float] = (),
     spacing: float = 1.0,
 ) -> Waypoints:
-    """Waypoints along a path, more of them in its turns.
+    """Return waypoints along a path, with several of them in a turn.
 
-    ArduPlane turns at WP_RADIUS before a waypoint and rounds its corner. Its waypoints are the corners of the
-    polygon about an arc: an aircraft that rounds them off at the path's radius flies the arc itself. A PX4
-    turns no more than some 10 m before a waypoint, whatever the item says (measured, and so in its
-    ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs no waypoint but where the
-    height leaves the line between two of them by more than :data:`HEIGHT_TOLERANCE_M`.
+    ArduPlane turns at WP_RADIUS before a waypoint and cuts its corner. Its waypoints are the corners of the
+    polygon around an arc: an aircraft that rounds them at the path's radius flies the arc itself. A PX4 turns
+    no more than about 10 m before a waypoint, whatever the item requests (measured, and so in its
+    ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs a waypoint only if the height
+    differs from the line between two waypoints by more than :data:`HEIGHT_TOLERANCE_M`.
 
     Parameters
     ----------
     path : Path
-        What is to be flown. Its start is left out, and what lies nearer to it than
-        :data:`FIRST_WAYPOINT_AHEAD_M` counts as flown.
+        The path to be flown. Its start is no waypoint, and points nearer to the start than
+        :data:`FIRST_WAYPOINT_AHEAD_M` count as passed.
     airspeed_m_s : float
         True airspeed to command [m/s].
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     marked_m : sequence of float
-        Lengths of the path at which something is to be done [m]: straight flight without a waypoint near
-        gets one there.
+        Lengths of the path at which an action is carried out [m]. Straight flight gets a waypoint there if
+        none is near.
     spacing : float
-        Turn from one waypoint to the next, as a share of the usual one.
+        Turn angle from one waypoint to the next, as a share of the usual one.
     """
     points, courses, travelled = path.positions_enu_m, np.unwrap(path.courses_rad), path.travelled_m
     turns = _turns(points, courses, travelled, flies_by=flies_by, spacing=spacing)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
     marks = _with_heights(marks, points, travelled)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
-    if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_ROOM_M and len(points) > 2:
+    if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_STRAIGHT_MIN_M and len(points) > 2:
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
         chosen.insert(0, _mark(points, travelled, row))
     chosen = _without_slight_corners([*chosen, marks[-1]])
@@ -120,27 +121,26 @@ def waypoints_from_path(
 
 
 def _mark(points: FloatArray, travelled: FloatArray, row: int) -> tuple[float, FloatArray]:
-    """Length flown, of ``travelled`` (N,) [m], and place (3,), of ``points`` (N, 3) [m], at a row."""
+    """Return length of ``travelled`` (N,) [m] and position (3,) of ``points`` (N, 3) [m] at a row."""
     return float(travelled[row]), points[row]
 
 
 def _in_order(marks: list[tuple[float, FloatArray]], airspeed_m_s: float) -> Waypoints:
-    """Waypoints at ``marks``, pairs of a length of path flown and a place (3,) [m]."""
+    """Return waypoints at ``marks``, pairs of a length of path and a position (3,) [m]."""
     ordered = sorted(marks, key=lambda mark: mark[0])
     positions, distances = np.array([at[1] for at in ordered]), np.array([at[0] for at in ordered])
     return Waypoints(positions, distances, airspeed_m_s)
 
 
 def _is_straight(courses: FloatArray, row: int) -> bool:
-    """Whether a path of ``courses`` (N,) [rad] flies straight before and behind a row."""
+    """Return whether a path of ``courses`` (N,) [rad] is straight before and after a row."""
     return 0 < row < len(courses) - 1 and not np.diff(courses[row - 1 : row + 2]).any()
 
 
 def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
-    """Marks without inner ones that lie within :data:`SLIGHT_M` of the line between their neighbours.
+    """Return marks without those within :data:`SLIGHT_M` of the line between their neighbours.
 
-    ``marks`` are pairs of a length of path flown and a place (3,) [m], and so is what is returned:
-    pairs of a length and a place (3,) [m].
+    ``marks`` and the result are pairs of a length of path and a position (3,) [m].
     """
     kept = marks[:1]
     for mark, after in itertools.pairwise(marks[1:]):
@@ -154,12 +154,12 @@ def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple
 def _turns(
     points: FloatArray, courses: FloatArray, travelled: FloatArray, *, flies_by: bool, spacing: float
 ) -> list[tuple[float, FloatArray]]:
-    """Waypoints of all turns: corners about them for an autopilot that flies by, else places on them.
+    """Return waypoints of all turns: corners around them if the autopilot flies by, else points on them.
 
-    Each turn is cut into parts of equal change of course. A corner is where the tangents at the ends of a
-    part meet. Each waypoint, (3,) [m], comes with the length of path to it [m]. ``points`` (N, 3) are the
-    path's places [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) its level length
-    to each [m].
+    Each turn is divided into parts of equal change of course. A corner is where the tangents at the ends of a
+    part meet. Each waypoint (3,) [m] comes with the length of the path up to it [m]. ``points`` (N, 3) are
+    the path's positions [m], ``courses`` (N,) its unwrapped courses [rad], and ``travelled`` (N,) its
+    horizontal length up to each [m].
     """
     found: list[tuple[float, FloatArray]] = []
     for first, last in _runs_of_turning(courses):
@@ -187,9 +187,9 @@ def _turns(
 def _at_courses(
     points: FloatArray, courses: FloatArray, travelled: FloatArray, first: int, last: int, cuts: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Lengths (K,) [m] and places (K, 3) [m] at which a turn has the courses ``cuts`` (K,) [rad].
+    """Return lengths (K,) [m] and positions (K, 3) [m] at which a turn has the courses ``cuts`` (K,) [rad].
 
-    The turn goes from row ``first`` to row ``last``; between two rows it is an arc. ``points`` (N, 3) [m],
+    The turn leads from row ``first`` to row ``last``; between two rows it is an arc. ``points`` (N, 3) [m],
     ``courses`` (N,) [rad] and ``travelled`` (N,) [m] are as in :func:`_turns`.
     """
     turned = np.abs(courses[first : last + 1] - courses[first])
@@ -206,21 +206,20 @@ def _at_courses(
 
 
 def _runs_of_turning(courses: FloatArray) -> list[tuple[int, int]]:
-    """First and last row of each turn to one side; ``courses`` (N,) are unwrapped [rad]."""
+    """Return first and last row of each turn to one side; ``courses`` (N,) are unwrapped [rad]."""
     steps = np.diff(courses)
     signs = np.concatenate([[0.0], np.sign(np.where(np.abs(steps) > STRAIGHT_RAD, steps, 0.0)), [0.0]])
-    edges = np.flatnonzero(np.diff(signs))  # Row at which the side of turning changes.
+    edges = np.flatnonzero(np.diff(signs))  # Rows at which the side of turning changes.
     return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if signs[a + 1] != 0.0]
 
 
 def _with_heights(
     marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray
 ) -> list[tuple[float, FloatArray]]:
-    """Marks, and rows of the path where the height between two marks leaves their line.
+    """Return marks, and rows of the path where the height between two marks differs from their line.
 
-    ``marks`` are pairs of a length of path flown and a place (3,) [m], and so is what is returned: pairs
-    of a length and a place (3,) [m]. ``points`` (N, 3) are the path's places [m], ``travelled`` (N,) the
-    level length flown to each [m].
+    ``marks`` and the result are pairs of a length of path and a position (3,) [m]. ``points`` (N, 3) are the
+    path's positions [m], ``travelled`` (N,) the horizontal length up to each [m].
     """
     result = [marks[0]]
     for after in marks[1:]:
@@ -241,27 +240,28 @@ def _with_heights(
 def merge_close_waypoints(
     waypoints: Waypoints, wrong_with: Callable[[Waypoints], tuple[Violation, ...]]
 ) -> tuple[Waypoints, tuple[Violation, ...]]:
-    """Waypoints without those that stand too close for the turn or the climb between them.
+    """Remove waypoints that are too close together for the turn or the climb between them.
 
-    Where two turns of a path nearly meet, so do their waypoints; the path flies it, legs may not.
+    If two turns of a path nearly meet, their waypoints are close together. The path is flyable, the legs may
+    not be.
 
     Parameters
     ----------
     waypoints : Waypoints
-        As made from a path.
+        The waypoints of a path.
     wrong_with : callable
-        What the checker says of them; it has the last word.
+        Returns the checker's violations of some waypoints.
 
     Returns
     -------
     Waypoints, tuple of Violation
-        With fewer violations, if not none, and those.
+        Waypoints with fewer violations, ideally none, and those violations.
     """
     violations = wrong_with(waypoints)
-    for _ in range(MENDED_MAX):
-        if not violations or any(entry.rule not in MENDED_RULES for entry in violations):
+    for _ in range(REMOVED_MAX):
+        if not violations or any(entry.rule not in REPAIRABLE_RULES for entry in violations):
             break
-        row = violations[0].row  # of the legs, which begin with the start: its waypoint is one less
+        row = violations[0].row  # Rows of legs begin with the start, so the waypoint's number is one less.
         tries = [_without(waypoints, n) for n in (row - 1, row) if 0 <= n < len(waypoints.distances_m) - 1]
         judged = [(found, wrong_with(found)) for found in tries]
         better = [entry for entry in judged if len(entry[1]) < len(violations)]
@@ -281,14 +281,14 @@ def _without(waypoints: Waypoints, number: int) -> Waypoints:
 
 @dataclass(frozen=True, slots=True)
 class MissionPart:
-    """Waypoints as mission items, to be put into an autopilot's list.
+    """Waypoints as mission items, to be inserted into an autopilot's list.
 
     Parameters
     ----------
     items : tuple of MissionItem
-        The waypoints, the airspeed behind the first, and the operator's DO_ items where they belong.
+        The waypoints, the airspeed after the first, and the operator's DO_ items.
     speed : MissionItem
-        The airspeed at cruise.
+        The cruise airspeed.
     loiter : MissionItem
         The circle at the end.
     continues_with_operator_items : bool
@@ -302,16 +302,16 @@ class MissionPart:
 
 
 def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | None = None) -> MissionPart:
-    """Waypoints as mission items.
+    """Return waypoints as mission items.
 
     Parameters
     ----------
     waypoints : Waypoints
-        What is flown to.
+        The mission's waypoints.
     frame : LocalFrame
-        Where they are.
+        The frame of their coordinates.
     cruise_m_s : float, optional
-        True airspeed that the operator's items behind them are flown at [m/s]; left out, the waypoints'.
+        True airspeed for the operator's items after them [m/s]; the waypoints' airspeed if omitted.
     """
     return MissionPart(
         path_items(waypoints, frame),
@@ -322,7 +322,7 @@ def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | No
 
 
 def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ...]:
-    """Waypoints, the airspeed behind the first, perhaps once more, and the operator's DO_ items."""
+    """Return the waypoints, the airspeed after the first (or repeated later), and the operator's actions."""
     actions = dict(waypoints.actions)
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
@@ -336,7 +336,7 @@ def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ..
 
 
 def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
-    """The airspeed, throttle unchanged."""
+    """Return the item that commands the airspeed and leaves the throttle unchanged."""
     altitude = frame.altitude_amsl_m + float(waypoints.positions_enu_m[0, 2])
     airspeed = equivalent_airspeed(waypoints.airspeed_m_s, altitude)
     parameters = (0.0, round(airspeed, 1), -1.0, 0.0)
@@ -344,29 +344,29 @@ def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
 
 
 def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
-    """The circle at the end."""
+    """Return the item of the circle at the end."""
     centre = waypoints.loiter_centre_enu_m
     last = _item(Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame)
     return replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
 
 
 def sequence_of_waypoint(mission: Mission, number: int) -> int:
-    """Sequence of the n-th waypoint of the part a mission is entered in; other items are none."""
+    """Return the sequence of the n-th waypoint after a mission's entry; other items do not count."""
     behind = mission.items[mission.entry :]
     found = [item.sequence for item in behind if item.command == Command.NAV_WAYPOINT]
     return found[number]
 
 
 def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:
-    """Equivalent airspeed, which autopilots command, of a true one [m/s].
+    """Return the equivalent airspeed, which autopilots command, of a true airspeed [m/s].
 
-    By the density of the International Standard Atmosphere.
+    The density is that of the International Standard Atmosphere.
     """
     return true_airspeed_m_s * math.sqrt(density_ratio(altitude_amsl_m))
 
 
 def density_ratio(altitude_amsl_m: float) -> float:
-    """Density of the air over that at the sea, by the International Standard Atmosphere.
+    """Return the air density divided by that at sea level, by the International Standard Atmosphere.
 
     ISO 2533, troposphere.
     """
@@ -374,7 +374,7 @@ def density_ratio(altitude_amsl_m: float) -> float:
 
 
 def _item(command: Command, position_enu_m: FloatArray, frame: LocalFrame) -> MissionItem:
-    """A command at ``position_enu_m`` (3,) [m] as a mission item."""
+    """Return a command at ``position_enu_m`` (3,) [m] as a mission item."""
     latitude, longitude, altitude = frame.global_from_local(*(float(value) for value in position_enu_m))
     return MissionItem(
         sequence=0,

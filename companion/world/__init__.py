@@ -1,4 +1,4 @@
-"""Obstacles, static threats, their shadows and the pursuers' trees, in one immutable snapshot.
+"""One immutable snapshot of the world: obstacles, radars with their shadows, and the pursuers' trees.
 
-Turns what is known into the kernels' arrays; touches types and kernels, and asks nobody.
+The modules convert the world into the kernels' arrays. They use types and kernels only.
 """

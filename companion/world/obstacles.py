@@ -11,23 +11,24 @@ from companion.kernels.arrays import Obstacles
 from companion.kernels.geometry.prism_distance import fill_field, no_field
 from companion.types.threat import Obstacle
 
-FIELD_NODES = (161, 161, 13)
-KEPT = 4  # worlds, of three megabytes each
+FIELD_NODES = (161, 161, 13)  # The most nodes of the distance field: east, north, up.
+CACHED_WORLDS_MAX = 4  # This many packed worlds stay in memory, of about three megabytes each.
 
 
 def packed_obstacles(
     obstacles: Sequence[Obstacle], bounds: tuple[float, float, float, float, float, float]
 ) -> Obstacles:
-    """Flat arrays of all prisms, and the distance field over the bounds; nobody may write to them.
+    """Return the flat arrays of all prisms with the distance field over the bounds.
 
-    The last few are kept: a world that takes seconds to pack is packed beside the event loop, and found here.
+    The arrays are shared and read-only: the most recent results are cached. A world that takes seconds to
+    pack is therefore packed in a thread, and found in the cache by the event loop.
 
     Parameters
     ----------
     obstacles : sequence of Obstacle
-        May be empty.
+        The prisms; none is allowed.
     bounds : tuple of float
-        East, north, up of the field, each low and high [m].
+        The field's east, north and up, each low and high [m].
     """
     shapes = tuple(
         (np.asarray(entry.polygon_enu_m, dtype=np.float64).tobytes(), entry.base_m, entry.top_m)
@@ -36,9 +37,9 @@ def packed_obstacles(
     return _packed(shapes, tuple(bounds))
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=CACHED_WORLDS_MAX)
 def _packed(shapes: tuple[tuple[bytes, float, float], ...], bounds: tuple[float, ...]) -> Obstacles:
-    """The same of prisms by what tells them apart: the bytes of their corners, base and top [m]."""
+    """Pack prisms that are given by hashable values: the bytes of their corners, base and top [m]."""
     polygons = [np.frombuffer(corners).reshape(-1, 2) for corners, _, _ in shapes]
     sizes = [len(polygon) for polygon in polygons]
     edges = np.zeros((sum(sizes), 4))

@@ -1,4 +1,4 @@
-"""The RS estimator's trees: one a DT, carried from plan to plan (paper 3.2.2, Fig. 1)."""
+"""Build the trees of the RS estimator: one per DT, kept from plan to plan (paper 3.2.2, Fig. 1)."""
 
 from __future__ import annotations
 
@@ -11,50 +11,53 @@ from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
 from companion.kernels.printed.threat_tree import FLIES_ON, re_root
 from companion.types.threat import ThreatTree, TrackState
 
-STEP_S = 2.0  # driving time of one TTree edge
-CAPACITY = 1500
-CARRIED_MAX = CAPACITY // 2  # so that every plan has room to grow its own
-PATH_CAPACITY = 8192  # of PathTrees whose near nodes are found by cells; of larger ones by looking at all
+STEP_S = 2.0  # One edge of a TTree takes this driving time.
+CAPACITY = 1500  # A TTree has at most this many nodes.
+# A plan starts with at most this many nodes of the last one, so that it can grow its own.
+KEPT_MAX = CAPACITY // 2
+PATH_CAPACITY = 8192  # PathTrees up to this size find near nodes by cells; larger ones search all nodes.
 
 
 def threat_trees(
     tracks: Sequence[TrackState], obstacles: Obstacles, plane_up_m: float | None, bounds: tuple[float, ...],
-    carried: Sequence[ThreatTree] = (), with_corners: bool = True,
+    kept: Sequence[ThreatTree] = (), with_corners: bool = True,
 ) -> Pursuers:  # fmt: skip
-    """TTrees rooted at each DT's estimate, with one child along its predicted motion.
+    """Return TTrees rooted at each DT's estimate, with one child along its predicted motion.
 
-    The estimate's own time is the root's time stamp, not the plan's start: meanwhile the DT may turn
-    off its predicted path.
+    The root's time stamp is the time of the estimate, not the start of the plan: the DT may have turned off
+    its predicted path since.
 
     Parameters
     ----------
     tracks : sequence of TrackState
         Moving threats.
+    obstacles : Obstacles
+        The prisms that the DTs drive round.
     plane_up_m : float or None
-        In the plane: the flight level, at which the DTs are taken to be [m].
+        The flight level, which is also taken as the DTs' height [m]; None in three dimensions.
     bounds : tuple of float
-        East and north, each low and high [m], which DTs do not leave.
-    carried : sequence of ThreatTree
-        Trees of the plan before: updated by the new estimate where they belong to one of the tracks.
+        East and north, each low and high [m]; DTs do not leave them.
+    kept : sequence of ThreatTree
+        Trees of the last plan. Each is updated by the new estimate if it belongs to one of the tracks.
     with_corners : bool
-        Whether the shortest ways round the obstacles' corners are part of the trees from the start.
+        Whether the trees contain the shortest paths round the obstacles' corners from the start.
     """
     models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 5)
     trees = empty_pursuers(CAPACITY, models, np.array(bounds, dtype=np.float64), PATH_CAPACITY)
-    before = {(tree.identity, tree.is_airborne): tree for tree in carried}
+    before = {(tree.identity, tree.is_airborne): tree for tree in kept}
     for d, track in enumerate(tracks):
         if track.flies_on:
-            fly_on(trees, d, track)
+            extend_straight(trees, d, track)
             continue
         tree = before.get((track.identity, track.is_airborne))
         if tree is not None:
-            put_back(trees, d, tree)
+            restore_tree(trees, d, tree)
         observe(trees, d, track, obstacles, plane_up_m, with_corners)
     return trees
 
 
 def _model_of(track: TrackState) -> list[float]:
-    """Row of :class:`~companion.kernels.arrays.Pursuers`' models."""
+    """Return a row of :class:`~companion.kernels.arrays.Pursuers`' models."""
     speed, reach = track.speed_max_m_s, track.max_threat_radius_m
     if track.flies_on:
         place, velocity = deviations(track)
@@ -63,15 +66,15 @@ def _model_of(track: TrackState) -> list[float]:
 
 
 def deviations(track: TrackState) -> tuple[float, float]:
-    """Largest standard deviations of a track's place [m] and of its velocity [m/s], level."""
+    """Return the largest horizontal standard deviations of a track's position [m] and velocity [m/s]."""
     covariance = np.asarray(track.covariance)
     parts = (covariance[np.ix_(rows, rows)] for rows in ((0, 2), (1, 3)))
     place, velocity = (math.sqrt(max(float(np.linalg.eigvalsh(part)[-1]), 0.0)) for part in parts)
     return place, velocity
 
 
-def fly_on(trees: Pursuers, d: int, track: TrackState) -> None:
-    """Tree ``d`` of an aircraft that flies on as it does: where it is, and where in a second, in place."""
+def extend_straight(trees: Pursuers, d: int, track: TrackState) -> None:
+    """Fill tree ``d`` in place for an aircraft that flies straight on: where it is now and in one second."""
     here, moving = np.asarray(track.position_enu_m), np.asarray(track.velocity_enu_m_s)
     trees.position[d, 0], trees.position[d, 1] = here, here + moving
     trees.parent[d, 0], trees.parent[d, 1] = -1, 0
@@ -80,14 +83,14 @@ def fly_on(trees: Pursuers, d: int, track: TrackState) -> None:
     trees.count[d] = 2
 
 
-def put_back(trees: Pursuers, d: int, tree: ThreatTree) -> None:
-    """Fill tree ``d`` with the earliest nodes of a carried one, at most :data:`CARRIED_MAX`.
+def restore_tree(trees: Pursuers, d: int, tree: ThreatTree) -> None:
+    """Fill tree ``d`` with the earliest nodes of a kept tree, at most :data:`KEPT_MAX`.
 
-    Time stamps grow along every branch, so no node comes without its parent.
+    Time stamps grow along every branch, so every node comes with its parent.
     """
-    chosen = np.sort(np.argsort(tree.time_s, kind="stable")[:CARRIED_MAX])
+    chosen = np.sort(np.argsort(tree.time_s, kind="stable")[:KEPT_MAX])
     n = len(chosen)
-    row = np.full(len(tree.time_s) + 1, -1, dtype=np.int64)  # the last entry stands for the root's parent
+    row = np.full(len(tree.time_s) + 1, -1, dtype=np.int64)  # The last entry is the parent of the root.
     row[chosen] = np.arange(n)
     trees.position[d, :n], trees.heading[d, :n] = tree.position_enu_m[chosen], tree.heading_rad[chosen]
     trees.time[d, :n], trees.parent[d, :n] = tree.time_s[chosen], row[tree.parent[chosen]]
@@ -98,7 +101,7 @@ def observe(
     trees: Pursuers, d: int, track: TrackState, obstacles: Obstacles, plane_up_m: float | None,
     with_corners: bool = True,
 ) -> None:  # fmt: skip
-    """Re-root tree ``d`` at a new estimate (paper Fig. 1), in place."""
+    """Re-root tree ``d`` in place at a new estimate (paper Fig. 1)."""
     east, north, up = track.position_enu_m
     east_m_s, north_m_s, _ = track.velocity_enu_m_s
     ahead = min(math.hypot(east_m_s, north_m_s), track.speed_max_m_s) * STEP_S
@@ -108,7 +111,15 @@ def observe(
 
 
 def grown_trees(trees: Pursuers, tracks: Sequence[TrackState]) -> tuple[ThreatTree, ...]:
-    """Copies of what a plan has grown, for the next one; ``tracks`` are those the trees were made for."""
+    """Return copies of the trees that a plan has grown, for the next plan.
+
+    Parameters
+    ----------
+    trees : Pursuers
+        The trees after the plan.
+    tracks : sequence of TrackState
+        The tracks that the trees were made for, in the same order.
+    """
     return tuple(_grown_tree(trees, d, track) for d, track in enumerate(tracks))
 
 

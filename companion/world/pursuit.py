@@ -1,4 +1,4 @@
-"""What moving threats could do if they knew the path, in kernel form (paper 2.3)."""
+"""Convert moving threats that may know the path to the kernels' form (paper 2.3)."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from companion.kernels.threat.pursuit_game import (
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import deviations
 
-CELLS = 256  # along the longer side of the bounds
-CELL_MIN_M = 5.0
-DEVIATIONS = 2.0  # of a track's place, by which it is taken to be nearer
+CELLS = 256  # The grid has this many cells along the longer side of the bounds.
+CELL_MIN_M = 5.0  # Cells are not smaller than this.
+DEVIATIONS = 2.0  # A vehicle is assumed nearer by this many standard deviations of its position.
 
 
 def pursuit_game(
     tracks: Sequence[TrackState], walls: Obstacles, plane_up_m: float | None, bounds: Sequence[float],
     slack_s: float,
 ) -> Game:  # fmt: skip
-    """Earliest arrivals of all moving threats, and the walls that hide from them.
+    """Return the earliest arrivals of all moving threats, and the walls that block their sight.
 
     Parameters
     ----------
     tracks : sequence of TrackState
         Moving threats.
     walls : Obstacles
-        What hides, and what they drive round.
+        Obstacles that block sight and that ground vehicles drive round.
     plane_up_m : float or None
-        In the plane: the flight level [m].
+        The flight level [m]; None in three dimensions.
     bounds : sequence of float
-        East and north, each low and high [m], which DTs do not leave.
+        East and north, each low and high [m]; DTs do not leave them.
     slack_s : float
-        By which a place has to be passed before it is under threat [s].
+        A place counts as safe if the aircraft passes it this long before a DT could threaten it [s].
     """
     west, east, south, north = bounds[:4]
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
@@ -67,17 +67,17 @@ def pursuit_game(
 
 
 def _least_of_blocks(arrival: FloatArray) -> FloatArray:
-    """The earliest in each block of cells.
+    """Return the earliest arrival in each block of cells.
 
     Parameters
     ----------
     arrival : ndarray, shape (D, NX, NY)
-        When a threat can be at each cell of the grid [s].
+        The earliest time at which each threat can be at each cell of the grid [s].
 
     Returns
     -------
     ndarray, shape (D, BX, BY)
-        When it can be in any of the block's [s].
+        The earliest time at which it can be anywhere in each block [s].
     """
     across = [-(-n // BLOCK) for n in arrival.shape[1:]]
     cells = np.full((len(arrival), *(BLOCK * n for n in across)), math.inf)
@@ -87,7 +87,7 @@ def _least_of_blocks(arrival: FloatArray) -> FloatArray:
 
 
 def _vehicle_row(track: TrackState) -> list[float]:
-    """Row of :class:`~companion.kernels.arrays.Game`'s vehicles."""
+    """Return a row of :class:`~companion.kernels.arrays.Game`'s vehicles."""
     kind = PASSES_BY if track.flies_on else FLIES if track.is_airborne else DRIVES
     nearer = DEVIATIONS * deviations(track)[0]
     reach = track.max_threat_radius_m

@@ -1,4 +1,4 @@
-"""The world at one instant: immutable and numbered, all that a plan depends on."""
+"""The world at one instant: an immutable, numbered snapshot of everything that a plan depends on."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ from companion.world.threats import known_within, packed_threats
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What is known of the world.
+    """The known world at one instant.
 
     Parameters
     ----------
     number : int
-        Counts up; plans name the snapshot they were made from.
+        A serial number; a plan names the snapshot that it was made from.
     stamp_s : float
-        Clock reading at which it is true.
+        The clock reading for which the snapshot holds [s].
     dimension : int
-        2 or 3. In the plane, threats and DTs are taken to stand at the flight level.
+        2 or 3. In two dimensions threats and DTs are assumed to be at the flight level.
+    unit_m : float
+        The length of a planning unit [m].
     bounds : tuple of float
         East, north, up, each low and high [m].
-    unit_m : float
-        Metres in a planning unit.
-    obstacles, walls : Obstacles
-        What the aircraft keeps clear of, and what of that hides and stops moving threats: a fence does
-        not.
+    obstacles : Obstacles
+        What the aircraft keeps clear of.
+    walls : Obstacles
+        The obstacles that block sight and moving threats. Fences are not among them.
     tracks : tuple of TrackState
         Moving threats as tracked.
     threat_trees : tuple of ThreatTree
-        Their trees as the plan before left them.
+        The threats' trees as the last plan left them.
     wind_enu_m_s : tuple of float
         Velocity of the air over the ground, east and north [m/s].
     """
@@ -56,40 +57,47 @@ class Snapshot:
 
     @property
     def picture(self) -> ThreatPicture:
-        """What of it was sighted."""
+        """The sighted threats: radars that are known, and all tracks."""
         sensed = zip(self.radar_list, self.threats.known, strict=True)
         return ThreatPicture(tuple(radar for radar, is_known in sensed if is_known), self.tracks)
 
     @property
     def is_pursued(self) -> bool:
-        """Whether anything is known that hunts."""
+        """Return whether any tracked vehicle is a pursuer."""
         return any(not track.flies_on for track in self.tracks)
 
     def with_tracks(self, stamp_s: float, tracks: Sequence[TrackState]) -> Snapshot:
-        """The next snapshot, with new tracks."""
+        """Return the next snapshot, with new tracks."""
         return replace(self, number=self.number + 1, stamp_s=stamp_s, tracks=tuple(tracks))
 
     def with_threat_trees(self, trees: Sequence[ThreatTree]) -> Snapshot:
-        """The same snapshot, with the trees a plan has grown."""
+        """Return the same snapshot with the trees that a plan has grown."""
         return replace(self, threat_trees=tuple(trees))
 
     def with_known(self, known: IntArray) -> Snapshot:
-        """The same snapshot, with the static threats known by now.
+        """Return the same snapshot with another set of known static threats.
 
         Parameters
         ----------
         known : ndarray, shape (R,)
-            1 for each radar that is known, else 0.
+            1 for each radar that is known, 0 for the others.
         """
         return replace(self, threats=self.threats._replace(known=np.ascontiguousarray(known)))
 
     def sensed(self, east_m: float, north_m: float, sensing_horizon_m: float) -> IntArray:
-        """Which static threats are known from a position: those already known, and those in reach.
+        """Return which static threats are known at a position: those already known, and those within range.
+
+        Parameters
+        ----------
+        east_m, north_m : float
+            The aircraft's position [m].
+        sensing_horizon_m : float
+            The range of the sensors [m].
 
         Returns
         -------
         ndarray, shape (R,)
-            1 for each radar that is known, else 0.
+            1 for each radar that is known, 0 for the others.
         """
         near: IntArray = known_within(self.threats, east_m, north_m, sensing_horizon_m)
         return np.maximum(self.threats.known, near)
@@ -104,7 +112,7 @@ def first_snapshot(
     radars: Sequence[Radar],
     none_known: bool = True,
 ) -> Snapshot:
-    """Build the fields once; by ``none_known`` static threats that are not listed are yet to be sensed."""
+    """Build the obstacles and threats once; with ``none_known`` only listed radars are known at first."""
     packed = packed_obstacles(obstacles, bounds)
     threats = packed_threats(radars, packed, bounds)
     if none_known:

@@ -1,4 +1,4 @@
-"""The static threats' field over the map, as the planner's kernels see it."""
+"""The static threats' membership over the map, as the planner's kernels compute it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.world.snapshot import Snapshot
 
-NODES_LONG_SIDE = 180
+NODES_LONG_SIDE = 180  # A picture has this many cells along the longer side of the bounds.
 
 
 def threat_field(
@@ -15,8 +15,8 @@ def threat_field(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the radars' joint membership over the bounds at one height.
 
-    Every radar counts, sensed or not: the picture shows what is there. Membership is (1) of the
-    paper, 0 where an obstacle masks the radar; several radars join as ``1 - Π(1 - μ)``.
+    Every radar counts, sensed or not, because the picture shows what is there. Membership is (1) of the
+    paper, and 0 where an obstacle masks the radar. Several radars combine as ``1 - Π(1 - μ)``.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def threat_field(
     height_m : float
         Up coordinate of the section [m].
     num_nodes : int
-        Cells along the longer side.
+        Number of cells along the longer side of the bounds.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def threat_field(
 def _hidden(
     east_m: FloatArray, north_m: FloatArray, height_m: float, shadow: FloatArray, grid: FloatArray
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Which cells of a section lie in a radar's shadow, as the planner's kernel takes it.
+    """Return which cells of a section lie in a radar's shadow, by the planner's own rule.
 
     Parameters
     ----------
@@ -61,14 +61,14 @@ def _hidden(
     height_m : float
         Up coordinate of the section [m].
     shadow : ndarray, shape (SX, SY)
-        Heights at the grid's nodes, below all four of which a point is hidden [m].
+        Heights at the grid's nodes; a point below all four nodes around it is hidden [m].
     grid : ndarray, shape (3,)
         East and north of the first node, and the spacing [m].
 
     Returns
     -------
     ndarray, shape (NY, NX)
-        True where it is hidden.
+        True for a hidden cell.
     """
     below = height_m < shadow
     cells = below[:-1, :-1] & below[1:, :-1] & below[:-1, 1:] & below[1:, 1:]
@@ -82,16 +82,16 @@ def _hidden(
 
 
 def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:
-    """Return the height to section the world at, inside the bounds [m].
+    """Return the height of the section through the world, inside the bounds [m].
 
     Parameters
     ----------
     snapshot : Snapshot
         The world, with its bounds.
     ups_m : ndarray, shape (N,)
-        Up coordinates of a path, whose median is taken; what is not finite is left out [m].
+        Up coordinates of a path [m]. Their median is the height; values that are not finite are ignored.
     fallback_m : float
-        Height taken where none is finite [m].
+        The height if no coordinate is finite [m].
     """
     finite = ups_m[np.isfinite(ups_m)]
     height = float(np.median(finite)) if finite.size else fallback_m

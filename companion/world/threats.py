@@ -1,4 +1,4 @@
-"""Static threats in kernel form, with their shadow fields (paper 3.1)."""
+"""Convert static threats to the kernels' form, with their shadow fields (paper 3.1)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from companion.kernels.arrays import IntArray, Obstacles, Threats
 from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
 
-SHADOW_NODES = 321
+SHADOW_NODES = 321  # A shadow field has this many nodes along the longer side of the bounds.
 
 
 def packed_threats(
     radars: Sequence[Radar], obstacles: Obstacles, bounds: tuple[float, float, float, float, float, float]
 ) -> Threats:
-    """Flat arrays of all radars, all known, and the shadow field of each, built once."""
+    """Return the flat arrays of all radars, marked as known, with the shadow field of each."""
     rows = np.array(
         [[*r.position_enu_m, r.max_threat_radius_m, r.boundary_coefficient_per_m] for r in radars],
         dtype=np.float64,
@@ -33,12 +33,21 @@ def packed_threats(
 
 
 def known_within(threats: Threats, east_m: float, north_m: float, sensing_horizon_m: float) -> IntArray:
-    """Which radars' areas reach into the sensing horizon about a point (paper 4.2).
+    """Return which radars' areas reach into the sensing horizon about a point (paper 4.2).
+
+    Parameters
+    ----------
+    threats : Threats
+        R radars.
+    east_m, north_m : float
+        The point [m].
+    sensing_horizon_m : float
+        The range of the sensors [m].
 
     Returns
     -------
     ndarray, shape (R,)
-        1 for each whose area does, else 0.
+        1 for each radar whose area does, 0 for the others.
     """
     away = np.hypot(threats.radars[:, 0] - east_m, threats.radars[:, 1] - north_m)
     return (away <= sensing_horizon_m + threats.radars[:, 3]).astype(np.int64)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.flight.state.flight_state import WINDOW_ROWS
+from companion.flight.state.flight_state import SEARCH_ROWS
 from companion.flight.state.modes import Mode
 from companion.frames import FloatArray
 from companion.mission.path_progress import progress_on, time_at
@@ -72,7 +72,7 @@ class _StartPrediction:
         self._next_s = flight.now_s + EVERY_S
         path, row = state.flown.path, state.flown.row
         east, north, up = flight.simulator.truth.path[-1][1:4]
-        due_s = time_at(path, progress_on(path, (east, north, up), row, WINDOW_ROWS)) + AHEAD_S
+        due_s = time_at(path, progress_on(path, (east, north, up), row, SEARCH_ROWS)) + AHEAD_S
         if due_s < path.times_s[-1]:
             place = [np.interp(due_s, path.times_s, column) for column in path.positions_enu_m.T]
             self._expected.append((flight.now_s + AHEAD_S, np.array(place)))

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from companion.assurance.checker import Checker, Violation
+from companion.assurance.checker import Checker
+from companion.assurance.violation import Violation
 from tests.support.paths import box, check_limits, flown, path_of, prism_distance, straight_path
 
 

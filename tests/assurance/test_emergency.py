@@ -4,9 +4,8 @@ import itertools
 
 import pytest
 
-from companion.assurance.checker import Violation
 from companion.assurance.emergency import EmergencyOptions, EmergencyStep, emergency_decision
-from companion.assurance.violation import keeps_hard_constraints
+from companion.assurance.violation import Violation, keeps_hard_constraints
 
 HARD = Violation("clearance", 4, 3.0, 15.0, "distance to barn [m]")
 SOFT = Violation("threat", 7, 0.9, 0.5, "threat level")

@@ -11,13 +11,13 @@ from companion.assurance.encounters import (
     GAP_S,
     THREATS_MAX,
     Masks,
-    Threatening,
+    ThreatHistory,
     aggregated_threat,
     encounter_with,
-    joined,
     known_encounters,
-    seconds_of,
-    standing,
+    merged_intervals,
+    radar_threats,
+    total_duration_s,
     total_threat,
 )
 from companion.types.encounter import Encounter
@@ -35,7 +35,7 @@ def rows_of(times, east, north, up):
 
 
 def stands(place, times, reach_m=50.0):
-    return Threatening("dt", reach_m, rows_of(times, *place))
+    return ThreatHistory("dt", reach_m, rows_of(times, *place))
 
 
 def with_levels(name, levels):
@@ -51,7 +51,7 @@ def test_a_straight_flight_past_a_standing_threat_by_hand(place, step_s):
     found = encounter_with(stands(place, [0.0, 5.0, 10.0]), rows_of(times, 10.0 * times, 0.0, 0.0), OPEN)
     np.testing.assert_allclose(found.in_reach_s, [[1.0, 9.0]])
     np.testing.assert_allclose(found.in_sight_s, [[1.0, 9.0]])
-    assert seconds_of(found.in_reach_s) == pytest.approx(8.0)
+    assert total_duration_s(found.in_reach_s) == pytest.approx(8.0)
     assert found.closest.stamp_s == pytest.approx(5.0)
     assert found.closest.distance_m == pytest.approx(30.0)
     assert found.closest.own_enu_m == pytest.approx((50.0, 0.0, 0.0))
@@ -61,7 +61,7 @@ def test_a_straight_flight_past_a_standing_threat_by_hand(place, step_s):
 def test_both_move_and_are_told_of_at_different_times():
     """Head-on at 30 m/s together, 40 m beside each other: 60 m of way within 50 m, met at 5 s."""
     own, other = np.array([0.0, 3.3, 6.6, 10.0]), np.array([0.0, 4.1, 8.2, 10.0])
-    threat = Threatening("dt", 50.0, rows_of(other, 300.0 - 20.0 * other, 40.0, 0.0))
+    threat = ThreatHistory("dt", 50.0, rows_of(other, 300.0 - 20.0 * other, 40.0, 0.0))
     found = encounter_with(threat, rows_of(own, 10.0 * own + 150.0, 0.0, 0.0), OPEN)
     np.testing.assert_allclose(found.in_reach_s, [[4.0, 6.0]])
     assert (found.closest.stamp_s, found.closest.distance_m) == pytest.approx((5.0, 40.0))
@@ -70,8 +70,8 @@ def test_both_move_and_are_told_of_at_different_times():
 def test_the_same_way_and_speed_is_in_reach_all_the_time_or_never():
     times = np.arange(4.0)
     own = rows_of(times, 10.0 * times, 0.0, 0.0)
-    beside = [Threatening("dt", 50.0, rows_of(times, 10.0 * times, north, 0.0)) for north in (50.0, 51.0)]
-    assert [seconds_of(encounter_with(dt, own, OPEN).in_reach_s) for dt in beside] == [3.0, 0.0]
+    beside = [ThreatHistory("dt", 50.0, rows_of(times, 10.0 * times, north, 0.0)) for north in (50.0, 51.0)]
+    assert [total_duration_s(encounter_with(dt, own, OPEN).in_reach_s) for dt in beside] == [3.0, 0.0]
 
 
 # The threat stands at the origin, the aircraft passes 100 m to the east at 50 m up, from 50 m south to 50 m
@@ -89,8 +89,8 @@ def test_a_wall_masks_where_the_line_is_between_base_and_top(base_m, top_m, is_m
     wall = prism([(40, 0), (60, 0), (60, 200), (40, 200)], base_m, top_m)
     flown = rows_of(times, 100.0, 10.0 * times - 50.0, 50.0)
     found = encounter_with(stands((0.0, 0.0, 0.0), times, 500.0), flown, Masks([wall]))
-    assert seconds_of(found.in_reach_s) == pytest.approx(10.0)
-    assert seconds_of(found.in_sight_s) == pytest.approx(5.0 if is_masked else 10.0)
+    assert total_duration_s(found.in_reach_s) == pytest.approx(10.0)
+    assert total_duration_s(found.in_sight_s) == pytest.approx(5.0 if is_masked else 10.0)
     assert found.in_sight_s[0, 0] == 0.0
 
 
@@ -160,7 +160,7 @@ def test_time_in_reach_and_in_sight_agrees_with_fine_sampling(seed):
     own = rows_of(times, 8.0 * times - 240.0 + 60.0 * np.sin(times / 5.0), 90.0 * np.sin(times / 9.0), 60.0)
     other = rows_of(times, 40.0 * np.cos(times / 7.0), 60.0 - 3.0 * times, 0.0)
     masks = Masks([prism(shapely.get_coordinates(shape)[:-1], base, top) for shape, base, top in world])
-    found = encounter_with(Threatening("dt", 160.0, other), own, masks)
+    found = encounter_with(ThreatHistory("dt", 160.0, other), own, masks)
     fine = np.arange(0.0, 60.0, 0.05) + 0.025
     here, there = (
         np.column_stack([np.interp(fine, times, column) for column in rows.T[1:]]) for rows in (own, other)
@@ -169,9 +169,9 @@ def test_time_in_reach_and_in_sight_agrees_with_fine_sampling(seed):
     is_near = away <= 160.0
     ends = zip(is_near, there, here, strict=True)
     is_seen = np.array([near and not is_met(world, eye, place) for near, eye, place in ends])
-    assert seconds_of(found.in_reach_s) == pytest.approx(0.05 * is_near.sum(), abs=0.05 * 2)
+    assert total_duration_s(found.in_reach_s) == pytest.approx(0.05 * is_near.sum(), abs=0.05 * 2)
     edges = np.count_nonzero(np.diff(is_seen)) + 2
-    assert seconds_of(found.in_sight_s) == pytest.approx(0.05 * is_seen.sum(), abs=0.08 * edges)
+    assert total_duration_s(found.in_sight_s) == pytest.approx(0.05 * is_seen.sum(), abs=0.08 * edges)
     assert found.in_sight_s[0, 0] == pytest.approx(fine[np.argmax(is_seen)], abs=0.12)
     assert found.closest.distance_m == pytest.approx(away.min(), abs=0.3)
     assert found.closest.distance_m <= away.min() + 1e-9
@@ -200,7 +200,7 @@ def test_what_is_hidden_is_no_threat():
     wall = Masks([prism([(10, -50), (20, -50), (20, 50), (10, 50)])])
     found = encounter_with(stands((0.0, 0.0, 0.0), times), rows_of(times, 30.0, 0.0, 10.0), wall)
     assert (found.levels == 0.0).all()
-    assert seconds_of(found.in_reach_s) == 1.0
+    assert total_duration_s(found.in_reach_s) == 1.0
     assert len(found.in_sight_s) == 0
 
 
@@ -217,13 +217,13 @@ def test_a_radar_sees_above_its_boundary_only():
     """K_R = 0.01/m: 100 m away the boundary is 100 m up, reached after 5 s of climb at 20 m/s."""
     times = np.arange(0.0, 10.05, 0.1)
     flown = rows_of(times, 100.0, 0.0, 20.0 * times)
-    (radar,) = standing([Radar("radar", (0.0, 0.0, 0.0), 500.0, 0.01)], flown)
+    (radar,) = radar_threats([Radar("radar", (0.0, 0.0, 0.0), 500.0, 0.01)], flown)
     found = encounter_with(radar, flown, OPEN)
     np.testing.assert_allclose(found.in_sight_s, [[5.0, 10.0]])
-    assert seconds_of(found.in_reach_s) == pytest.approx(10.0)
+    assert total_duration_s(found.in_reach_s) == pytest.approx(10.0)
     assert not found.is_moving
-    (radar,) = standing([Radar("in the plane", (0.0, 0.0, 150.0), 500.0)], flown)
-    assert seconds_of(encounter_with(radar, flown, OPEN).in_sight_s) == pytest.approx(10.0)
+    (radar,) = radar_threats([Radar("in the plane", (0.0, 0.0, 150.0), 500.0)], flown)
+    assert total_duration_s(encounter_with(radar, flown, OPEN).in_sight_s) == pytest.approx(10.0)
 
 
 def test_a_gap_in_a_track_counts_as_nothing():
@@ -257,10 +257,10 @@ def test_rows_that_are_not_whole_or_not_in_order_do_no_harm():
 
 def test_stretches_of_several_are_joined_by_hand():
     one, other = np.array([[0.0, 2.0], [5.0, 6.0]]), np.array([[1.0, 3.0], [6.0, 7.0], [9.0, 9.5]])
-    assert joined(one, other).tolist() == [[0.0, 3.0], [5.0, 7.0], [9.0, 9.5]]
-    assert joined(np.array([[0.0, 9.0], [1.0, 2.0], [8.0, 10.0]])).tolist() == [[0.0, 10.0]]
-    assert joined().shape == joined(np.empty((0, 2))).shape == (0, 2)
-    assert seconds_of(joined(one, other)) == 5.5
+    assert merged_intervals(one, other).tolist() == [[0.0, 3.0], [5.0, 7.0], [9.0, 9.5]]
+    assert merged_intervals(np.array([[0.0, 9.0], [1.0, 2.0], [8.0, 10.0]])).tolist() == [[0.0, 10.0]]
+    assert merged_intervals().shape == merged_intervals(np.empty((0, 2))).shape == (0, 2)
+    assert total_duration_s(merged_intervals(one, other)) == 5.5
 
 
 def test_of_a_recording_those_tracked_longest_that_hunt():
@@ -290,7 +290,7 @@ def test_however_long_it_claims_to_be_it_is_read_in_bounds(monkeypatch):
     found = known_encounters(rows_of(times, 100.0, 0.0, 0.0), tracks.items(), (), [wall])
     assert max(asked) <= 151
     assert [len(entry.levels) for entry in found] == [0, 0]
-    assert seconds_of(found[0].in_reach_s) == pytest.approx(99.6, abs=1.0)
+    assert total_duration_s(found[0].in_reach_s) == pytest.approx(99.6, abs=1.0)
     claimed = rows_of(np.array([0.0, 1e12]), 0.0, 0.0, 0.0)
     assert len(known_encounters(claimed, tracks.items(), (), [])) == 0
 

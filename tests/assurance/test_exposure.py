@@ -9,7 +9,7 @@ from scipy.sparse import csgraph
 from shapely.geometry import LineString
 
 from companion.assurance.checker import Checker
-from companion.assurance.exposure import Exposure, ExposureModel, shortest_ways
+from companion.assurance.exposure import Exposure, ExposureModel, shortest_lengths
 from companion.assurance.sight_lines import SightLines
 from companion.config.compose import exposure_of, vehicle_of, world_of
 from companion.config.rules import rules_of
@@ -105,13 +105,13 @@ def test_sight_lines_agree_with_shapely_in_the_plane():
     eyes, places = random.uniform(-600.0, 600.0, (2, 400, 3))
     eyes[:, 2] = places[:, 2] = 100.0
     free = SightLines(walls).is_free(eyes, places)
-    polygons = SightLines(walls).standing
+    polygons = SightLines(walls).grounded
     expected = [
         not any(LineString([a[:2], b[:2]]).intersection(p).length > 1e-5 for p in polygons)
         for a, b in zip(eyes, places, strict=True)
     ]
     assert free.tolist() == expected
-    assert SightLines(walls).is_way_free(eyes, places).tolist() == expected
+    assert SightLines(walls).is_drivable(eyes, places).tolist() == expected
 
 
 def planned(world, seed, **changes):
@@ -213,11 +213,11 @@ def test_the_planner_foresees_what_flies_on_as_the_check_does(seed):
             assert found == pytest.approx(expected, abs=2e-3)
 
 
-def test_shortest_ways_agree_with_scipy():
+def test_shortest_lengths_agree_with_scipy():
     random = np.random.default_rng(4)
     lengths = np.triu(random.uniform(1.0, 100.0, (40, 40)), 1)
     lengths[random.random((40, 40)) < 0.9] = 0.0
     lengths += lengths.T
     expected = csgraph.dijkstra(lengths, directed=False)
     assert np.isinf(expected).any()
-    assert shortest_ways(np.where(lengths > 0.0, lengths, np.inf)) == pytest.approx(expected)
+    assert shortest_lengths(np.where(lengths > 0.0, lengths, np.inf)) == pytest.approx(expected)

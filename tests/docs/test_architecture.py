@@ -34,8 +34,8 @@ def test_the_way_has_sixteen_stays_at_most_and_every_one_exists():
 
 # Whom each stay hands the track on to, in its own words: by call, or by what it takes in or puts out.
 HANDED_ON = {
-    1: "_receiver", 2: "codec.feed", 3: "_decoded", 5: "situation.observe", 6: "tracker.observe",
-    7: ".observe(", 8: "_filter.observe", 10: "with_tracks", 12: "situation.snapshot", 13: "_planner.run",
+    1: "_receiver", 2: "codec.feed", 3: "_decoded", 5: "world_model.observe", 6: "tracker.observe",
+    7: ".observe(", 8: "_filter.observe", 10: "with_tracks", 12: "world_model.snapshot", 13: "_planner.run",
     15: "mission_part",
 }  # fmt: skip
 

@@ -231,13 +231,13 @@ def test_an_entry_whose_answer_is_lost_is_not_overwritten():
 
     def lose_answers(harness):
         link = harness.app.link.autopilot
-        tell = type(link)._tell
+        notify = type(link)._notify
 
-        def told(what):
+        def notify_some(what):
             if getattr(what, "command", 0) != 224 and not isinstance(what, MissionCurrent):
-                tell(link, what)
+                notify(link, what)
 
-        link._tell = told
+        link._notify = notify_some
 
     def watch(harness):
         autopilot = harness.simulator.autopilot

@@ -36,7 +36,7 @@ def test_missions_are_swapped_over_a_signed_link(dialect, tmp_path):
     assert harness.simulator._channel.num_dropped == 0
     assert harness.app.link.codec.counters["bad_signature"] == 0
     assert harness.app.link.codec.counters["allowed_unsigned"] > 10  # the source of tracks
-    assert len(harness.app.situation.tracker.tracks(12.0)) == 1
+    assert len(harness.app.world_model.tracker.tracks(12.0)) == 1
     entries = [entry.raw for entry in read_tlog(tmp_path / "flight.tlog")]
     ours = [raw for raw in entries if (raw[5], raw[6]) == (1, 195)]
     assert ours

@@ -173,8 +173,8 @@ class HostileSession:
             "heartbeats_missed": self.heartbeats_missed,
             "memory_grown_mebibytes": round(self.grown_mebibytes, 2),
             "link": dict(self.app.link.codec.counters),
-            "tracker": dict(self.app.situation.tracker.counters),
-            "ownship": dict(self.app.situation.ownship.counters),
+            "tracker": dict(self.app.world_model.tracker.counters),
+            "ownship": dict(self.app.world_model.ownship.counters),
             "sent": dict(self.sent),
         }
 

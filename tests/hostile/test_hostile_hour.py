@@ -29,7 +29,7 @@ def test_missed_heartbeats_are_counted():
 
 
 def test_what_is_hostile_is_dropped_under_its_reason(session):
-    link, tracker = session.app.link.codec.counters, session.app.situation.tracker.counters
+    link, tracker = session.app.link.codec.counters, session.app.world_model.tracker.counters
     for reason in ("bad_checksum", "setup_signing", "refused_track_position", "unknown_message"):
         assert link[reason] > 100, reason
     assert link["accepted"] > 10_000
@@ -39,11 +39,11 @@ def test_what_is_hostile_is_dropped_under_its_reason(session):
 
 def test_no_more_vehicles_are_followed_than_can_be(session):
     assert len(session.hostile.identities) > 5_000
-    assert len(session.app.situation.tracker) == 64
+    assert len(session.app.world_model.tracker) == 64
 
 
 def test_the_aircraft_is_still_followed(session):
-    assert session.app.hears_autopilot
+    assert session.app.receives_autopilot
     assert session.app.link.codec.vehicle_system_id == 1
 
 

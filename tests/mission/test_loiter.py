@@ -7,7 +7,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.loiter import FITS_M, circles_along
+from companion.mission.loiter import FIT_TOLERANCE_M, circles_along
 from tests.support.paths import box
 
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 50.0, 300.0)
@@ -68,7 +68,7 @@ def test_every_circle_keeps_clear_and_lies_in_the_bounds(course, east, north, wa
         centre = circle.centre_enu_m
         assert all(RADIUS <= centre[axis] <= 1000.0 - RADIUS for axis in (0, 1))
         away = shapely.Polygon(wall.polygon_enu_m).distance(shapely.Point(centre[:2]))
-        assert away >= RADIUS + MARGIN - FITS_M
+        assert away >= RADIUS + MARGIN - FIT_TOLERANCE_M
         if tuple(centre) not in seen:
             assert circle.direction * float((centre - place) @ right) >= -1e-6
         seen.add(tuple(centre))

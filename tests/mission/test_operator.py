@@ -11,11 +11,11 @@ from companion.mission.list_layout import (
     SingleListLayout,
     TwoBankLayout,
     bank_items,
-    held_height,
     marked,
     new_banks,
     single_list_layout_of,
     two_bank_layout_of,
+    with_stable_height,
 )
 from companion.mission.operator import (
     banks_in,
@@ -160,7 +160,7 @@ def test_sending_a_list_again_and_again_does_not_let_it_sink():
 
     first = read = sent(items)
     for _ in range(50):
-        read = sent(held_height(read))
+        read = sent(with_stable_height(read))
     assert [entry.altitude_m for entry in read] == [entry.altitude_m for entry in first]
 
 

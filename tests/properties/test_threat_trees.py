@@ -14,7 +14,7 @@ from companion.kernels.workspace import reach_scratch
 from companion.planning.comparators import Estimator, Strategies
 from companion.planning.explore import Exploration
 from companion.planning.solver import solve
-from companion.world.pursuer_trees import CAPACITY, CARRIED_MAX, grown_trees, threat_trees
+from companion.world.pursuer_trees import CAPACITY, KEPT_MAX, grown_trees, threat_trees
 from tests.support.paths import box
 from tests.support.worlds import is_blocked, packed, problem, track
 
@@ -129,10 +129,10 @@ def test_carried_trees_leave_room_and_keep_the_earliest_with_their_parents():
     )
     n = int(again.count[0])
     base = int(again.corners[0].sum())
-    assert 0.5 * CARRIED_MAX < n <= CARRIED_MAX + base
+    assert 0.5 * KEPT_MAX < n <= KEPT_MAX + base
     assert_sound(again, 0)
     # None of those kept was later than one left out.
-    latest = np.sort(carried[0].time_s)[CARRIED_MAX]
+    latest = np.sort(carried[0].time_s)[KEPT_MAX]
     stamps = {
         tuple(place): time for place, time in zip(carried[0].position_enu_m, carried[0].time_s, strict=True)
     }

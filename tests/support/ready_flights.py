@@ -32,10 +32,10 @@ def pop_up(harness):
 def emergency(harness):
     """A plan for an emergency, from where the flight began."""
     flight, place = harness.flight, harness.flight.mission.start
-    own = flight.app.situation.ownship.state(flight.now_s)
+    own = flight.app.world_model.ownship.state(flight.now_s)
     own = replace(own, position_enu_m=(float(place.east_m), float(place.north_m), float(place.up_m)))
     start = start_by_motion(flight.app.state.rules, own, 2.0)
-    request = least_threat_request(flight.app.state, start, flight.app.situation.snapshot(flight.now_s))
+    request = least_threat_request(flight.app.state, start, flight.app.world_model.snapshot(flight.now_s))
     Planner(1).plan(replace(request, goals=flight.app.state.goals), lambda: False)
 
 

@@ -51,7 +51,7 @@ def test_nobody_but_the_announcer_sends_a_text():
         for name, node in nodes
         if isinstance(node, ast.Attribute) and node.attr == "status_text" and isinstance(node.ctx, ast.Load)
     }
-    assert calls == {"companion/flight/messages/speech.py", "companion/link/messages/component.py"}
+    assert calls == {"companion/flight/messages/send_budgets.py", "companion/link/messages/component.py"}
     tells = {
         name
         for name, node in nodes

@@ -1,4 +1,4 @@
-"""How a mission gets into the autopilot and is flown: reading its list, storing, verifying and entering.
+"""How a mission gets into the autopilot: reading its list, storing, verifying and entering a mission.
 
-Speaks to the autopilot by the link's calls, and applies what it finds out to the flight's state.
+The modules talk to the autopilot through the link, and apply what they learn to the flight's state.
 """

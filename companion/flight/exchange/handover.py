@@ -1,7 +1,7 @@
-"""Missions on their way to the autopilot: handed over at their instant, recorded, and told.
+"""Hand missions over to the autopilot at the right time, record the exchange and inform the pilot.
 
-What is known of the list is part of the flight's state; how an autopilot stores and enters a mission is its
-protocol's business.
+Knowledge of the list is part of the flight's state. Storing and entering a mission is the autopilot's
+`SwapProtocol`.
 """
 
 from __future__ import annotations
@@ -32,35 +32,33 @@ from companion.recording.recorder import Recorder
 from companion.types.mission import Mission
 from companion.types.record import SwapRecord
 
-GIVEN_UP_S = 0.8  # A plan and an exchange take about as long.
-ENTER_EARLY_S = 1.0  # before the plan's start: later the entry would lie behind
+GIVE_UP_WAIT_MIN_S = 0.8  # A new plan and its exchange take about this long: a shorter wait is not given up.
+ENTER_EARLY_S = 1.0  # A mission is entered this long before its plan's start; later the entry is passed.
 WITHDRAWN = SwapOutcome.WITHDRAWN, "the mode was changed"
-
-__all__ = ["Handover", "SwapOutcome"]
 
 
 class Handover:
-    """Swaps of what is flown.
+    """Swaps of the flown mission.
 
     Parameters
     ----------
     protocols : SwapProtocols
-        How missions are stored and entered, and what is worked with: flight state, link, aircraft, clock.
+        The autopilots' protocols, with flight state, link, aircraft and clock.
     announcer : Announcer
-        Told what came of each.
+        Announces the results to the pilot.
     checkpoint : Checkpoint
-        Keeps the path that is flown, for a restart.
+        Stores the flown path for a restart.
     recorder : Recorder
-        Keeps what was sent.
+        Records the missions that are sent.
     observer : Observer
-        Told how each ended.
+        Counts the results.
 
     Attributes
     ----------
     protocols : SwapProtocols
-        How missions are stored and entered.
+        The autopilots' protocols.
     reader : ListReader
-        Knows the autopilot's list.
+        Reads the autopilot's list.
     """
 
     def __init__(
@@ -83,9 +81,9 @@ class Handover:
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
 
     def is_settled(self) -> bool:
-        """Whether it is known what is flown; takes it from the autopilot where an answer was lost.
+        """Return whether the flown mission is known; learn it from the autopilot if an answer was lost.
 
-        An entry that was asked for and not acknowledged may well be flown: to write there would change
+        An entry that was requested and not acknowledged may well be flown. Writing to that bank would change
         the mission under the aircraft.
         """
         listed, current = self._flight.listed, self._link.current
@@ -103,7 +101,7 @@ class Handover:
         return True
 
     def _take(self, swap: PendingSwap | SwapOrder) -> None:
-        """Count a mission as flown."""
+        """Make a mission the flown one in the flight's state and in the checkpoint."""
         flown = swap.flown
         self._flight.apply(after_swap, swap.layout, flown, self._link.current)
         ours = flown.mission.items[slice(*swap.layout.flown_span)]
@@ -111,7 +109,7 @@ class Handover:
 
     async def hand_over(
         self,
-        shaped: ConstructedMission,
+        constructed: ConstructedMission,
         plan_number: int,
         plan_ms: float,
         track_s: float,
@@ -119,80 +117,81 @@ class Handover:
         *,
         is_urgent: bool = False,
     ) -> SwapOutcome:
-        """Hand a mission over when the aircraft is where it begins, and tell what came of it.
+        """Hand a mission over when the aircraft reaches its start, and announce the result.
 
         Parameters
         ----------
-        shaped : ConstructedMission
-            What is to be flown.
+        constructed : ConstructedMission
+            The mission to be flown.
         plan_number : int
-            Number of the plan behind it.
+            Number of its plan.
         plan_ms : float
-            The computer's time for it [ms].
+            Computing time of the plan [ms].
         track_s : float
-            When the newest track came that it knew, by the clock [s]; not finite without any.
+            Arrival time of the newest track that the plan used, by the clock [s]; not finite without tracks.
         occasion : str
-            Why it was made.
+            Why the plan was made.
         is_urgent : bool
-            Whether it answers a surprise.
+            Whether the mission answers a surprise.
 
         Raises
         ------
         PlanBrokenOffError
-            If it was given up.
+            If the mission is given up.
         """
         is_acting = self._flight.state.may_act
         before = self._flight.state.flown
-        enter_s = shaped.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
+        enter_s = constructed.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
         outcome, reason = await self._unless_withdrawn(
-            self.swap(shaped, enter_s, plan_number, is_urgent=is_urgent)
+            self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
         )
         self._observer.exchanged(outcome)
-        now, mission, places = self._clock.now_s(), self._offered, shaped.waypoints.positions_enu_m
+        now, mission, places = self._clock.now_s(), self._offered, constructed.waypoints.positions_enu_m
         if mission is not None:
             self._recorder.swap(
                 now,
                 SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
             )
-        facts = {"occasion": occasion, **shaped.why}
+        facts = {"occasion": occasion, **constructed.why}
         if outcome is not SwapOutcome.FLOWN:
             self._announcer.count_rejected()
             self._announcer.decide(DecisionKind.REJECTED, f"{outcome.value}: {reason}", plan_ms, why=facts)
             return outcome
         latency = 1e3 * (now - track_s) if math.isfinite(track_s) else None
-        self._announcer.flown(places, shaped.verdict.value if is_acting else "ready", latency)
-        text = f"{shaped.verdict.value}, {shaped.text}; {reason}"
+        self._announcer.flown(places, constructed.verdict.value if is_acting else "ready", latency)
+        text = f"{constructed.verdict.value}, {constructed.text}; {reason}"
         kind = DecisionKind.SWAP if is_acting else DecisionKind.READY
         state = self._flight.state
         tell, turn, time = (
-            self._announcer.news.of(state, shaped.path, before, now) if is_acting else ("", "", "")
+            self._announcer.news.of(state, constructed.path, before, now) if is_acting else ("", "", "")
         )
         self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, time=time)
         return outcome
 
     async def swap(
-        self, shaped: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
+        self, constructed: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
     ) -> tuple[SwapOutcome, str]:
-        """Store a mission and enter it at an instant; broken off, what was flown stays whole.
+        """Store a mission and enter it at a given time. If interrupted, the flown mission stays intact.
 
         Parameters
         ----------
-        shaped : ConstructedMission
-            What is to be flown.
+        constructed : ConstructedMission
+            The mission to be flown.
         enter_s : float
-            When the aircraft is where the path begins, by the clock [s].
+            When the aircraft reaches the start of the path, by the clock [s].
         plan_number : int
-            Number of the plan behind it.
+            Number of the mission's plan.
         is_urgent : bool
-            Whether it is entered before, where a way leads in.
+            Whether the mission is entered earlier if a safe entry exists.
         """
         layout = self._flight.listed.layout
         if layout is None:
             return SwapOutcome.REFUSED, "the autopilot's mission is not known"
-        is_first = self._flight.state.flown is None  # nothing checked is left too early then
+        # There is no checked mission that could be left too early.
+        is_first = self._flight.state.flown is None
         order = order_for(
-            shaped, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent or is_first,
+            constructed, layout, plan_number=plan_number, enter_s=enter_s, is_urgent=is_urgent or is_first,
             is_short=is_urgent,
         )  # fmt: skip
         self._offered = order.flown.mission
@@ -210,8 +209,8 @@ class Handover:
     async def _unless_withdrawn(
         self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
     ) -> tuple[SwapOutcome, str]:
-        """Carry out an exchange; :meth:`break_off` ends it where it stands."""
-        if not self._flight.state.may_write:  # since the plan was made
+        """Carry out an exchange; :meth:`break_off` cancels it."""
+        if not self._flight.state.may_write:  # The pilot may have taken over since the plan was made.
             exchange.close()
             return WITHDRAWN
         self._exchanging = asyncio.create_task(exchange)
@@ -219,7 +218,7 @@ class Handover:
             return await self._exchanging
         except asyncio.CancelledError:
             own = asyncio.current_task()
-            if own is None or own.cancelling():  # the service itself ends
+            if own is None or own.cancelling():  # The service itself ends.
                 raise
             return WITHDRAWN
         finally:
@@ -227,20 +226,20 @@ class Handover:
 
     @property
     def may_give_up(self) -> bool:
-        """Whether a mission that answers no surprise waits, and for longer than another takes."""
-        return self._flight.listed.waits_until_s - self._clock.now_s() > GIVEN_UP_S
+        """Whether a mission that answers no surprise still waits for longer than a new one would take."""
+        return self._flight.listed.waits_until_s - self._clock.now_s() > GIVE_UP_WAIT_MIN_S
 
     def give_up(self, why: str) -> None:
-        """Do not enter the mission that waits, if :attr:`may_give_up`: who handed it over is told why."""
+        """Do not enter the waiting mission, if :attr:`may_give_up`; its sender receives the reason."""
         self._flight.apply_to_list(after_unwanted, why)
 
     def break_off(self) -> None:
-        """End an exchange that is under way where it stands."""
+        """Cancel the exchange that is under way."""
         if self._exchanging is not None:
             self._exchanging.cancel()
 
     async def return_to_launch(self) -> None:
-        """Have the autopilot return to launch; the pilot is told if it does not."""
+        """Command return to launch; inform the pilot if the autopilot does not obey."""
         try:
             await self._link.set_mode("RTL")
         except CompanionError as error:

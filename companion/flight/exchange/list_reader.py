@@ -1,4 +1,4 @@
-"""Reads the autopilot's mission list, and tells whose it is and what in it is flown."""
+"""Read the autopilot's mission list, and find out whose it is and which part is flown."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from companion.types.mission import Mission, MissionItem
 
 
 class ListReadResult(Enum):
-    """What the autopilot was found to hold."""
+    """What the autopilot's list contains."""
 
     OURS = "ours, or nothing new"
     FOREIGN = "another mission"
@@ -43,16 +43,16 @@ class ListReadResult(Enum):
 
 
 class ListReader:
-    """Keeps what is known of the autopilot's list up to date.
+    """Keeps the knowledge of the autopilot's list up to date.
 
     Parameters
     ----------
     protocols : SwapProtocols
-        How lists are laid out, and what is worked with: the flight's state, the link, the aircraft.
+        The autopilots' protocols, with flight state, link and aircraft.
     announcer : Announcer
-        Told what the pilot should know.
+        Announces to the pilot.
     checkpoint : Checkpoint
-        For the path that a mission found in the autopilot carries, and the goals reached before.
+        Remembers the path of a mission found in the autopilot, and the goals that are reached.
     """
 
     def __init__(self, protocols: SwapProtocols, announcer: Announcer, checkpoint: Checkpoint) -> None:
@@ -73,7 +73,7 @@ class ListReader:
         return self._link.current
 
     def note(self, event: MissionCurrent | StatusText) -> None:
-        """Watch for missions that we did not send, and for items that we did not choose."""
+        """Watch for missions that the service did not send, and for items that it did not choose."""
         if isinstance(event, StatusText):
             self._flight.apply_to_list(after_text_reported, event.text)
             return
@@ -85,7 +85,7 @@ class ListReader:
         )
 
     async def prepare(self) -> ListReadResult:
-        """Read the autopilot's list if it is not known, or may have been changed by somebody else."""
+        """Read the autopilot's list if it is not known, or may have been changed by another station."""
         listed = self._flight.listed
         if listed.layout is not None and not listed.suspected:
             return ListReadResult.OURS
@@ -112,8 +112,8 @@ class ListReader:
         return ListReadResult.OURS if is_first else ListReadResult.FOREIGN
 
     def _span_flown(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
-        """Where ours lie in a list as read, if the aircraft flies one of them."""
-        if not self._flight.state.phase.is_moving:  # on the ground they are the last flight's
+        """Return where the service's items are in a list, if the aircraft flies one of them."""
+        if not self._flight.state.phase.is_moving:  # On the ground they belong to the last flight.
             return None
         current, span = self._link.current, self._protocols.now.span_of_ours(read, layout)
         if current is None or span is None or not span[0] <= current.sequence < span[1]:
@@ -121,7 +121,7 @@ class ListReader:
         return span
 
     def _recover(self, read: tuple[MissionItem, ...], span: tuple[int, int]) -> None:
-        """Take up the path of a mission that the autopilot flies since before a restart."""
+        """Restore the path of a mission that the autopilot has been flying since before a restart."""
         kept = self._checkpoint.flown(key_of(read[slice(*span)]))
         state = self._parts.state()
         if kept is None or state is None:
@@ -131,11 +131,11 @@ class ListReader:
         self._flight.apply(after_restart, FlownPath(path, Mission(read, span[0], 0), until_s, row))
 
     def _adopt(self, read: tuple[MissionItem, ...]) -> Layout:
-        """Take a list as the operator's, but for what in it is ours."""
+        """Adopt a list as the operator's, apart from the service's items in it."""
         layout = adopt(self._flight, self._protocols, read)
         listed, operator = self._flight.listed, self._flight.listed.operator
         is_missed = bool(read) and operator is not None and not operator.has_landing
-        if self._protocols.now.wants_landing and is_missed and not listed.said_landing:
+        if self._protocols.now.wants_landing and is_missed and not listed.landing_reported:
             self._flight.apply_to_list(after_landing_missed)
             text = "no landing in the autopilot's mission"
             fault = "PX4 does not arm without a landing item"
@@ -143,14 +143,14 @@ class ListReader:
         return layout
 
     async def knows_mission(self) -> tuple[bool, ModeEvent | None]:
-        """Whether the autopilot's list is known and left to us; another uploader's is respected.
+        """Return whether the autopilot's list is known and left to the service.
 
         Returns
         -------
         bool
-            Whether plans can be made for it.
+            Whether plans can be made for the list.
         ModeEvent or None
-            That somebody else's mission is flown.
+            The event that another station's mission is flown.
         """
         result = await self.prepare()
         if result is ListReadResult.UNREADABLE:
@@ -173,14 +173,14 @@ class ListReader:
 
 
 def adopt(flight: StateOwner, protocols: SwapProtocols, read: tuple[MissionItem, ...]) -> Layout:
-    """Take a list as the operator's, but for what in it is ours; returns how ours are to stand in it.
+    """Adopt a list as the operator's, apart from the service's items; return the list's layout.
 
     Parameters
     ----------
     flight : StateOwner
         The flight's state.
     protocols : SwapProtocols
-        How lists are laid out.
+        The autopilots' protocols.
     read : tuple of MissionItem
         The list as read.
     """
@@ -205,7 +205,7 @@ def adopt(flight: StateOwner, protocols: SwapProtocols, read: tuple[MissionItem,
 def _tail_position(
     mission: MissionConfig, operator: Operator, home_amsl_m: float | None
 ) -> tuple[float, float, float] | None:
-    """Where the operator goes on after the goal; None where that is not known."""
+    """Return where the operator's mission continues after the goal; None if that is not known."""
     for item in operator.items[operator.tail :]:
         place = position_of(item, mission.frame, home_amsl_m)
         if place is not None:

@@ -1,4 +1,4 @@
-"""The protocol of each kind of autopilot, chosen by which one is heard."""
+"""The swap protocol of each kind of autopilot, selected by the autopilot's heartbeat."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from companion.types.events import Dialect
 
 @dataclass(frozen=True, slots=True)
 class SwapProtocols:
-    """The protocols, and what they work with; made by :func:`protocols_for`.
+    """The protocols, made by :func:`protocols_for`.
 
     Parameters
     ----------
     parts : SwapParts
-        What they work with.
+        The objects that the protocols work with.
     by_dialect : mapping of Dialect to SwapProtocol
-        One each.
+        One protocol for each kind of autopilot.
     """
 
     parts: SwapParts
@@ -31,18 +31,18 @@ class SwapProtocols:
 
     @property
     def dialect(self) -> Dialect:
-        """Of the autopilot that is heard; ArduPlane's before one is."""
+        """The dialect of the received autopilot; ArduPlane's before one is received."""
         return self.parts.link.dialect or Dialect.ARDUPILOT
 
     @property
     def now(self) -> SwapProtocol:
-        """What the autopilot that is heard needs."""
+        """The protocol of the received autopilot."""
         return self.by_dialect[self.dialect]
 
 
 def protocols_for(
     flight: StateOwner, link: AutopilotLink, ownship: OwnshipEstimator, clock: Clock
 ) -> SwapProtocols:
-    """The protocols over one link."""
+    """Return the protocols over one link."""
     parts = SwapParts(flight, link, ownship, clock)
     return SwapProtocols(parts, {Dialect.ARDUPILOT: ArduPlaneSwap(parts), Dialect.PX4: Px4Swap(parts)})

@@ -1,7 +1,8 @@
-"""The swap on ArduPlane: into the idle bank, read back, and entered by a command.
+"""The swap on ArduPlane: write the idle bank, read it back, and enter it by a command.
 
-ArduPlane acknowledges an upload it then stores differently, and goes on with the item it has cached
-(measured): only reading back proves what is stored, and only DO_SET_MISSION_CURRENT makes it fly.
+ArduPlane acknowledges an upload that it then stores differently, and continues with the item that it has
+cached (measured). Only reading back proves what is stored, and only DO_SET_MISSION_CURRENT makes ArduPlane
+fly it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from companion.errors import CompanionError, LinkError
-from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapParts
+from companion.flight.exchange.swap_protocol import Entry, SwapOrder, SwapProtocol
 from companion.flight.state.list_state import (
     ListState,
     after_asked,
@@ -20,52 +21,43 @@ from companion.flight.state.list_state import (
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import Layout, two_bank_layout_of
 from companion.mission.operator import Operator, banks_in, without_banks
-from companion.mission.swap import NO_WAY_IN, MissionLink, SwapOutcome, enter
+from companion.mission.swap import NO_SAFE_ENTRY, MissionLink, SwapOutcome, enter
 from companion.types.mission import Mission, MissionItem
 
-LATE_S = 2.0  # that a jump asked for again may be late: a link that does not answer may be a slow one
-FRESH_S = 2.0  # a list read so lately is not read again before it is written to
+LATE_S = 2.0  # A repeated jump command may take effect this late: a silent link may be a slow one.
+FRESH_S = 2.0  # A list that was read this recently is not read again before writing.
 
 
-class ArduPlaneSwap:
-    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`.
-
-    Parameters
-    ----------
-    parts : SwapParts
-        What it works with.
-    """
+class ArduPlaneSwap(SwapProtocol):
+    """See :class:`companion.flight.exchange.swap_protocol.SwapProtocol`."""
 
     wants_landing = False
 
-    def __init__(self, parts: SwapParts) -> None:
-        self._parts = parts
-
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
-        """The operator's items in a list as read."""
+        """Return the operator's items in a list as read."""
         return without_banks(read)
 
     def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
-        """Two banks behind the operator's items."""
+        """Return the layout: two banks behind the operator's items."""
         return two_bank_layout_of(read, operator, current)
 
     def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
-        """The bank that is not written to next."""
+        """Return the bank that is not written next."""
         return None if banks_in(read) is None else layout.flown_span
 
     def layout_as_flown(self, layout: Layout, _ours: tuple[MissionItem, ...], /) -> Layout:
-        """As it is: the layout was read with the flown bank in it."""
+        """Return the same layout, because it was read with the flown bank in it."""
         return layout
 
     async def carry_out(self, order: SwapOrder) -> tuple[SwapOutcome, str]:
-        """Write to the idle bank, read it back, and go there."""
+        """Store and enter a mission: write the idle bank, read it back, and jump to it."""
         flight, link, clock = self._parts.flight, self._parts.link, self._parts.clock
         mission, current, begun_s = order.flown.mission, link.current, clock.now_s()
         first, end = order.layout.flown_span
         if current is not None and first <= current.sequence < end:
             return SwapOutcome.REFUSED, f"item {current.sequence} is flown, in the bank to be written"
         if not self._parts.may_be_entered(order):
-            return NO_WAY_IN
+            return NO_SAFE_ENTRY
         if begun_s - flight.listed.read_s > FRESH_S:
             try:
                 read = await self._parts.read()
@@ -87,10 +79,10 @@ class ArduPlaneSwap:
 
 
 def _part_to_write(listed: ListState, mission: Mission, bank: slice) -> slice | None:
-    """What is written of a list that was found as it was left; None for all of one of another length.
+    """Return the part of an unchanged list that is written; None for the whole list.
 
-    Of the idle bank only what differs is written: an ArduPlane takes 20 ms an item. Before a first mission
-    neither bank is known.
+    In the idle bank only items that differ are written, because an ArduPlane takes 20 ms per item. The whole
+    list is written if its length changes, or before the first mission, when neither bank is known.
     """
     is_first = listed.layout is None or listed.layout.flown is None
     if is_first or listed.num_read != len(mission.items):
@@ -106,16 +98,16 @@ def _part_to_write(listed: ListState, mission: Mission, bank: slice) -> slice | 
 async def store(
     link: MissionLink, mission: Mission, part: slice | None = None
 ) -> tuple[SwapOutcome | None, str]:
-    """Send a list to an ArduPlane and read it back; None and '' when it is stored as it should be.
+    """Send a list to an ArduPlane and read it back; return None and '' if it is stored correctly.
 
     Parameters
     ----------
     link : MissionLink
-        To the autopilot.
+        The link to the autopilot.
     mission : Mission
         The whole list.
     part : slice, optional
-        Which of its items are sent, the rest being stored already; left out, all.
+        The items that are sent, the others being stored already; all if omitted.
     """
     reason = ""
     try:
@@ -124,7 +116,7 @@ async def store(
         else:
             await link.write(mission.items[part])
     except LinkError as error:
-        reason = str(error)  # of a lost last acknowledgement, too: reading back decides what is stored
+        reason = str(error)  # The last acknowledgement may be lost: reading back decides what is stored.
     try:
         differs = difference(mission.items, await link.read_back())
     except LinkError as error:

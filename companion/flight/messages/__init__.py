@@ -1,4 +1,4 @@
-"""What is heard and said beside a flight: frames of the vehicle's link, decisions told, and who looks on.
+"""Messages of a flight: frames of the vehicle's link, decisions announced to the pilot, and observers.
 
-Touches the link and the recording; decides nothing.
+The modules use the link and the recording; they decide nothing.
 """

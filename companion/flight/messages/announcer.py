@@ -1,4 +1,4 @@
-"""Decisions are recorded, and the pilot is told what changes what he would do."""
+"""Record decisions, and inform the pilot of those that change what the pilot would do."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from companion.recording.recorder import Recorder
 from companion.types.pilot_texts import PilotMessage, pilot_message
 from companion.types.record import UploadedMission
 
-REPEAT_S = 30.0  # A text is not sent again for so long, unless another one about its subject was.
+REPEAT_S = 30.0  # A text is not repeated within this time, unless another about its subject was sent.
 
 
 class Announcer:
-    """Records decisions and tells the pilot.
+    """Records decisions and informs the pilot.
 
     Parameters
     ----------
     link : VehicleLink
-        To the pilot's ground station.
+        The link to the pilot's ground station.
     recorder : Recorder
-        Keeps the decisions.
+        Records the decisions.
     clock : Clock
-        The service's.
+        The service's clock.
 
     Attributes
     ----------
     decided : Counter of str
-        How many decisions of each kind there were.
+        Number of decisions of each kind.
     news : PathNews
-        Knows what the pilot has read of the path that is flown.
+        Text about the flown path, if it is new to the pilot.
     """
 
     def __init__(self, link: VehicleLink, recorder: Recorder, clock: Clock) -> None:
@@ -57,40 +57,40 @@ class Announcer:
         about: str = "",
         **values: object,
     ) -> None:
-        """Record a decision, and tell the pilot what it means.
+        """Record a decision, and send the pilot its meaning.
 
         Parameters
         ----------
         kind : DecisionKind
-            What it is about.
+            Kind of the decision.
         text : str
-            In words.
+            The decision in words.
         plan_ms : float, optional
-            The computer's time for the plan behind it [ms].
+            Computing time of the plan behind the decision [ms].
         latency_ms : float, optional
-            From the newest track to the mission that answers it [ms].
+            Time from the newest track to the mission that answers it [ms].
         why : mapping, optional
-            The numbers that led to it.
+            The numbers behind the decision.
         tell : str
-            Which of the pilot's texts is sent; '' where it changes nothing for the pilot.
+            Key of the pilot's text; '' if the decision changes nothing for the pilot.
         about : str
-            The subject of the text, where one text is about several things.
+            Subject of the text, if one text is used for several subjects.
         **values : object
-            Replace the names in the text.
+            Values of the placeholders in the text.
         """
         self.decided[kind.value] += 1
         now = self._clock.now_s()
         message = pilot_message(tell, about, **values) if tell else None
         if message is not None and not self._is_news(message, now):
             message = None
-        told = "" if message is None else message.text
-        self._recorder.decide(now, kind.value, text, plan_ms, latency_ms, why, told=told)
+        sent_text = "" if message is None else message.text
+        self._recorder.decide(now, kind.value, text, plan_ms, latency_ms, why, told=sent_text)
         if message is not None:
             self._sent[message.subject] = message.text, now
             self._link.tell(message.severity, message.text)
 
     def _is_news(self, message: PilotMessage, now_s: float) -> bool:
-        """Whether a text was not the last one about its subject within a while."""
+        """Return whether a text differs from the last one about its subject, or that one is old."""
         text, sent_s = self._sent.get(message.subject, ("", 0.0))
         return text != message.text or now_s - sent_s >= REPEAT_S
 
@@ -102,13 +102,13 @@ class Announcer:
         positions_enu_m : ndarray, shape (K, 3)
             Waypoints of the mission [m].
         reason : str
-            Why it was wanted.
+            Why the mission was wanted.
         latency_ms : float, optional
-            How old the newest track was by then [ms].
+            Age of the newest track at the entry [ms].
         """
         mission = UploadedMission(self._clock.now_s(), positions_enu_m, reason)
         self._recorder.mission_flown(mission, latency_ms)
 
     def count_rejected(self) -> None:
-        """Count a plan or mission that was refused."""
+        """Count a plan or mission that was rejected."""
         self._recorder.plan_rejected()

@@ -1,4 +1,4 @@
-"""Who looks on while the service works."""
+"""The interface for observers of the service, such as metrics."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from companion.types.plan import Plan
 
 
 class Observer:
-    """Is told of what happens; this one takes no notice. Nothing decides on it."""
+    """Receives notifications and ignores them; subclasses override. No decision depends on an observer."""
 
     def progress(self) -> None:
-        """The planning loop came round, or an exchange with the autopilot got on."""
+        """Note a round of the planning loop, or progress of an exchange with the autopilot."""
 
     def planned(self, plan: Plan, plan_ms: float) -> None:
-        """A plan was made, in so many milliseconds of the computer's time."""
+        """Note a finished plan and its computing time [ms]."""
 
     def exchanged(self, outcome: SwapOutcome) -> None:
-        """A mission was handed over, or was not."""
+        """Note the outcome of handing over a mission."""

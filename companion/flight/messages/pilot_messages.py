@@ -1,4 +1,4 @@
-"""What the pilot reads of a new path: whether it is safe, the first turn, and the arrival."""
+"""The pilot's text about a new path: whether it is safe, the first turn, and the arrival."""
 
 from __future__ import annotations
 
@@ -10,41 +10,49 @@ from companion.flight.state.flight_state import FlightState
 from companion.flight.state.list_state import FlownPath
 from companion.types.path import Path
 
-TURN_BEGINS_RAD = math.radians(5.0)  # A course that has changed by more has begun to turn.
+TURN_BEGINS_RAD = math.radians(5.0)  # A turn begins when the course has changed by more than this.
 TURN_RAD = math.radians(25.0)  # A smaller change of course is no turn that a pilot would notice.
 NEARBY_M = 50.0  # Paths this close to each other look the same on a map.
-LOOK_AHEAD_S = 60.0  # Two paths are compared so far ahead.
-ARRIVAL_CHANGE_S = 15.0  # A smaller change of the arrival is no news.
+LOOK_AHEAD_S = 60.0  # Two paths are compared this far ahead.
+ARRIVAL_CHANGE_S = 15.0  # A smaller change of the arrival is not announced.
 
 
 class PathNews:
-    """What the pilot reads of the paths that are flown, one after the other."""
+    """Texts about the successive flown paths.
+
+    Attributes
+    ----------
+    passes : bool
+        Whether the last of these paths passed the check when it was entered.
+    """
 
     def __init__(self) -> None:
+        self.passes = False
         self._was_safe: bool | None = None
 
     def of(
         self, state: FlightState, path: Path, before: FlownPath | None, now_s: float
     ) -> tuple[str, str, str]:
-        """Which text tells of a new path, the first turn, and the time to the goal.
+        """Return the key of the text about a new path, its first turn, and the time to the goal.
 
-        There is no text, '', where a pilot would see no difference. Of a path that does not lead to the goal
-        the pilot reads as an emergency.
+        The key is '' if a pilot would see no difference, and for a path that does not lead to the goal, which
+        is announced as an emergency.
 
         Parameters
         ----------
         state : FlightState
             Goals and limits.
         path : Path
-            What is flown from now on.
+            The path flown from now on.
         before : FlownPath or None
-            What was flown up to now.
+            The path flown until now.
         now_s : float
             The clock's reading [s].
         """
         goal, was_safe = state.goals[-1], self._was_safe
         leads_to_goal = math.dist(path.positions_enu_m[-1], goal.position_enu_m) <= goal.acceptance_radius_m
-        self._was_safe = is_safe = not state.violations_of(path) if leads_to_goal else None
+        self.passes = not state.violations_of(path)
+        self._was_safe = is_safe = self.passes if leads_to_goal else None
         is_same = before is not None and is_safe is was_safe and not is_another_path(path, before.path, now_s)
         if is_safe is None or is_same:
             return "", "", ""
@@ -54,7 +62,7 @@ class PathNews:
 
 
 def _first_turn(path: Path, now_s: float) -> str:
-    """The first turn of a path from now on, in words."""
+    """Return the first turn of a path from now on, in words."""
     first = min(int(np.searchsorted(path.times_s, now_s)), len(path) - 1)
     turned = np.unwrap(path.courses_rad[first:]) - path.courses_rad[first]
     turns = np.flatnonzero(np.abs(turned) > TURN_RAD)
@@ -69,12 +77,12 @@ def _first_turn(path: Path, now_s: float) -> str:
 
 
 def is_another_path(path: Path, before: Path, now_s: float) -> bool:
-    """Whether a pilot would see a difference between two paths: on the map, or in the time of arrival.
+    """Return whether a pilot would see a difference between two paths: on the map, or in the arrival time.
 
     Parameters
     ----------
     path, before : Path
-        What is flown from now on, and what was flown up to now.
+        The path flown from now on, and the path flown until now.
     now_s : float
         The clock's reading [s].
     """

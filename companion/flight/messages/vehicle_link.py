@@ -1,4 +1,4 @@
-"""Everything about the vehicle's link: frames in and out, what is asked for, answered and recorded."""
+"""The vehicle's link: frames in and out, requests, answers and their recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.flight.messages.observer import Observer
-from companion.flight.messages.speech import Speech
+from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore
 from companion.link.messages.streams import Streams
@@ -31,29 +31,30 @@ class VehicleLink:
     mission : MissionConfig
         The mission file, for its section ``link``.
     transport : Transport
-        To the autopilot.
+        The transport to the autopilot.
     clock : Clock
-        The service's.
+        The service's clock.
     recorder : Recorder
-        Keeps every frame of both directions.
+        Records every frame of both directions.
     signer : Signer, optional
-        Signs what is sent and verifies what comes in.
+        Signs what is sent and verifies what is received.
     link_kind : callable
-        Makes what carries out mission transfers, as ``AutopilotLink`` is made; tests put one in whose
-        time is simulated, too, and a replay one that goes on where the recorded autopilot does not answer.
+        Makes the object that carries out mission transfers, with the signature of ``AutopilotLink``. Tests
+        use one with simulated time, and a replay one that continues if the recorded autopilot does not
+        answer.
     observer : Observer, optional
-        Told when an exchange with the autopilot gets on.
+        Is notified of progress in an exchange with the autopilot.
 
     Attributes
     ----------
     codec : Codec
-        Frames to events, and messages to bytes.
+        Converts frames to events, and messages to bytes.
     autopilot : AutopilotLink
         Calls that the autopilot answers.
     streams : Streams
-        Which messages it is asked for.
+        The messages that the autopilot is asked for.
     quality : LinkQuality
-        How many of its frames arrive.
+        The share of the autopilot's frames that arrive.
     """
 
     def __init__(
@@ -77,12 +78,12 @@ class VehicleLink:
         self._recorder = recorder
         self._observer = observer or Observer()
         self._take: Callable[[Event, float], None] = _ignore
-        self._speech = Speech(self.codec, transport.bytes_per_s)
+        self._budgets = SendBudgets(self.codec, transport.bytes_per_s)
         self.autopilot = link_kind(self.codec, clock, self.send)
 
     @property
-    def has_heard(self) -> bool:
-        """Whether the vehicle is known, and was heard."""
+    def has_received(self) -> bool:
+        """Whether the vehicle has been received."""
         return self.autopilot.dialect is not None
 
     async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
@@ -91,18 +92,18 @@ class VehicleLink:
         Parameters
         ----------
         take : callable
-            Takes each event, and when it was heard by the clock [s].
+            Receives each event with its time of arrival by the clock [s].
         parameters : ParameterStore
-            What others may ask for or set.
+            The parameters that others may request or set.
         """
         self._take = take
-        self._speech.begin(parameters)
+        self._budgets.begin(parameters)
         self.transport.set_receiver(self.receive)
         await self.transport.open()
 
     def receive(self, data: bytes, address: Address | None = None) -> None:
-        """Take bytes from the transport: record, pass on and answer each frame, then hand out its events."""
-        now_s, peer, had_heard = self._clock.now_s(), self.codec.identity.peer, self.has_heard
+        """Process received bytes: record, pass on and answer each frame, then deliver its events."""
+        now_s, peer, had_received = self._clock.now_s(), self.codec.identity.peer, self.has_received
         frames = self.codec.feed(data, now_s, address)
         if (now_at := self.codec.identity.peer) is not None and now_at != peer:
             self.transport.answer_to(now_at)
@@ -114,14 +115,14 @@ class VehicleLink:
             self.autopilot.receive(frame)
             if self.autopilot.is_part_of_exchange(frame):
                 self._observer.progress()
-            self.send(self._speech.answer(frame, now_s))
+            self.send(self._budgets.answer(frame, now_s))
             for event in frame.events:
                 self._take(event, now_s)
-        if self.has_heard and not had_heard:
+        if self.has_received and not had_received:
             self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:
-        """Send packed frames, signed where there is a key, and record them."""
+        """Send packed frames, signed if there is a key, and record them."""
         if self.transport.is_open and data:
             data = self.codec.signed(data)
             self.transport.send(data)
@@ -129,18 +130,18 @@ class VehicleLink:
                 self._recorder.frame(self._clock.now_s(), raw)
 
     def tell(self, severity: int, text: str) -> None:
-        """Tell the pilot in words, with a MAV_SEVERITY; nobody before the vehicle is heard."""
-        if self.has_heard:
-            self.send(self._speech.text(severity, text, self._clock.now_s()))
+        """Send the pilot a text with a MAV_SEVERITY; nothing is sent before the vehicle is received."""
+        if self.has_received:
+            self.send(self._budgets.text(severity, text, self._clock.now_s()))
 
     def keep_up(self, now_s: float, state: int) -> None:
         """Send what is due every second: the heartbeat with its MAV_STATE, and requests for streams."""
-        if self.has_heard:
+        if self.has_received:
             self.send(self.codec.heartbeat(state))
             self.send(self.streams.due(self.codec, now_s))
 
     def status(self) -> dict[str, object]:
-        """How the link is, for the recording."""
+        """Return the state of the link for the recording."""
         dialect = self.autopilot.dialect
         return {
             "dialect": None if dialect is None else dialect.value,
@@ -150,10 +151,10 @@ class VehicleLink:
         }
 
     async def close(self) -> None:
-        """End the calls under way, and take nothing more from the transport, which its owner closes."""
+        """End the calls under way, and detach from the transport, which its owner closes."""
         await self.autopilot.close()
         self.transport.set_receiver(dropped)
 
 
 def _ignore(event: Event, now_s: float) -> None:
-    """Before the link is opened nobody takes events."""
+    """Ignore events before the link is opened."""

@@ -1,4 +1,4 @@
-"""What is kept up to date beside planning: fences, rally points, and the ages of all that is heard.
+"""Monitors that run besides planning: fences, rally points, and the age of everything that is received.
 
-Decides nothing: it applies what it reads to the flight's state, and tells the pilot.
+They decide nothing: they apply what they read to the flight's state, and inform the pilot.
 """

@@ -1,4 +1,4 @@
-"""How old everything is that decisions are made by: what is stale is told to the pilot, and what is back."""
+"""Watch the age of the inputs of decisions; inform the pilot when one is stale and when it is back."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from companion.config.models import UseBy
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import StateOwner
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import MissionCurrent
 
-POSITION, MISSION_ITEM = "position", "mission item"
-VITAL = frozenset({POSITION, MISSION_ITEM})
-STANDS = "; the flown mission stands"
-SETTLED_S = 3.0  # what is not vital is told to be back once it stayed so long
+POSITION, MISSION_ITEM = "position", "mission item"  # Names of inputs, as recorded.
+VITAL = frozenset({POSITION, MISSION_ITEM})  # Without these inputs nothing is planned.
+MISSION_STAYS = "; the flown mission stands"  # Recorded if a vital input is stale.
+FRESH_MIN_S = 3.0  # An input that is not vital is announced as back after this time.
 
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """Something that is heard again and again.
+    """An input that is received repeatedly.
 
     Parameters
     ----------
     name : str
-        What it is, in words.
+        Name of the input in words.
     received_s : float
-        When it was heard last, by the clock [s]; minus infinity if it never was.
+        Time of the last reception, by the clock [s]; minus infinity if there was none.
     use_by_s : float
-        Age up to which it is gone by [s].
+        Age up to which the input is used [s].
     doubt : str
-        Why it is not to be believed although it is heard; '' if it is.
+        Why the input is not trusted although it is received; '' if it is.
     """
 
     name: str
@@ -43,14 +43,14 @@ class Input:
     doubt: str = ""
 
     def fault(self, now_s: float, since_s: float = -math.inf) -> str:
-        """What is wrong with it, in words; '' if it may be gone by.
+        """Return what is wrong with the input, in words; '' if it may be used.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
         since_s : float
-            When it was to be heard from [s]: what never came is missing since then.
+            Time from which the input is expected [s]: one that was never received is missing since then.
         """
         age_s = now_s - max(self.received_s, since_s)
         if age_s > self.use_by_s:
@@ -65,18 +65,18 @@ def inputs(
     tracks: Mapping[str, float],
     now_s: float,
 ) -> tuple[Input, ...]:
-    """All that decisions are made by, what is vital first.
+    """Return all inputs of decisions, the vital ones first.
 
     Parameters
     ----------
     use_by : UseBy
-        The mission file's ages.
+        The ages in the mission file.
     ownship : OwnshipEstimator
-        Where the aircraft is.
+        The estimate of the aircraft.
     current : MissionCurrent or None
-        What the autopilot told last of the mission it flies.
+        The last message about the mission that the autopilot flies.
     tracks : mapping of str to float
-        When each moving threat was seen last, by its identity [s].
+        Time of the last report of each moving threat, by identity [s].
     now_s : float
         The clock's reading [s].
     """
@@ -84,9 +84,9 @@ def inputs(
         POSITION: use_by.position_s, "attitude": use_by.attitude_s,
         "airspeed": use_by.airspeed_s, "wind": use_by.wind_s,
     }  # fmt: skip
-    heard = ownship.received_s()
+    received = ownship.received_s()
     own = [
-        Input(name, heard[name], float(age), ownship.doubt(now_s) if name == POSITION else "")
+        Input(name, received[name], float(age), ownship.doubt(now_s) if name == POSITION else "")
         for name, age in ages.items()
     ]
     item = Input(
@@ -97,35 +97,35 @@ def inputs(
 
 
 class FreshnessWatch:
-    """Looks at the ages of all inputs of an aircraft that is armed.
+    """Checks the ages of all inputs while the aircraft is armed.
 
     Parameters
     ----------
     flight : StateOwner
-        The flight's state, for the mission file's ages.
-    situation : Situation
-        Where the aircraft and the threats are.
+        The flight's state, for the ages in the mission file.
+    world_model : Situation
+        The known world: aircraft and threats.
     link : AutopilotLink
-        What it told of the mission it flies.
+        The link, for the last message about the mission.
     announcer : Announcer
-        Told what is stale, and what is back.
+        Announces stale inputs, and those that are back.
     """
 
     def __init__(
-        self, flight: StateOwner, situation: Situation, link: AutopilotLink, announcer: Announcer
+        self, flight: StateOwner, world_model: WorldModel, link: AutopilotLink, announcer: Announcer
     ) -> None:
-        self._flight, self._situation = flight, situation
+        self._flight, self._world_model = flight, world_model
         self._link, self._announcer = link, announcer
-        self._since_s = math.inf  # armed
-        self._stale: dict[str, tuple[float, float]] = {}  # when it was heard last before, and missed last
+        self._since_s = math.inf  # when the aircraft was armed
+        self._stale: dict[str, tuple[float, float]] = {}  # last reception before, and last time found stale
 
     @property
     def is_blind(self) -> bool:
-        """Whether something is missing without which nothing is planned."""
+        """Whether a vital input is stale, so that nothing is planned."""
         return not VITAL.isdisjoint(self._stale)
 
     def look(self, now_s: float) -> bool:
-        """Tell what has become stale, and what is fresh again.
+        """Announce inputs that have become stale, and those that are fresh again.
 
         Parameters
         ----------
@@ -135,21 +135,21 @@ class FreshnessWatch:
         Returns
         -------
         bool
-            Whether all that is vital is there again, and was not: a plan is due.
+            Whether the last stale vital input is fresh again, so that a plan is due.
         """
         if not self._flight.state.phase.is_armed:
             self._since_s, self._stale = math.inf, {}
             return False
         self._since_s = min(self._since_s, now_s)
         was_blind = self.is_blind
-        tracks = self._situation.tracker.received_s(now_s)
+        tracks = self._world_model.tracker.received_s(now_s)
         found = inputs(
-            self._flight.state.mission.use_by, self._situation.ownship, self._link.current, tracks, now_s
+            self._flight.state.mission.use_by, self._world_model.ownship, self._link.current, tracks, now_s
         )
         for entry in found:
             self._follow(entry, now_s)
         names = {entry.name for entry in found}
-        self._stale = {name: span for name, span in self._stale.items() if name in names}  # tracks end
+        self._stale = {name: span for name, span in self._stale.items() if name in names}  # Tracks may end.
         return was_blind and not self.is_blind
 
     def _follow(self, entry: Input, now_s: float) -> None:
@@ -158,11 +158,11 @@ class FreshnessWatch:
         received_s, last_s = self._stale.get(name, (max(entry.received_s, self._since_s), now_s))
         if fault:
             if name not in self._stale:
-                text, tell = (fault + STANDS, "missing") if is_vital else (fault, "old")
+                text, tell = (fault + MISSION_STAYS, "missing") if is_vital else (fault, "old")
                 age = f"{entry.use_by_s:g}"
                 self._announcer.decide(DecisionKind.STALE, text, tell=tell, about=name, what=name, age=age)
             self._stale[name] = received_s, now_s
-        elif name in self._stale and (is_vital or now_s - last_s >= SETTLED_S):
+        elif name in self._stale and (is_vital or now_s - last_s >= FRESH_MIN_S):
             del self._stale[name]
             text = f"{name} again, after {last_s - received_s:.0f} s"
             self._announcer.decide(DecisionKind.FRESH, text, tell="back", about=name, what=name.capitalize())

@@ -1,4 +1,4 @@
-"""The autopilot's fences, its list and its parameters, looked at again and again and made obstacles of."""
+"""Read the autopilot's fences, its list and its parameters, repeatedly, and make them obstacles."""
 
 from __future__ import annotations
 
@@ -11,48 +11,49 @@ from companion.errors import CompanionError
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import StateOwner, after_fences
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.takeover.capability import FENCE_CIRCLE, FENCE_HEIGHT
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.fences import FenceError, FenceLimits, fence_obstacles, fences_of
 from companion.types.mission import MissionItem
 
-# Between two readings of a list that has no name. A PX4 that is being read denies uploads meanwhile.
-AGAIN_S, AGAIN_BUSY_S = 0.25, 1.0
-NAMED_AGAIN_S = 30.0  # of one whose name the autopilot tells, and that is the same
-OUTDATED_S = 60.0  # from then on a plan waits for a reading: nobody has kept them up, between two flights say
-READING_SHARE = 10.0  # times as long as a reading took is waited for the next: others need the link, too
+# Time between two readings of a list without an identifier. A PX4 that is being read refuses uploads
+# meanwhile.
+REPEAT_MIN_S, REPEAT_BUSY_S = 0.25, 1.0
+NAMED_REPEAT_S = 30.0  # Time between two readings of a list whose reported identifier stays the same.
+READING_MAX_AGE_S = 60.0  # A plan waits for a reading if the last is older, as after a time on the ground.
+READING_SHARE = 10.0  # The pause is this multiple of a reading's duration, since others need the link, too.
 
 _log = logging.getLogger(__name__)
 
 
 class Geofences:
-    """Keeps the flight's rules, and the world that plans are made in, up to date with the fences.
+    """Updates the flight's rules and the known world with the autopilot's fences.
 
     Parameters
     ----------
     flight : StateOwner
-        The flight's state, whose rules are to have them.
-    situation : Situation
-        The situation, with the snapshots that are to have them.
+        The flight's state, whose rules contain the fences.
+    world_model : Situation
+        The known world, whose snapshots contain the fences.
     link : AutopilotLink
-        To the autopilot.
+        The link to the autopilot.
     announcer : Announcer
-        Told how many there are.
+        Announces the number of fences.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     def __init__(
         self,
         flight: StateOwner,
-        situation: Situation,
+        world_model: WorldModel,
         link: AutopilotLink,
         announcer: Announcer,
         clock: Clock,
     ) -> None:
         self._flight = flight
-        self._situation = situation
+        self._world_model = world_model
         self._link = link
         self._announcer = announcer
         self._items: tuple[MissionItem, ...] = ()
@@ -61,29 +62,29 @@ class Geofences:
         self._read_s, self._took_s, self._name, self._has_failed = -math.inf, 0.0, 0, False
 
     async def catch_up(self) -> None:
-        """Read the fences if that is long ago, as at a first plan: :meth:`keep_up` was not asked to."""
-        if self._clock.now_s() - self._read_s > max(OUTDATED_S, 2.0 * READING_SHARE * self._took_s):
+        """Read the fences if the last reading is old, as before a first plan."""
+        if self._clock.now_s() - self._read_s > max(READING_MAX_AGE_S, 2.0 * READING_SHARE * self._took_s):
             await self._read()
 
     async def keep_up(self) -> None:
-        """Read the fences where they are others, or may be; not while a mission is exchanged."""
-        since_s, name = self._clock.now_s() - self._read_s, self._name_told()
+        """Read the fences if they have changed or may have, but not during a mission exchange."""
+        since_s, name = self._clock.now_s() - self._read_s, self._reported_id()
         dialect = self._link.dialect
-        wanted_s = AGAIN_BUSY_S if dialect is None or dialect.stays_busy else AGAIN_S
+        wanted_s = REPEAT_BUSY_S if dialect is None or dialect.stays_busy else REPEAT_MIN_S
         if name and name == self._name:
-            wanted_s = NAMED_AGAIN_S
+            wanted_s = NAMED_REPEAT_S
         elif name != self._name and not self._has_failed:
             wanted_s = 0.0
         if since_s >= max(wanted_s, READING_SHARE * self._took_s) and not self._link.is_exchanging:
             await self._read()
 
-    def _name_told(self) -> int:
-        """The name that the autopilot gives its fences; 0 for none."""
+    def _reported_id(self) -> int:
+        """Return the autopilot's identifier of its fences; 0 if it has none."""
         return 0 if self._link.current is None else self._link.current.fence_id
 
     async def _read(self) -> None:
-        """Read the fences; what cannot be read or understood leaves those that are known."""
-        items, limits, name = self._items, self._limits_told(), self._name_told()
+        """Read the fences; if they cannot be read or interpreted, the known ones stay."""
+        items, limits, name = self._items, self._reported_limits(), self._reported_id()
         self._read_s = self._clock.now_s()
         try:
             items = await self._link.download_fence()
@@ -98,28 +99,28 @@ class Geofences:
         self._apply()
 
     def follow_limits(self) -> bool:
-        """Go by the fences that are parameters as they are told now; whether they changed."""
-        limits = self._limits_told()
+        """Apply the fences that are parameters as reported now; return whether they changed."""
+        limits = self._reported_limits()
         if limits == self._limits:
             return False
         self._limits = limits
         self._apply()
         return True
 
-    def lay_anew(self) -> None:
+    def refit(self) -> None:
         """Fit the fences into the bounds of another mission file."""
         if self._items or self._limits != FenceLimits():
             self._apply()
 
-    def _limits_told(self) -> FenceLimits:
-        """What the autopilot's parameters say, once it has told where home is."""
+    def _reported_limits(self) -> FenceLimits:
+        """Return the fences in the autopilot's parameters, once its home is known."""
         state = self._flight.state
-        told = state.settings
-        radius = told.fence_limit_m(told.fence_radius_m, FENCE_CIRCLE)
-        height = told.fence_limit_m(told.fence_height_m, FENCE_HEIGHT)
+        settings = state.settings
+        radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)
+        height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
         if state.home_enu_m is None or (radius is None and height is None):
             return FenceLimits()
-        # Home is told again and again, a little elsewhere perhaps.
+        # Home is reported repeatedly, and may vary a little.
         east, north, up = (float(round(value)) for value in state.home_enu_m)
         return FenceLimits((east, north, up), radius, height)
 
@@ -132,6 +133,6 @@ class Geofences:
             self._announcer.decide(DecisionKind.FENCE, text, tell="bad fence", reason=error)
             return
         state = self._flight.apply(after_fences, fence_obstacles(fences, bounds_of(mission)))
-        self._situation.follow_fences(state.rules)
+        self._world_model.follow_fences(state.rules)
         words = f"{len(fences.exclusions)} to stay out of, {len(fences.inclusions)} to stay in{self._limits}"
         self._announcer.decide(DecisionKind.FENCE, words, tell="fences", fences=words)

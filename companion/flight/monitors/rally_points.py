@@ -1,4 +1,4 @@
-"""The autopilot's rally points, read when it tells that they are others."""
+"""Read the autopilot's rally points when it reports that they have changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.rally import rally_points_of
 from companion.types.mission import MissionItem
 
-AGAIN_S = 30.0  # between two readings, whatever is told
+REPEAT_MIN_S = 30.0  # Time between two readings, whatever is reported.
 
 _log = logging.getLogger(__name__)
 
@@ -22,52 +22,52 @@ _log = logging.getLogger(__name__)
 class RallyPoints:
     """Keeps the flight's rally points up to date.
 
-    A PX4 names its list in MISSION_CURRENT; an ArduPlane tells the number of points as a parameter. Where
-    there are none nothing is asked.
+    A PX4 reports an identifier of its list in MISSION_CURRENT; an ArduPlane has the number of points as a
+    parameter. If both are 0, nothing is read.
 
     Parameters
     ----------
     flight : StateOwner
-        The flight's state, which is to have them.
+        The flight's state, which contains the rally points.
     link : AutopilotLink
-        To the autopilot.
+        The link to the autopilot.
     announcer : Announcer
-        Told how many there are.
+        Announces the number of points.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     def __init__(self, flight: StateOwner, link: AutopilotLink, announcer: Announcer, clock: Clock) -> None:
         self._flight, self._link = flight, link
         self._announcer, self._clock = announcer, clock
         self._items: tuple[MissionItem, ...] = ()
-        self._told: tuple[int, int] = (0, 0)
+        self._last_reported: tuple[int, int] = (0, 0)
         self._asked_s = -math.inf
 
-    async def renew(self, *, is_again: bool = False) -> None:
-        """Read them if they are others than those that are known, by what the autopilot tells.
+    async def renew(self, *, includes_unnamed: bool = False) -> None:
+        """Read the rally points if the autopilot reports that they have changed.
 
         Parameters
         ----------
-        is_again : bool
-            Whether to read also a list that has no name, and as many points as before.
+        includes_unnamed : bool
+            Whether to read also a list without an identifier whose number of points is the same.
         """
-        told, now = self._told_now(), self._clock.now_s()
-        self._flight.apply(after_rally_reported, holds_any=told != (0, 0))
-        is_news = told != self._told or (is_again and told[0] > 0)
-        if told == (0, 0):
-            self._items, self._told = (), told
-        elif is_news and now - self._asked_s >= AGAIN_S:
+        reported, now = self._reported_now(), self._clock.now_s()
+        self._flight.apply(after_rally_reported, holds_any=reported != (0, 0))
+        is_news = reported != self._last_reported or (includes_unnamed and reported[0] > 0)
+        if reported == (0, 0):
+            self._items, self._last_reported = (), reported
+        elif is_news and now - self._asked_s >= REPEAT_MIN_S:
             self._asked_s = now
             try:
                 self._items = await self._link.download_rally_points()
-                self._told = told
+                self._last_reported = reported
             except CompanionError as error:
                 _log.debug("rally points: %s", error)
         self._apply()
 
-    def _told_now(self) -> tuple[int, int]:
-        """How many points an ArduPlane tells of, and the name that a PX4 gives the list."""
+    def _reported_now(self) -> tuple[int, int]:
+        """Return an ArduPlane's number of points, and a PX4's identifier of the list."""
         current = self._link.current
         number = self._flight.state.settings.num_rally_points or 0.0
         return int(number), 0 if current is None else current.rally_id
@@ -78,7 +78,7 @@ class RallyPoints:
         places = rally_points_of(self._items, state.mission.frame, home_amsl_m)
         if len(places) == len(state.rally_points) and all(
             math.dist(new, known) < 1.0 for new, known in zip(places, state.rally_points, strict=True)
-        ):  # the height of home is told anew with every position
+        ):  # Home's height is reported with every position.
             return
         self._flight.apply(after_rally_points, places)
         num_unplaced = len(self._items) - len(places)

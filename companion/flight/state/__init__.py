@@ -1,4 +1,5 @@
-"""What is known and decided of one flight: its state, the situation, plans and what is thought of them.
+"""State and decisions of one flight: the flight's state, the known world, plans and their judgement.
 
-Synchronous and without a clock; touches configuration, planning, assurance and missions, never the link.
+Synchronous and without a clock. The modules use configuration, planning, assurance and missions, never the
+link.
 """

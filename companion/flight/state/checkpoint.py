@@ -1,8 +1,8 @@
-"""What a restarted service must know of the flight, and the autopilot cannot tell.
+"""What a restarted service must know of the flight and the autopilot cannot tell.
 
-The autopilot holds the mission that is flown, but not the path it was made from, nor which goals are
-reached. Both are kept in files, and believed only where they fit what the autopilot holds. They are of one
-flight: an aircraft that is not armed has no use for them, and the next flight begins at its first goal.
+The autopilot has the flown mission, but neither the path from which it was made nor the goals that are
+reached. Both are stored in files, and used only if they match the autopilot's mission. They belong to one
+flight: after disarming they are deleted, and the next flight begins at its first goal.
 """
 
 from __future__ import annotations
@@ -29,91 +29,94 @@ _log = logging.getLogger(__name__)
 
 Places = Sequence[tuple[float, float, float]]
 
-GOALS, FLOWN = ".goals.json", ".flown.npz"
-WIND = "wind_enu_m_s"  # of a path; versions before 0.3 knew none
-_HEADER = re.compile(  # of an array of numbers, as numpy writes it
+GOALS_END, FLOWN_END = ".goals.json", ".flown.npz"  # The ends of the files' names.
+WIND_COLUMN = "wind_enu_m_s"  # This column of a path is missing in files of versions before 0.3.
+_HEADER = re.compile(  # The header of an array of numbers as numpy writes it.
     rb"\x93NUMPY\x01\x00..\{'descr': '<([fi]8)', 'fortran_order': (True|False), "
     rb"'shape': \(([0-9, ]{0,40})\), \} *\n",
     re.DOTALL,
 )
-SIZE_MAX, UNPACKED_MAX = 4_000_000, 16_000_000  # bytes; a path of an hour takes a tenth
+# Largest file and its largest unpacked size in bytes; a path of an hour takes a tenth.
+SIZE_MAX, UNPACKED_MAX = 4_000_000, 16_000_000
 
 
 def key_of(items: Sequence[MissionItem]) -> int:
-    """Number of a part of a mission by its commands and places, which no autopilot rounds."""
+    """Return a key of a mission part: a checksum of commands and positions, which no autopilot rounds."""
     text = ";".join(f"{item.command},{item.latitude_e7},{item.longitude_e7}" for item in items)
     return zlib.crc32(text.encode("ascii"))
 
 
 class Checkpoint:
-    """Goals reached, and the path being flown.
+    """The goals that are reached, and the flown path.
 
     Parameters
     ----------
     stem : Path, optional
-        Beginning of the names of the files that outlast this process; left out, nothing does.
-    kept : mapping of str to bytes, optional
-        What is remembered at first, by the ends of the files' names, instead of the files' contents.
+        Common beginning of the files' names; without it nothing outlasts the process.
+    contents : mapping of str to bytes, optional
+        Initial contents by the ends of the files' names, instead of the files.
     """
 
-    def __init__(self, stem: FilePath | None = None, kept: Mapping[str, bytes] | None = None) -> None:
+    def __init__(self, stem: FilePath | None = None, contents: Mapping[str, bytes] | None = None) -> None:
         self._stem = stem
-        self._kept = dict(kept) if kept is not None else self._read()
+        self._contents = dict(contents) if contents is not None else self._read()
 
     @property
-    def kept(self) -> Mapping[str, bytes]:
-        """All that is remembered, by the ends of the files' names; another checkpoint can be made of it."""
-        return self._kept
+    def contents(self) -> Mapping[str, bytes]:
+        """The contents by the ends of the files' names, from which another checkpoint can be made."""
+        return self._contents
 
     def reached(self, goals: Places) -> int:
-        """Goals reached of this very list; 0 where nothing of it is known."""
-        kept = _goals_in(self._kept.get(GOALS))
+        """Return the number of goals reached of this list of goals; 0 for another list."""
+        kept = _goals_in(self._contents.get(GOALS_END))
         if kept is None or kept.places != _rounded(goals):
             return 0
         return kept.reached
 
     def note_reached(self, goals: Places, number: int, boot_s: float = 0.0) -> None:
-        """Remember how many goals of a list are reached, and how long the autopilot had run by then [s]."""
+        """Store how many goals of a list are reached, and how long the autopilot has run since boot [s]."""
         kept = {"goals": _rounded(goals), "reached": number, "boot_s": boot_s}
-        self._keep(GOALS, json.dumps(kept).encode("ascii"))
+        self._keep(GOALS_END, json.dumps(kept).encode("ascii"))
 
     @property
     def boot_s(self) -> float:
-        """How long the autopilot had run when a goal was noted; one that runs for less was started since."""
-        kept = _goals_in(self._kept.get(GOALS))
+        """The autopilot's time since boot at the last note [s]; a shorter one now means a restart."""
+        kept = _goals_in(self._contents.get(GOALS_END))
         return 0.0 if kept is None else kept.boot_s
 
     def flown(self, key: int) -> tuple[Path, float] | None:
-        """The path that a mission of this number carries, and the path's time at its end; None if unknown."""
-        kept = _flown_in(self._kept.get(FLOWN))
+        """Return the path of the mission with this key, and the path's time at its end; None if unknown."""
+        kept = _flown_in(self._contents.get(FLOWN_END))
         return None if kept is None or kept[0] != key else kept[1:]
 
     def note_flown(self, key: int, path: Path, until_s: float) -> None:
-        """Remember the path that a mission carries."""
+        """Store the path of a mission."""
         buffer = io.BytesIO()
         columns = {field.name: getattr(path, field.name) for field in fields(Path)}
         np.savez(buffer, key=key, until_s=until_s, **columns)
-        self._keep(FLOWN, buffer.getvalue())
+        self._keep(FLOWN_END, buffer.getvalue())
 
     def forget(self) -> None:
-        """Remember nothing: a flight is over."""
-        self._kept.clear()
+        """Delete everything: a flight is over."""
+        self._contents.clear()
         for file in self._files().values():
             try:
                 file.unlink(missing_ok=True)
             except OSError as error:
-                _log.error("the last flight's state is not forgotten: %s", error)
+                _log.error("the last flight's checkpoint cannot be deleted: %s", error)
 
     def _files(self) -> dict[str, FilePath]:
         stem = self._stem
-        return {} if stem is None else {end: stem.with_name(stem.name + end) for end in (GOALS, FLOWN)}
+        return (
+            {} if stem is None else {end: stem.with_name(stem.name + end) for end in (GOALS_END, FLOWN_END)}
+        )
 
     def _read(self) -> dict[str, bytes]:
         kept = {}
         for end, file in self._files().items():
             try:
                 data = read_file(file, SIZE_MAX)
-                is_sound = (_goals_in(data) if end == GOALS else _flown_in(data)) is not None
+                is_sound = (_goals_in(data) if end == GOALS_END else _flown_in(data)) is not None
             except FileNotFoundError:
                 continue
             except OSError:
@@ -127,20 +130,20 @@ class Checkpoint:
         return kept
 
     def _keep(self, end: str, data: bytes) -> None:
-        """Remember; written whole or not at all, and a full disk costs the memory, not the flight."""
-        self._kept[end] = data
+        """Store, completely or not at all; a full disk loses the checkpoint, not the flight."""
+        self._contents[end] = data
         file = self._files().get(end)
         if file is None:
             return
         try:
             replace_file(file, data)
         except OSError as error:
-            _log.error("the flight's state is not remembered: %s", error)
+            _log.error("the checkpoint cannot be written: %s", error)
 
 
 @dataclass(frozen=True, slots=True)
 class _Goals:
-    """A list of goals, how many are reached, and how long the autopilot had run by then [s]."""
+    """A list of goals, how many are reached, and the autopilot's time since boot then [s]."""
 
     places: list[tuple[float, ...]]
     reached: int
@@ -148,7 +151,7 @@ class _Goals:
 
 
 def _goals_in(data: bytes | None) -> _Goals | None:
-    """What a file of goals says; None where it is none, or says what cannot be."""
+    """Return the content of a file of goals; None if it is not valid."""
     try:
         kept = json.loads((data or b"")[: SIZE_MAX + 1])
         places = [tuple(float(x) for x in place) for place in kept["goals"]]
@@ -159,13 +162,13 @@ def _goals_in(data: bytes | None) -> _Goals | None:
 
 
 def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
-    """Mission's number, path and its end in time [s] of a file; None where it is none."""
+    """Return key, path and end time [s] of a file; None if it is not valid."""
     try:
         arrays = _arrays_in(data or b"")
         key, until_s = int(arrays.pop("key").item()), float(arrays.pop("until_s").item())
-        east, north = arrays.pop(WIND, np.zeros(2)).tolist()
+        east, north = arrays.pop(WIND_COLUMN, np.zeros(2)).tolist()
     except (OSError, EOFError, ValueError, LookupError, OverflowError, RuntimeError, zlib.error):
-        return None  # what zipfile does not know to unpack is a RuntimeError
+        return None  # zipfile raises RuntimeError for an unknown compression.
     except (zipfile.BadZipFile, MemoryError):
         return None
     rows = arrays["times_s"].shape
@@ -179,9 +182,9 @@ def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:
 
 
 def _arrays_in(data: bytes) -> dict[str, FloatArray]:
-    """Arrays (N, …) of an archive, by name.
+    """Return the arrays (N, …) of an archive, by name.
 
-    What it claims of its sizes is added up before anything is unpacked, and nothing is unpacked further.
+    The stated sizes are added up before anything is unpacked, and nothing is unpacked beyond them.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > UNPACKED_MAX:
@@ -189,12 +192,14 @@ def _arrays_in(data: bytes) -> dict[str, FloatArray]:
         names = ("key", "until_s", *(field.name for field in fields(Path)))
         held = archive.namelist()
         return {
-            name: _array_in(archive, f"{name}.npy") for name in names if name != WIND or f"{name}.npy" in held
+            name: _array_in(archive, f"{name}.npy")
+            for name in names
+            if name != WIND_COLUMN or f"{name}.npy" in held
         }
 
 
 def _array_in(archive: zipfile.ZipFile, name: str) -> FloatArray:
-    """An array (N, …) of numbers, as numpy writes them; nothing else is read."""
+    """Return an array (N, …) of numbers as numpy writes it; other contents are refused."""
     with archive.open(name) as entry:
         data = entry.read(UNPACKED_MAX)
     header = _HEADER.match(data)

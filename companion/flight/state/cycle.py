@@ -1,4 +1,4 @@
-"""One planning cycle without its waiting: whether a plan is of use, and what is done where none passes.
+"""One planning cycle without its waiting: judge a plan, and choose an emergency step if none passes.
 
 Synchronous and without a clock, so that a replay decides the same.
 """
@@ -16,8 +16,8 @@ from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.decision import (
     SwapDecision,
     Verdict,
-    carried_min_s,
-    carried_s,
+    covered_min_s,
+    covered_s,
     gain_of,
     judge,
 )
@@ -33,53 +33,53 @@ from companion.types.plan import Plan
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
 
-AS_GOOD = "what is flown costs no more"
-RALLY_POINTS_TRIED = 2  # each is a plan, while nothing that passes is flown
+FLOWN_COSTS_NO_MORE = "what is flown costs no more"  # The recorded reason for keeping the flown mission.
+RALLY_POINTS_TRIED = 2  # Each rally point needs a plan, while the flown path does not pass.
 
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """What a plan comes to.
+    """The result of a plan.
 
     Parameters
     ----------
     decision : SwapDecision
-        What is said of it.
-    shaped : ConstructedMission or None
-        What is to be handed over; None where nothing is.
+        The judgement of the plan.
+    constructed : ConstructedMission or None
+        The mission to be handed over; None if there is none.
     is_unflyable : bool
-        Whether it would be flown, but no mission can fly it.
+        Whether the plan would be flown, but no mission can fly it.
     """
 
     decision: SwapDecision
-    shaped: ConstructedMission | None = None
+    constructed: ConstructedMission | None = None
     is_unflyable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class EmergencyConclusion:
-    """The step to take where no plan passes, why, and what is to be handed over for it, if anything."""
+    """The emergency step, its reason, its options, and the mission to be handed over for it, if any."""
 
     step: EmergencyStep
     reason: str
     options: EmergencyOptions
-    shaped: ConstructedMission | None
+    constructed: ConstructedMission | None
 
 
 def is_over(state: FlightState, ownship: Ownship) -> bool:
-    """Whether the flown path ends before a plan begun now could be of use."""
+    """Return whether the flown path ends before a plan begun now could be of use."""
     return is_on_last_leg(state, ownship, lead_s(state))
 
 
 def flown_passes(state: FlightState, start: Start) -> bool:
-    """Whether something of ours is flown, and the rest of it passes the check."""
+    """Return whether a path of the service is flown, and its rest passes the check."""
     return flown_violations(state, start) == ()
 
 
 def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
-    """Judge a plan, and make its mission if it is to be flown.
+    """Judge a plan, and construct its mission if it is to be flown.
 
-    A plan that a mission can only fly slower is judged once more, because it is later everywhere.
+    A plan that a mission can only fly more slowly is judged again, because it is later everywhere.
 
     Parameters
     ----------
@@ -88,9 +88,9 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     plan : Plan
         The planner's answer.
     start : Start
-        Where it begins.
+        The start of the plan.
     snapshot : Snapshot
-        The world that it was made in.
+        The world of the plan.
     """
     decision = judge(state, plan, start)
     if not decision.verdict.is_swap or plan.path is None:
@@ -111,16 +111,16 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
         if not decision.verdict.is_swap:
             return Conclusion(decision)
     part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ConstructedMission(
+    constructed = ConstructedMission(
         path, waypoints, part, covered_until_s, start, decision.verdict, decision.text, decision.why, cost
     )
-    return Conclusion(decision, shaped)
+    return Conclusion(decision, constructed)
 
 
 def _first_flyable(
     state: FlightState, paths: Sequence[tuple[Path, float]]
 ) -> tuple[tuple[Path, float], Candidate]:
-    """The first of some paths with their costs that a mission can fly, else the last; and its mission."""
+    """Return the first path (with its cost) that a mission can fly, else the last, and its mission."""
     for wanted in paths:
         found = construct(state, wanted[0], state.mission_list.max_waypoints)
         if not found.violations:
@@ -131,25 +131,25 @@ def _first_flyable(
 def conclude_either(
     state: FlightState, plan: Plan, start: Start, snapshot: Snapshot, *, least_gain: float
 ) -> tuple[Conclusion, EmergencyConclusion | None]:
-    """What a plan comes to; and as an emergency plan, where it breaks limits of threat or quality alone.
+    """Judge a plan; if it breaks only the limits of threat or quality, also as an emergency plan.
 
-    Where the flown path passes the check, no emergency plan is wanted.
+    No emergency plan is needed while the flown path passes the check.
 
     Parameters
     ----------
     state : FlightState
-        What is flown, and by which rules.
+        The flown mission and the rules.
     plan : Plan
         The planner's answer.
     start : Start
-        Where it begins.
+        The start of the plan.
     snapshot : Snapshot
-        The world that it was made in.
+        The world of the plan.
     least_gain : float
-        As in :func:`conclude_emergency`.
+        Same as in :func:`conclude_emergency`.
     """
     found = conclude(state, plan, start, snapshot)
-    if not found.decision.is_flyable_anyway or flown_passes(state, start):
+    if not found.decision.is_flyable_in_emergency or flown_passes(state, start):
         return found, None
     return found, conclude_emergency(state, plan, None, start, None, least_gain=least_gain)
 
@@ -163,72 +163,74 @@ def conclude_emergency(
     *,
     least_gain: float = 0.0,
 ) -> EmergencyConclusion:
-    """Choose the step of the emergency strategy, and shape what is to be flown by it.
+    """Choose the emergency step, and construct the mission that carries it out.
 
     Parameters
     ----------
     state : FlightState
-        What is flown, and by which rules.
+        The flown mission and the rules.
     least_threat : Plan
         The plan that weighs threats most.
     refused : Path or None
-        A plan's path that did not pass.
+        The path of a plan that did not pass.
     start : Start
-        From where a new mission would be flown.
+        The start of a new mission.
     return_path : tuple of Violation or None
-        What the way home breaks; None where that is not known.
+        Violations of the return path; None if it is not known.
     least_gain : float
-        A flown path that keeps the hard constraints is kept unless the new one costs less by this share.
+        A flown path that keeps the hard constraints is kept unless the new one saves this share of its cost.
     """
     response = respond(
         state, start, least_threat, (refused,), state.mission_list.max_waypoints,
         may_return=state.mission.authority.allow_rtl, return_path=return_path,
     )  # fmt: skip
     decision, route = response.decision, response.route
-    is_way_on = route is not None and decision.step is EmergencyStep.LEAST_THREAT
-    if is_way_on and _flown_is_as_good(state, start, least_threat, response.options, least_gain):
-        return EmergencyConclusion(decision.step, AS_GOOD, response.options, None)
-    return _shaped(state, start, response, least_threat.cost)
+    leads_to_goal = route is not None and decision.step is EmergencyStep.LEAST_THREAT
+    if leads_to_goal and _flown_is_as_good(state, start, least_threat, response.options, least_gain):
+        return EmergencyConclusion(decision.step, FLOWN_COSTS_NO_MORE, response.options, None)
+    return _emergency_mission(state, start, response, least_threat.cost)
 
 
 def _flown_is_as_good(
     state: FlightState, start: Start, plan: Plan, options: EmergencyOptions, least_gain: float
 ) -> bool:
-    """Whether what is flown leads as far, and costs hardly more than a least-threat plan.
+    """Return whether the flown path leads as far, and costs hardly more than a least-threat plan.
 
-    A mission handed over for nothing is an exchange in the way of the next surprise.
+    An exchange without benefit would delay the answer to the next surprise.
     """
     if start.rest is None or plan.flown_cost is None or not state.flies_to_goal:
         return False
     if options.flown is None or not keeps_hard_constraints(options.flown):
         return False
-    return carried_s(state, start) >= carried_min_s(state) and gain_of(plan) <= least_gain
+    return covered_s(state, start) >= covered_min_s(state) and gain_of(plan) <= least_gain
 
 
 def conclude_rally(
     state: FlightState, found: EmergencyConclusion, plan: Plan, place: GoalRegion, start: Start
 ) -> EmergencyConclusion:
-    """Choose the step anew once a plan to a rally point was made, and shape what is to be flown by it."""
+    """Choose the step again after a plan to a rally point, and construct the mission that carries it out."""
     response = respond_by_rally_point(state, found.options, plan, place, state.mission_list.max_waypoints)
-    return _shaped(state, start, response, plan.cost)
+    return _emergency_mission(state, start, response, plan.cost)
 
 
 def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
-    """The rally points that are worth a plan, the nearest first."""
+    """Return the rally points for which a plan is made, the nearest first."""
     here = start.state.position_enu_m
     nearest = sorted(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]))
     return [state.region_at(place) for place in nearest[:RALLY_POINTS_TRIED]]
 
 
-def _shaped(state: FlightState, start: Start, response: Response, cost: float) -> EmergencyConclusion:
-    """What a response comes to as a mission."""
+def _emergency_mission(
+    state: FlightState, start: Start, response: Response, cost: float
+) -> EmergencyConclusion:
+    """Return a response with its mission."""
     step, reason = response.decision
     route = response.route
     if route is None:
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
-    shaped = ConstructedMission(
+    constructed = ConstructedMission(
         route.path, route.waypoints, part, route.covered_until_s, start, Verdict.EMERGENCY, step.value, {},
         cost,
     )  # fmt: skip
-    return EmergencyConclusion(step, reason, response.options, shaped)
+    return EmergencyConclusion(step, reason, response.options, constructed)

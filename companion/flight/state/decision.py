@@ -1,9 +1,8 @@
-"""Whether a new plan replaces what is flown, by an ordered table of rules; and every kind of decision.
+"""Judge whether a new plan replaces the flown one, by an ordered table of rules; all kinds of decisions.
 
-Theory of operation. The rules of :data:`_RULES` are asked in their order; the first that has an answer
-decides. On its way each notes the numbers that it went by, for the record. No dithering: beside a flown path
-that is sound, a new one has to be cheaper by the mission file's ``swap_gain``; and beside one that is held,
-by more.
+Theory of operation. The rules of :data:`_RULES` are evaluated in their order, and the first answer decides.
+Each rule notes the numbers that it used, for the record. To avoid dithering, a new plan replaces a sound
+flown path only if it costs less by the mission file's ``swap_gain``, and by more if the flown path is held.
 """
 
 from __future__ import annotations
@@ -17,57 +16,48 @@ from functools import cached_property
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
-from companion.types.mavlink_enums import Severity
 from companion.types.path import Path
 from companion.types.plan import Plan
 
-EXTENDED_HORIZONS = 1.5  # carried ahead: with less left the mission is extended
-VIOLATIONS_TOLD = 5
-REACHED_S = 1.0  # A flown path is not left for its reach alone if pursuers can reach it for no longer.
-SAFE_TIMES = 5.0  # A path that is held is left only for one that saves so many times swap_gain.
+COVERED_HORIZONS_MIN = 1.5  # A mission that covers less than this many time horizons ahead is extended.
+VIOLATIONS_RECORDED_MAX = 5  # At most this many violations are recorded.
+# A flown path that pursuers can reach for no longer than this is not left for that reason.
+REACHABLE_MAX_S = 1.0
+HELD_GAIN_FACTOR = 5.0  # A held path is replaced only by one that saves this multiple of swap_gain.
 
 
 class DecisionKind(Enum):
-    """What is decided, recorded and told to the pilot, and how loudly."""
+    """Kinds of decisions, as recorded."""
 
-    SWAP = "swap", Severity.NOTICE
-    KEEP = "keep", Severity.INFO
-    NO_PLAN = "no plan", Severity.WARNING
-    REJECTED = "rejected", Severity.WARNING
-    EMERGENCY = "emergency", Severity.CRITICAL
-    MODE = "mode", Severity.INFO
-    SUSPENDED = "suspended", Severity.WARNING
-    ARRIVED = "arrived", Severity.NOTICE
-    LANDED = "landed", Severity.INFO
-    LANDING = "landing", Severity.WARNING
-    MISSION = "mission", Severity.INFO
-    TAKEOVER = "takeover", Severity.NOTICE
-    FAULT = "fault", Severity.WARNING
-    READY = "ready", Severity.INFO
-    HANDBACK = "handback", Severity.NOTICE
-    RESTART = "restart", Severity.INFO
-    LINK = "link", Severity.WARNING
-    STALE = "stale", Severity.WARNING
-    FRESH = "fresh", Severity.NOTICE
-    FENCE = "fence", Severity.INFO
-    RALLY = "rally", Severity.INFO
-    RELOAD = "reload", Severity.NOTICE
-    PARAMETERS = "parameters", Severity.WARNING
-    RECORDING = "recording", Severity.INFO
-    STOPPED = "stopped", Severity.WARNING
-
-    severity: Severity
-
-    def __new__(cls, value: str, severity: Severity) -> DecisionKind:
-        """A member with its severity."""
-        member = object.__new__(cls)
-        member._value_ = value  # of which Enum makes ``value``
-        member.severity = severity
-        return member
+    SWAP = "swap"
+    KEEP = "keep"
+    NO_PLAN = "no plan"
+    REJECTED = "rejected"
+    EMERGENCY = "emergency"
+    MODE = "mode"
+    SUSPENDED = "suspended"
+    ARRIVED = "arrived"
+    LANDED = "landed"
+    LANDING = "landing"
+    MISSION = "mission"
+    TAKEOVER = "takeover"
+    FAULT = "fault"
+    READY = "ready"
+    HANDBACK = "handback"
+    RESTART = "restart"
+    LINK = "link"
+    STALE = "stale"
+    FRESH = "fresh"
+    FENCE = "fence"
+    RALLY = "rally"
+    RELOAD = "reload"
+    PARAMETERS = "parameters"
+    RECORDING = "recording"
+    STOPPED = "stopped"
 
 
 class Verdict(Enum):
-    """What is said of a plan; those that replace what is flown first."""
+    """The judgement of a plan; those that replace the flown plan come first."""
 
     FIRST_PLAN = "first plan"
     UNSAFE = "unsafe"
@@ -80,17 +70,17 @@ class Verdict(Enum):
 
     @property
     def kind(self) -> DecisionKind:
-        """As what it is told."""
+        """The kind of decision as which the verdict is recorded."""
         return _KINDS.get(self, DecisionKind.SWAP)
 
     @property
     def is_swap(self) -> bool:
-        """Whether the plan replaces what is flown."""
+        """Whether the plan replaces the flown one."""
         return self.kind is DecisionKind.SWAP
 
     @property
     def is_emergency(self) -> bool:
-        """Whether no plan passes, and the emergency strategy has to answer."""
+        """Whether no plan passes, so that the emergency strategy has to answer."""
         return self in (Verdict.NO_PLAN, Verdict.REJECTED)
 
 
@@ -103,47 +93,47 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class SwapDecision:
-    """What is said of a plan.
+    """The judgement of a plan, with its reasons.
 
     Parameters
     ----------
     verdict : Verdict
-        What is said.
+        The verdict.
     text : str
-        Why, in words.
+        The reason in words.
     why : mapping
-        The numbers that led to it.
+        The numbers behind the reason.
     holds_flown : bool
         Whether the flown path is held: out of pursuers' reach, and as good as when it was chosen.
-    is_flyable_anyway : bool
-        Whether a refused path leads to the goal and breaks no limit but those of threat and quality.
+    is_flyable_in_emergency : bool
+        Whether a refused path leads to the goal and breaks only the limits of threat and quality.
     """
 
     verdict: Verdict
     text: str
     why: Mapping[str, object] = field(default_factory=dict)
     holds_flown: bool = False
-    is_flyable_anyway: bool = False
+    is_flyable_in_emergency: bool = False
 
 
-def carried_s(state: FlightState, start: Start) -> float:
-    """How long the mission in the autopilot still carries on from a start [s]; to the goal: endless."""
+def covered_s(state: FlightState, start: Start) -> float:
+    """Return how long the autopilot's mission continues from a start [s]; infinite if it reaches the goal."""
     flown, rest = state.flown, start.rest
     if flown is None or rest is None:
         return 0.0
-    return flown.carried_s(len(flown.path) - len(rest))
+    return flown.covered_s(len(flown.path) - len(rest))
 
 
-def carried_min_s(state: FlightState) -> float:
-    """With less carried ahead the mission is extended [s]."""
-    return EXTENDED_HORIZONS * state.rules.time_horizon_s
+def covered_min_s(state: FlightState) -> float:
+    """Return the time below which a mission is extended [s]."""
+    return COVERED_HORIZONS_MIN * state.rules.time_horizon_s
 
 
 def gain_of(plan: Plan) -> float:
-    """The share of the flown path's cost that a plan saves; 0 where either is not known, or endless.
+    """Return the share of the flown path's cost that a plan saves; 0 if either cost is unknown or infinite.
 
-    That no pursuer that knows the path can reach it goes before cost, as in the search: a path that one can
-    reach saves nothing beside one that none can, and the other way round everything.
+    Being out of the reach of pursuers that know the path takes precedence over cost, as in the search. A path
+    within reach saves nothing compared with one out of reach, and in the opposite case it saves everything.
     """
     flown_cost, flown, reached_s = plan.flown_cost or 0.0, plan.flown_pursuit, plan.pursuit.total_s
     if flown is not None and flown.total_s == 0.0 < reached_s:
@@ -154,14 +144,14 @@ def gain_of(plan: Plan) -> float:
 
 
 def _is_out_of_reach(plan: Plan) -> bool:
-    """Whether no pursuer can reach a plan, and one can reach the flown path for more than a moment."""
+    """Return whether pursuers cannot reach the plan, but the flown path for more than a moment."""
     flown = plan.flown_pursuit
-    return flown is not None and flown.total_s > REACHED_S and plan.pursuit.total_s == 0.0
+    return flown is not None and flown.total_s > REACHABLE_MAX_S and plan.pursuit.total_s == 0.0
 
 
 @dataclass(frozen=True)
 class _Case:
-    """A plan to be judged, and what the rules go by."""
+    """A plan to be judged, with the quantities that the rules use."""
 
     state: FlightState
     plan: Plan
@@ -169,7 +159,7 @@ class _Case:
 
     @cached_property
     def path(self) -> Path:
-        """The plan's path; only where there is one."""
+        """The plan's path; only valid if there is one."""
         assert self.plan.path is not None
         return self.plan.path
 
@@ -182,8 +172,8 @@ class _Case:
     def holds_flown(self) -> bool:
         """Whether the flown path is held.
 
-        It leads to the goal, no pursuer that knows it can reach it, and it costs no more than when it was
-        chosen. A path put together of the beginnings of several such paths need not be safe itself.
+        A held path leads to the goal, no pursuer that knows it can reach it, and it costs no more than when
+        it was chosen. A path assembled from the beginnings of several such paths need not be safe itself.
         """
         rest, risk, flown = self.start.rest, self.plan.flown_pursuit, self.state.flown
         if rest is None or risk is None or flown is None or risk.total_s > 0.0 or not self.state.goals:
@@ -196,21 +186,21 @@ class _Case:
 
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
-        """What the rest of the flown path breaks."""
+        """Violations of the rest of the flown path."""
         return () if self.start.rest is None else self.state.violations_of(self.start.rest)
 
     @cached_property
     def violations(self) -> tuple[Violation, ...]:
-        """What the plan's path breaks, but for the threat that the aircraft is already under."""
+        """Violations of the plan's path, apart from the threat that the aircraft is already under."""
         found = self.state.violations_of(self.path)
         if self.path.threat_levels[0] > self.state.rules.checker.limits.threat_level_max:
             return tuple(entry for entry in found if entry.rule != "threat")
         return found
 
     @cached_property
-    def carried_s(self) -> float:
-        """How long the mission in the autopilot still carries on from the start [s]; to the goal: endless."""
-        return carried_s(self.state, self.start)
+    def covered_s(self) -> float:
+        """How long the autopilot's mission continues from the start [s]; infinite if it reaches the goal."""
+        return covered_s(self.state, self.start)
 
 
 _Facts = dict[str, object]
@@ -218,41 +208,41 @@ _Answer = tuple[Verdict, str] | None
 
 
 def _no_plan(case: _Case, _why: _Facts) -> _Answer:
-    """Nothing that reaches the goal."""
+    """Answer if no plan reaches the goal."""
     if case.plan.path is not None and case.plan.reaches_goal:
         return None
     return Verdict.NO_PLAN, "; ".join((case.plan.status.value, *case.plan.notes))
 
 
 def _rejected(case: _Case, why: _Facts) -> _Answer:
-    """A path that the checker refuses."""
+    """Answer if the checker refuses the path."""
     why["threat"], violations = case.threat, case.violations
     if not violations:
         return None
-    why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_TOLD]]
+    why["violations"] = [str(entry) for entry in violations[:VIOLATIONS_RECORDED_MAX]]
     return Verdict.REJECTED, f"{violations[0]} ({len(violations)} violations)"
 
 
 def _flown_is_unsafe(case: _Case, why: _Facts) -> _Answer:
-    """The world has changed: the rest of the flown path fails the check."""
+    """Answer if the rest of the flown path fails the check, because the world has changed."""
     if not case.rest_violations:
         return None
-    why["flown_violations"] = [str(entry) for entry in case.rest_violations[:VIOLATIONS_TOLD]]
+    why["flown_violations"] = [str(entry) for entry in case.rest_violations[:VIOLATIONS_RECORDED_MAX]]
     return Verdict.UNSAFE, f"flown plan: {case.rest_violations[0]}"
 
 
 def _nothing_is_flown(case: _Case, _why: _Facts) -> _Answer:
-    """Nothing to compare with."""
+    """Answer if there is no flown path to compare with."""
     if case.start.rest is not None and case.plan.flown_cost is not None:
         return None
     return Verdict.FIRST_PLAN, f"cost {case.plan.cost:.1f}"
 
 
 def _is_better(case: _Case, why: _Facts) -> _Answer:
-    """Cheaper by ``swap_gain``; (9) counts a path that passes the threat limit as endlessly dear."""
+    """Answer if the plan saves ``swap_gain``; by (9) a path above the threat limit costs infinitely much."""
     gain = gain_of(case.plan)
-    why |= {"gain": gain, "carried_s": case.carried_s, "carried_min_s": carried_min_s(case.state)}
-    if gain < float(case.state.mission.planning.swap_gain) * (SAFE_TIMES if case.holds_flown else 1.0):
+    why |= {"gain": gain, "carried_s": case.covered_s, "carried_min_s": covered_min_s(case.state)}
+    if gain < float(case.state.mission.planning.swap_gain) * (HELD_GAIN_FACTOR if case.holds_flown else 1.0):
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
@@ -263,9 +253,9 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     return Verdict.BETTER, f"cost {case.plan.cost:.1f}{instead}"
 
 
-def _is_short_or_kept(case: _Case, _why: _Facts) -> _Answer:
-    """The mission in the autopilot ends soon, or all is well."""
-    is_short = case.carried_s < carried_min_s(case.state)
+def _is_extended_or_kept(case: _Case, _why: _Facts) -> _Answer:
+    """Answer with extending if the autopilot's mission ends soon, otherwise with keeping."""
+    is_short = case.covered_s < covered_min_s(case.state)
     text = f"cost {case.plan.cost:.1f}, flown {case.plan.flown_cost:.1f}"
     return Verdict.EXTEND if is_short else Verdict.KEEP, text
 
@@ -276,21 +266,21 @@ _RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
     _flown_is_unsafe,
     _nothing_is_flown,
     _is_better,
-    _is_short_or_kept,
+    _is_extended_or_kept,
 )
 
 
 def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
-    """Whether a plan replaces what is flown.
+    """Judge whether a plan replaces the flown one.
 
     Parameters
     ----------
     state : FlightState
-        What is flown, and by which rules.
+        The flown mission and the rules.
     plan : Plan
         The planner's answer.
     start : Start
-        Where it begins.
+        The start of the plan.
     """
     planning = state.mission.planning
     why: _Facts = {

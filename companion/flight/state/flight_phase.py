@@ -1,4 +1,4 @@
-"""On the ground or not: when a flight has begun, when it is over, and when there is none."""
+"""The phase of a flight: when a flight has begun, when it is over, and when there is none."""
 
 from __future__ import annotations
 
@@ -7,29 +7,30 @@ from dataclasses import dataclass, replace
 
 from companion.types.mavlink_enums import LandedState
 
-LANDED_S = 10.0  # not armed for so long; less may be a slip of the pilot's
-GROUND_MAX_S = 3_600.0
-AIRBORNE_M, AIRBORNE_M_S = 10.0, 8.0  # above home and over ground, of an autopilot that does not tell
+LANDED_S = 10.0  # A flight is over after this time disarmed; a shorter one may be the pilot's mistake.
+GROUND_MAX_S = 3_600.0  # A recording on the ground is restarted after this time without a flight.
+# An autopilot that does not report its landed state is flying above this height over home and ground speed.
+AIRBORNE_M, AIRBORNE_M_S = 10.0, 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class FlightPhase:
-    """Whether the aircraft is, or was, armed, and whether it flies.
+    """Whether the aircraft is or was armed, and whether it flies.
 
     Parameters
     ----------
     begun_s : float
-        When this began, by the clock [s].
+        When this phase began, by the clock [s].
     has_flown : bool
         Whether the aircraft was armed since.
     is_armed : bool
-        What the autopilot told last.
+        The autopilot's last report.
     disarmed_s : float
-        Since when it tells that it is not armed [s]; infinite before it was heard.
+        Since when the autopilot reports disarmed [s]; infinite before the first report.
     landed_state : int
-        MAV_LANDED_STATE as told last; undefined where it is not told.
+        The last MAV_LANDED_STATE; undefined if none is reported.
     is_moving : bool
-        Whether it is so fast and so high that it must be flying.
+        Whether the aircraft is so fast and so high that it must be flying.
     """
 
     begun_s: float
@@ -45,34 +46,34 @@ class FlightPhase:
         if self.landed_state == LandedState.UNDEFINED:
             return self.is_armed and self.is_moving
         is_up = self.landed_state in (LandedState.IN_AIR, LandedState.LANDING)
-        # A PX4 tells TAKEOFF until its take-off item is done, on the ground as in the climb.
+        # A PX4 reports TAKEOFF until its take-off item is done, on the ground and in the climb.
         is_climbing = self.landed_state == LandedState.TAKEOFF and self.is_moving
         return self.is_armed and (is_up or is_climbing)
 
     def is_grounded(self, now_s: float) -> bool:
-        """Whether the aircraft has not been armed for a while; an autopilot never heard tells nothing."""
+        """Return whether the aircraft has been disarmed for a while; False before the first report."""
         return not self.is_armed and now_s - self.disarmed_s >= LANDED_S
 
     def is_over(self, now_s: float) -> bool:
-        """Whether there was a flight, and it is over."""
+        """Return whether there was a flight, and it is over."""
         return self.has_flown and self.is_grounded(now_s)
 
     def is_idle(self, now_s: float) -> bool:
-        """Whether there has been no flight for so long that none of it is worth a recording."""
+        """Return whether there has been no flight for so long that the recording is restarted."""
         return not self.has_flown and now_s - self.begun_s >= GROUND_MAX_S
 
 
 def after_armed_state(phase: FlightPhase, now_s: float, *, is_armed: bool) -> FlightPhase:
-    """The phase after a heartbeat of the autopilot's.
+    """Return the phase after a heartbeat of the autopilot.
 
     Parameters
     ----------
     phase : FlightPhase
-        The one before.
+        The phase before.
     now_s : float
-        When it was heard [s].
+        When the heartbeat was received [s].
     is_armed : bool
-        What it says.
+        Whether it reports armed.
     """
     is_news = is_armed or phase.is_armed or phase.disarmed_s == math.inf
     return replace(
@@ -84,11 +85,11 @@ def after_armed_state(phase: FlightPhase, now_s: float, *, is_armed: bool) -> Fl
 
 
 def after_landed_state(phase: FlightPhase, landed_state: int) -> FlightPhase:
-    """The phase after the autopilot told its MAV_LANDED_STATE."""
+    """Return the phase after the autopilot reported its MAV_LANDED_STATE."""
     return replace(phase, landed_state=landed_state)
 
 
 def after_movement(phase: FlightPhase, height_above_home_m: float, ground_speed_m_s: float) -> FlightPhase:
-    """The phase after the autopilot told a position: height above home [m], speed over ground [m/s]."""
+    """Return the phase after a position report: height above home [m], speed over ground [m/s]."""
     is_moving = height_above_home_m >= AIRBORNE_M and ground_speed_m_s >= AIRBORNE_M_S
     return phase if phase.is_moving is is_moving else replace(phase, is_moving=is_moving)

@@ -1,27 +1,28 @@
-"""What is being flown, by which rules, and who flies: one frozen value, and its one owner.
+"""The state of a flight: the flown path, the rules, and who flies, as one frozen value with one owner.
 
-Theory of operation. :class:`FlightState` is all that a decision depends on besides the situation. It is
-never changed, only replaced, and only by :meth:`StateOwner.apply`, which takes a function of this module
-or of :mod:`companion.flight.state.list_state`: each maps the state and one event to the next state.
+Theory of operation. :class:`FlightState` is everything that a decision depends on, apart from the known
+world. It is never changed, only replaced, and only by :meth:`StateOwner.apply`, which takes a function of
+this module or of :mod:`companion.flight.state.list_state`: each maps the state and one event to the next
+state.
 
-====================  ===================================================================
-event                 function
-====================  ===================================================================
-the pilot takes over  :func:`after_mode_event`, and when he hands back
-armed, disarmed       :func:`after_armed_reported`
-its parameters        :func:`after_settings_reported`
-off the ground        :func:`after_landed_reported`, :func:`after_movement_reported`
-mission file reloaded :func:`after_reload`
-restart in flight     :func:`after_restart`, once it is known what the autopilot flies
-fences read           :func:`after_fences`
-rally points          :func:`after_rally_reported`, :func:`after_rally_points` once they are read
-home told             :func:`after_home_reported`
-the list              :func:`after_list`, with a function of ``list_state``
-list laid out anew    :func:`after_list_adopted`
-taken over            :func:`after_takeover`
-a mission flown       :func:`after_swap`
-own position          :func:`after_position`
-====================  ===================================================================
+==========================  =============================================================
+event                       function
+==========================  =============================================================
+pilot takes over            :func:`after_mode_event`, and when the pilot hands back
+armed, disarmed             :func:`after_armed_reported`
+autopilot's parameters      :func:`after_settings_reported`
+taken off, landed           :func:`after_landed_reported`, :func:`after_movement_reported`
+mission file reloaded       :func:`after_reload`
+restart in flight           :func:`after_restart`, once the flown mission is known
+fences read                 :func:`after_fences`
+rally points                :func:`after_rally_reported`, :func:`after_rally_points`
+home reported               :func:`after_home_reported`
+the autopilot's list        :func:`after_list`, with a function of ``list_state``
+list laid out again         :func:`after_list_adopted`
+takeover                    :func:`after_takeover`
+mission entered             :func:`after_swap`
+own position                :func:`after_position`
+==========================  =============================================================
 """
 
 from __future__ import annotations
@@ -61,10 +62,11 @@ from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle, ThreatPicture
 
-WIND_SHARE_MAX = 0.6  # of cruise, up to which plans are made
-WINDOW_ROWS = 20  # of the path ahead in which the aircraft is looked for
-NARROWED, NARROWED_LAST = 0.6, 0.75
-GOAL_RADIUS_M = 60.0  # of goals that the operator's waypoints are
+WIND_SHARE_MAX = 0.6  # No plans are made in a wind above this share of the cruise airspeed.
+SEARCH_ROWS = 20  # The aircraft is searched in this many rows of the path ahead.
+# Plans reach goals within these shares of their acceptance radius: goals to pass, and the last goal.
+NARROWED_SHARE, NARROWED_LAST_SHARE = 0.6, 0.75
+GOAL_RADIUS_M = 60.0  # Acceptance radius of goals that are the operator's waypoints.
 
 Arguments = ParamSpec("Arguments")
 
@@ -76,41 +78,41 @@ class FlightState:
     Parameters
     ----------
     rules : Rules
-        What plans and missions are held to: mission file and fences.
+        The rules for plans and missions: mission file and fences.
     phase : FlightPhase
-        Whether the aircraft is, or was, armed.
+        Whether the aircraft is or was armed, and flies.
     mode : Mode
         What the service may do.
     goals : tuple of GoalRegion
-        To be reached in order: the mission file's, or the operator's waypoints.
+        The goals in their order: the mission file's, or the operator's waypoints.
     actions : tuple of tuple of MissionItem
         The operator's DO_ items to carry out at each goal.
     goal_items : tuple of int
-        The operator's items that the goals are; empty where they are the mission file's.
+        Sequences of the operator's items that are the goals; empty if the mission file has goals.
     next_goal : int
         Index of the first goal that is not reached.
     flown : FlownPath or None
-        What is flown of ours.
+        The flown path of the service.
     tail_enu_m : tuple of float, or None
-        Where the operator goes on after the last goal [m]; None where that is not known.
+        Where the operator's mission continues after the last goal [m]; None if not known.
     wind_enu_m_s : tuple of float
-        Velocity of the air as it was told last, east and north [m/s].
+        Last estimate of the velocity of the air, east and north [m/s].
     wind_std_m_s : float
-        How well it is known [m/s].
+        Standard deviation of that estimate [m/s].
     picture : ThreatPicture
-        Threats that were sighted by the last look at the world.
+        Threats in the last snapshot.
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     settings : AutopilotSettings
-        What its parameters say of how it flies.
+        The autopilot's parameters of its guidance.
     home_enu_m : tuple of float, or None
-        Where it returns to; None until it is told [m].
+        Home, to which the autopilot returns; None until it is reported [m].
     rally_points : tuple of tuple of float
-        Where it may return to instead, as far as they were read [m].
+        Rally points, to which it may return instead, as far as they were read [m].
     holds_rally_points : bool
-        Whether it has told that there are any.
+        Whether the autopilot has reported that it has rally points.
     mission_list : ListState
-        What is known of the autopilot's list.
+        Knowledge of the autopilot's list.
     """
 
     rules: Rules
@@ -139,12 +141,12 @@ class FlightState:
 
     @property
     def may_act(self) -> bool:
-        """Whether the aircraft is left to us."""
+        """Whether the pilot leaves the aircraft to the service."""
         return self.mode is Mode.ACTIVE
 
     @property
     def may_write(self) -> bool:
-        """Whether the list may be changed: while the pilot flies, to keep a way back ready, too."""
+        """Whether the list may be changed, also while the pilot flies, to keep a resume path ready."""
         is_kept_ready = self.mode is Mode.SUSPENDED and self.mission.authority.keep_ready
         return self.may_act or (is_kept_ready and self.mission.authority.resume == "auto")
 
@@ -155,14 +157,16 @@ class FlightState:
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
-        """Goals not reached yet.
+        """Goals that are not reached yet, with narrower radii than those at which they count as reached.
 
-        All are planned for more narrowly than they count as reached, those to fly on from most: a path that
-        just touches one is flown a few metres beside it, and the aircraft would turn back.
+        A path that just touches a goal's region is flown a few metres beside it, and the aircraft would turn
+        back. The goals that the flight continues after are narrowed most.
         """
         left = self.goals[self.next_goal :]
         num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
-        shares = [NARROWED if number < num_passed else NARROWED_LAST for number in range(len(left))]
+        shares = [
+            NARROWED_SHARE if number < num_passed else NARROWED_LAST_SHARE for number in range(len(left))
+        ]
         return tuple(
             replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
             for goal, share in zip(left, shares, strict=True)
@@ -170,42 +174,42 @@ class FlightState:
 
     @property
     def flies_to_goal(self) -> bool:
-        """Whether what is flown leads to the last goal, and not to a place to circle at meanwhile."""
+        """Whether the flown path leads to the last goal, not to a safe loiter."""
         if self.flown is None or not self.goals:
             return False
         away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
         return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
 
     def region_at(self, place_enu_m: tuple[float, float, float]) -> GoalRegion:
-        """A place of the operator's [m] as one to be planned to; in the plane at the mission's level."""
+        """Return an operator's position [m] as a goal; in the plane, at the mission's level."""
         if self.mission.dimension == 2:
             place_enu_m = (*place_enu_m[:2], self.rules.level_m)
         return GoalRegion(place_enu_m, GOAL_RADIUS_M)
 
     @property
     def turn_radius_m(self) -> float:
-        """Of the tightest turn that can be flown on any course in the wind there is [m]."""
+        """Radius of the tightest turn that can be flown on any course in the present wind [m]."""
         return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
 
     @property
     def wind_fault(self) -> str:
-        """Why nothing is planned: the wind is too strong for it to be flown as it is meant; '' if not."""
+        """Why the wind is too strong for planning, '' if it is not."""
         wind = math.hypot(*self.wind_enu_m_s)
         if wind <= WIND_SHARE_MAX * self.rules.vehicle.airspeed_cruise_m_s:
             return ""
         return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"
 
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
-        """What is wrong with a path that should reach the last goal."""
+        """Return the violations of a path that should reach the last goal."""
         return self.violations_to(self.goals[-1], path)
 
-    def limits_kept(self, path: Path) -> tuple[bool, bool]:
-        """Whether a path that should reach the last goal keeps all limits; and all but threat and quality."""
+    def keeps_limits(self, path: Path) -> tuple[bool, bool]:
+        """Return whether a path to the last goal keeps all limits, and all but threat and quality."""
         found = self.violations_of(path)
         return not found, keeps_hard_constraints(found)
 
     def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
-        """What is wrong with a path in the wind there is, that should reach a goal if one is given."""
+        """Return the violations of a path in the present wind; it should reach the goal if one is given."""
         return self.rules.checker.check_path(
             path,
             goal_enu_m=None if goal is None else goal.position_enu_m,
@@ -218,12 +222,12 @@ class FlightState:
 
 
 class StateOwner:
-    """Holds the state of a flight, and alone replaces it.
+    """Holds the state of a flight; no other object replaces it.
 
     Parameters
     ----------
     state : FlightState
-        The first.
+        The initial state.
     """
 
     def __init__(self, state: FlightState) -> None:
@@ -245,12 +249,12 @@ class StateOwner:
         *arguments: Arguments.args,
         **named: Arguments.kwargs,
     ) -> FlightState:
-        """Replace the state by what a transition makes of it; returns the new one."""
+        """Replace the state by the result of a transition; return the new state."""
         self._state = transition(self._state, *arguments, **named)
         return self._state
 
-    def see(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
-        """Judge by this wind and these threats from now on, as plans do; returns the new state."""
+    def update_world(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
+        """Use the present wind and threats for judging from now on; return the new state."""
         self._state = replace(_in_wind(self._state, ownship), picture=picture)
         return self._state
 
@@ -260,14 +264,14 @@ class StateOwner:
         *arguments: Arguments.args,
         **named: Arguments.kwargs,
     ) -> ListState:
-        """Replace what is known of the list by what a transition makes of it; returns the new."""
+        """Replace the knowledge of the list by the result of a transition; return the new one."""
         listed = transition(self._state.mission_list, *arguments, **named)
         self._state = after_list(self._state, listed)
         return listed
 
 
 def first_state(mission: MissionConfig, now_s: float) -> FlightState:
-    """The state before anything was heard.
+    """Return the state before anything is received.
 
     Parameters
     ----------
@@ -281,10 +285,10 @@ def first_state(mission: MissionConfig, now_s: float) -> FlightState:
 
 
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
-    """The state after something that decides who flies; see the table in :mod:`companion.flight.state.modes`.
+    """Return the state after a mode event; see the table in :mod:`companion.flight.state.modes`.
 
-    Whenever the aircraft is left to us anew, others may have used the pause: the list is read again. With
-    a landing everything of the flight is forgotten: the next one begins with the list as it is then.
+    Whenever the aircraft is left to the service again, others may have used the pause, so the list is read
+    again. A landing clears everything of the flight: the next one begins with the list as it is then.
     """
     mode = next_mode(state.mode, event, may_resume=state.mission.authority.resume == "auto")
     if mode is state.mode:
@@ -304,53 +308,53 @@ def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
 
 
 def after_armed_reported(state: FlightState, now_s: float, *, is_armed: bool) -> FlightState:
-    """The state after a heartbeat told whether the aircraft is armed; not to be so for a while is landing."""
+    """Return the state after a heartbeat reported armed or disarmed; a while disarmed means landed."""
     return replace(state, phase=after_armed_state(state.phase, now_s, is_armed=is_armed))
 
 
 def after_landed_reported(state: FlightState, landed_state: int) -> FlightState:
-    """The state after the autopilot told whether it is on the ground, by MAV_LANDED_STATE."""
+    """Return the state after the autopilot reported its MAV_LANDED_STATE."""
     return replace(state, phase=after_landed_state(state.phase, landed_state))
 
 
 def after_movement_reported(
     state: FlightState, height_above_home_m: float, ground_speed_m_s: float
 ) -> FlightState:
-    """The state after the autopilot told a position: height above home [m], speed over ground [m/s]."""
+    """Return the state after a position report: height above home [m], speed over ground [m/s]."""
     phase = after_movement(state.phase, height_above_home_m, ground_speed_m_s)
     return state if phase is state.phase else replace(state, phase=phase)
 
 
 def after_autopilot_reported(state: FlightState, *, flies_by: bool) -> FlightState:
-    """The state after a heartbeat told whose autopilot it is."""
+    """Return the state after a heartbeat showed the kind of autopilot."""
     return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
 
 
 def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:
-    """The state after the autopilot told parameters of how it flies; it may bank less than was thought."""
+    """Return the state with the autopilot's parameters, which may allow less bank than assumed."""
     rules = rules_of(state.mission, state.rules.fences, settings)
     is_same = rules.vehicle == state.rules.vehicle
     return replace(state, settings=settings, rules=state.rules if is_same else rules)
 
 
 def after_home_reported(state: FlightState, home: HomePosition) -> FlightState:
-    """The state after the autopilot told where home is."""
+    """Return the state after the autopilot reported its home."""
     place = state.mission.frame.local_from_global(home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
     return replace(state, home_enu_m=place)
 
 
 def after_rally_points(state: FlightState, places: tuple[tuple[float, float, float], ...]) -> FlightState:
-    """The state with the autopilot's rally points, each east, north, up [m]."""
+    """Return the state with the autopilot's rally points, each east, north, up [m]."""
     return replace(state, rally_points=places)
 
 
 def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
-    """The state after the autopilot told whether it holds rally points."""
+    """Return the state after the autopilot reported whether it has rally points."""
     return state if state.holds_rally_points is holds_any else replace(state, holds_rally_points=holds_any)
 
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
-    """The state by another mission file; a changed list of goals begins at its first, laid out anew."""
+    """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
     goals, next_goal = state.goals, state.next_goal
     if not mission.goals_from_autopilot and rules.goals != goals:
@@ -366,24 +370,24 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
 
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
-    """The state with the autopilot's fences, to which plans and missions are held from now on."""
+    """Return the state with the autopilot's fences, which plans and missions keep from now on."""
     return replace(state, rules=rules_of(state.mission, fences, state.settings))
 
 
 def after_list(state: FlightState, listed: ListState) -> FlightState:
-    """The state with what is known of the list now."""
+    """Return the state with new knowledge of the list."""
     return replace(state, mission_list=listed)
 
 
 def after_list_adopted(
     state: FlightState, listed: ListState, tail_enu_m: tuple[float, float, float] | None
 ) -> FlightState:
-    """The state after a list was taken as the operator's: nothing of ours is known to be flown."""
+    """Return the state after a list was adopted as the operator's: no path of the service is flown."""
     return replace(state, mission_list=listed, flown=None, tail_enu_m=tail_enu_m)
 
 
 def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
-    """The state with the operator's waypoints for goals; in the plane at the mission's level."""
+    """Return the state with the operator's waypoints as goals; in the plane, at the mission's level."""
     return replace(
         state,
         goals=tuple(state.region_at(goal.position_enu_m) for goal in goals),
@@ -394,11 +398,11 @@ def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> F
 
 
 def after_takeover(state: FlightState, sequence: int) -> FlightState:
-    """The state once the service takes over while an item is flown: goals before it are flown already.
+    """Return the state after the takeover at an item: the goals before it are passed already.
 
-    The item itself, where the operator has the aircraft hold at it, is one of those.
+    The item itself is also passed if the operator lets the aircraft hold at it.
     """
-    if state.mission_list.found_flown:
+    if state.mission_list.was_found_flown:
         return state
     is_held = state.mission.takeover.when == "holding"
     passed = sum(item < sequence or (is_held and item == sequence) for item in state.goal_items)
@@ -408,16 +412,16 @@ def after_takeover(state: FlightState, sequence: int) -> FlightState:
 def after_restart(
     state: FlightState, flown: FlownPath | None = None, num_goals_reached: int = 0
 ) -> FlightState:
-    """The state after a restart in flight: the path that is flown, and the goals that were reached before.
+    """Return the state after a restart in flight: the flown path, and the goals that were reached before.
 
     Parameters
     ----------
     state : FlightState
-        As begun.
+        The initial state.
     flown : FlownPath, optional
-        What was remembered of the mission that the autopilot flies.
+        The restored path of the mission that the autopilot flies.
     num_goals_reached : int
-        Goals that were reached before.
+        Number of goals that were reached before.
     """
     return replace(state, flown=flown or state.flown, next_goal=max(state.next_goal, num_goals_reached))
 
@@ -425,13 +429,13 @@ def after_restart(
 def after_swap(
     state: FlightState, layout: Layout, flown: FlownPath, current: MissionCurrent | None
 ) -> FlightState:
-    """The state once a mission of ours is flown."""
+    """Return the state once a mission of the service is flown."""
     listed = after_taken(state.mission_list, layout, flown.mission.items, current)
     return replace(state, flown=flown, mission_list=listed)
 
 
 def after_position(state: FlightState, ownship: Ownship) -> FlightState:
-    """The state with the goals passed by now, the wind, and how far along its path the aircraft is."""
+    """Return the state with the goals passed by now, the wind, and the aircraft's row on its path."""
     next_goal, flown = state.next_goal, state.flown
     while next_goal < len(state.goals):
         goal = state.goals[next_goal]
@@ -441,11 +445,11 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
         next_goal += 1
     if flown is not None:
         flown = replace(
-            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS).row
+            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
         )
     return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
 
 
 def _in_wind(state: FlightState, ownship: Ownship) -> FlightState:
-    """The state with the wind that is known now."""
+    """Return the state with the present wind."""
     return replace(state, wind_enu_m_s=ownship.wind_enu_m_s, wind_std_m_s=ownship.wind_std_m_s)

@@ -1,6 +1,6 @@
-"""What is known of the autopilot's mission list: whose it is, what in it is flown, and what was asked last.
+"""Knowledge of the autopilot's mission list: whose it is, what is flown, and the last request.
 
-A frozen value and the functions that make the next one. Nothing here waits or speaks to the autopilot.
+A frozen value, and functions that return the next one. Nothing here waits or talks to the autopilot.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from companion.types.events import MissionCurrent
 from companion.types.mission import Mission, MissionItem
 from companion.types.path import Path
 
-NUM_ITEMS_UNKNOWN = 40
-RECEIVED = "Flight plan received"
-OUTSIDE_S = 1.5  # at another item for so long, it is no report from before a swap that came late
-UNDER_WAY_S = 4.0  # a command may still take effect, and a report from before still arrive, for so long
-ITEM_S = 0.02  # for each of a list's: half are written, one in 20 ms, all are read twice, several at once
-EXCHANGE_EXTRA_S = 0.5
-EXCHANGE_MIN_S = 0.3
-EXCHANGE_MAX_S = 12.0  # believed at most: what is further ahead is flown by then
-EXCHANGES_KEPT = 3
-MARGIN_OF_EXCHANGES = 1.3
+NUM_ITEMS_UNKNOWN = 40  # The assumed length of a list that was not read yet.
+UPLOAD_ENDED_TEXT = "Flight plan received"  # ArduPlane's text when an upload has ended.
+OUTSIDE_MIN_S = 1.5  # After this time at another item, the report is not a late one from before a swap.
+# For this time a command may still take effect, and an older report may still arrive.
+COMMAND_DELAY_MAX_S = 4.0
+# Time per item of a list: half of the items are written, one in 20 ms; all are read twice, several at once.
+ITEM_S = 0.02
+EXCHANGE_EXTRA_S = 0.5  # Time of an exchange apart from its items.
+EXCHANGE_MIN_S = 0.3  # An exchange is not expected to be shorter.
+EXCHANGE_MAX_S = 12.0  # An exchange is not expected to be longer: what is farther ahead is flown by then.
+EXCHANGES_KEPT = 3  # The last few exchanges determine the expected duration.
+EXCHANGE_MARGIN = 1.3  # The expected duration is the longest of these by this factor.
 
 
 class MissionPosition(Enum):
@@ -40,20 +42,20 @@ class MissionPosition(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FlownPath:
-    """The path being flown, and the mission that carries it.
+    """The flown path, and the mission that was made of it.
 
     Parameters
     ----------
     path : Path
-        The whole path, also behind the aircraft.
+        The whole path, including the part behind the aircraft.
     mission : Mission
-        The list that was uploaded for it.
+        The uploaded list.
     covered_until_s : float
-        The path's time at the end of what the mission carries [s].
+        The path's time at the end of the part that the mission covers [s].
     row : int
-        The path's row that the aircraft has passed last.
+        The last row of the path that the aircraft has passed.
     cost : float
-        What it was to cost when it was chosen; infinite where that is not known.
+        The path's cost when it was chosen; infinite if not known.
     """
 
     path: Path
@@ -62,8 +64,8 @@ class FlownPath:
     row: int = 0
     cost: float = math.inf
 
-    def carried_s(self, row: int) -> float:
-        """How long the mission carries on from a row of the path [s]; endless where it does to its end."""
+    def covered_s(self, row: int) -> float:
+        """Return how long the mission continues from a row of the path [s]; infinite to its end."""
         if self.covered_until_s >= self.path.times_s[-1]:
             return math.inf
         return self.covered_until_s - float(self.path.times_s[row])
@@ -71,20 +73,20 @@ class FlownPath:
 
 @dataclass(frozen=True, slots=True)
 class PendingSwap:
-    """A mission that was asked to be flown, and for all we know only asked.
+    """A mission whose entry was requested and not confirmed.
 
     Parameters
     ----------
     asked_s : float
-        When it was asked last, by the clock [s].
+        Time of the last request, by the clock [s].
     layout : Layout
-        The list's once it is flown.
+        The list's layout once the mission is flown.
     flown : FlownPath
-        What is flown then.
+        Path and mission once the mission is flown.
     waypoints : Waypoints
-        What the mission carries out.
+        The mission's waypoints.
     identity : int
-        The name that a PX4 gives it; 0 on ArduPlane.
+        PX4's identifier of the mission; 0 on ArduPlane.
     """
 
     asked_s: float
@@ -96,45 +98,45 @@ class PendingSwap:
 
 @dataclass(frozen=True, slots=True)
 class ListState:
-    """The autopilot's mission list as far as it is known.
+    """The knowledge of the autopilot's mission list.
 
     Parameters
     ----------
     layout : Layout or None
-        How the list is laid out, None before it was read.
+        The list's layout; None before the list was read.
     operator : Operator or None
-        What in it is the operator's.
+        The operator's part of the list.
     stored : tuple of MissionItem
-        The whole list as it was read or sent last.
+        The whole list as it was last read or sent.
     is_mixed : bool
-        Whether an upload was begun and not seen to end: the idle part may hold anything.
+        Whether an upload was begun and not completed: the idle part may contain anything.
     suspected : str
-        What was heard that another uploader would explain, '' if nothing.
+        An observation that another uploader would explain, '' if there is none.
     identities : frozenset of int
-        Names under which a PX4 tells missions that are known to us.
+        PX4's identifiers of known missions.
     pending : PendingSwap or None
-        What was asked and not answered.
+        The request that is not confirmed.
     outside_s : float or None
-        Since when the autopilot has been at an item that is none of the part flown [s].
+        Since when the autopilot has been at an item outside the flown part [s].
     is_exchanging : bool
         Whether a swap is under way.
     waits_until_s : float
-        When the swap that is under way goes on, where it waits for the aircraft; else not finite [s].
+        Until when the swap under way waits for the aircraft [s]; not finite if it does not wait.
     unwanted : str
-        Why nobody wants the mission that waits any more, '' if it is wanted.
-    found_flown : bool
-        Whether the autopilot was flying a mission of ours when its list was first read: the service was
-        restarted in flight.
-    said_landing : bool
-        Whether the pilot was told that there is no landing in the mission.
+        Why the waiting mission is no longer wanted, '' if it is wanted.
+    was_found_flown : bool
+        Whether the autopilot was flying a mission of the service when its list was first read: the service
+        was restarted in flight.
+    landing_reported : bool
+        Whether the pilot was informed that the mission has no landing.
     home_amsl_m : float or None
-        Height that relative altitudes count from, when it was taken [m].
+        Height of home, from which relative altitudes count, when the list was adopted [m].
     read_s : float
-        When the list was read last [s].
+        When the list was last read [s].
     num_read : int
-        How many items it had.
-    lasted_s : tuple of float
-        How long the last few exchanges took [s].
+        Number of items read then.
+    durations_s : tuple of float
+        Durations of the last few exchanges [s].
     """
 
     layout: Layout | None = None
@@ -148,46 +150,46 @@ class ListState:
     is_exchanging: bool = False
     waits_until_s: float = -math.inf
     unwanted: str = ""
-    found_flown: bool = False
-    said_landing: bool = False
+    was_found_flown: bool = False
+    landing_reported: bool = False
     home_amsl_m: float | None = None
     read_s: float = -math.inf
     num_read: int = 0
-    lasted_s: tuple[float, ...] = ()
+    durations_s: tuple[float, ...] = ()
 
     @property
     def num_items(self) -> int:
-        """Length of the list, as far as it is known."""
+        """Length of the list, or an assumed one."""
         return NUM_ITEMS_UNKNOWN if self.layout is None else self.layout.num_items
 
     @property
     def max_waypoints(self) -> int:
-        """Most waypoints that a mission carries."""
+        """Largest number of waypoints of a mission."""
         return BANK_ITEMS_MAX - BANK_EXTRAS if self.layout is None else self.layout.max_waypoints
 
     @property
     def exchange_s(self) -> float:
-        """How long a swap lasts from a plan to its entry, by the last few swaps, or the list's length [s]."""
-        if not self.lasted_s:
+        """Expected time from a plan to its entry, by the last exchanges or the list's length [s]."""
+        if not self.durations_s:
             return min(EXCHANGE_MAX_S, ITEM_S * self.num_items + EXCHANGE_EXTRA_S)
-        return min(EXCHANGE_MAX_S, max(EXCHANGE_MIN_S, MARGIN_OF_EXCHANGES * max(self.lasted_s)))
+        return min(EXCHANGE_MAX_S, max(EXCHANGE_MIN_S, EXCHANGE_MARGIN * max(self.durations_s)))
 
     def sending_s(self, mission: Mission) -> float:
-        """How long a PX4 takes for a whole list [s]."""
-        return min(EXCHANGE_MAX_S, max(ITEM_S * len(mission.items), max(self.lasted_s, default=0.0)))
+        """Return the time that a PX4 takes for a whole list [s]."""
+        return min(EXCHANGE_MAX_S, max(ITEM_S * len(mission.items), max(self.durations_s, default=0.0)))
 
     def position(self, current: MissionCurrent | None) -> MissionPosition:
-        """Where in its list the autopilot is, once it has told so for a while."""
+        """Return where in its list the autopilot is, once it has reported so for a while."""
         if self.layout is None or current is None or self.outside_s is None or self.suspected:
             return MissionPosition.OURS
-        if current.stamp_s - self.outside_s < OUTSIDE_S:
+        if current.stamp_s - self.outside_s < OUTSIDE_MIN_S:
             return MissionPosition.OURS
         tail = self.layout.tail_span
         is_past = tail[0] <= current.sequence < tail[1]
         return MissionPosition.PAST_GOAL if is_past else MissionPosition.ELSEWHERE
 
     def is_as_left(self, read: tuple[MissionItem, ...]) -> bool:
-        """Whether a list is what we left: exactly, or after a broken upload in the parts that count."""
+        """Return whether a list is as the service left it; after a broken upload, in the parts that count."""
         layout = self.layout
         if layout is None:
             return False
@@ -201,13 +203,13 @@ class ListState:
         return is_whole and not difference(self.stored[first - 1 : end], read[first - 1 : end])
 
     def has_settled(self, current: MissionCurrent | None) -> bool:
-        """Whether what was asked and not answered has taken effect by now, or never will."""
+        """Return whether a request without an answer has either taken effect by now, or never will."""
         if self.pending is None:
             return True
-        return current is not None and current.stamp_s > self.pending.asked_s + UNDER_WAY_S
+        return current is not None and current.stamp_s > self.pending.asked_s + COMMAND_DELAY_MAX_S
 
     def is_pending_flown(self, current: MissionCurrent) -> bool:
-        """Whether what was asked and not answered is what the autopilot tells that it flies."""
+        """Return whether the autopilot reports that it flies the mission of a request without an answer."""
         if self.pending is None:
             return False
         if current.mission_id:
@@ -216,26 +218,26 @@ class ListState:
         return first <= current.sequence < end
 
 
-def _known(identities: frozenset[int], current: MissionCurrent | None) -> frozenset[int]:
-    """Names with the one that the autopilot tells now."""
+def _with_reported(identities: frozenset[int], current: MissionCurrent | None) -> frozenset[int]:
+    """Return identifiers including the one that the autopilot reports now."""
     return identities | {current.mission_id} if current is not None and current.mission_id else identities
 
 
 def after_current_reported(
     listed: ListState, event: MissionCurrent, *, is_flying_ours: bool, num_home_items: int
 ) -> ListState:
-    """The list after the autopilot told its mission and the item that it flies to.
+    """Return the list after the autopilot reported its mission and the item that it flies to.
 
     Parameters
     ----------
     listed : ListState
         The list before.
     event : MissionCurrent
-        What was told.
+        The report.
     is_flying_ours : bool
-        Whether a path of ours is being flown.
+        Whether a path of the service is flown.
     num_home_items : int
-        How many items of the list it does not count: ArduPlane's home slot.
+        Number of items that the autopilot does not count: ArduPlane's home slot.
     """
     if listed.is_exchanging or listed.layout is None:
         return replace(listed, outside_s=None)
@@ -250,7 +252,7 @@ def after_current_reported(
 
 
 def _foreign(listed: ListState, event: MissionCurrent, num_home_items: int) -> str:
-    """What in a told mission is not ours: its name, or the number of its items; '' if nothing."""
+    """Return what in a report is not the service's: identifier or number of items; '' if nothing."""
     if event.mission_id:
         is_known = not listed.identities or event.mission_id in listed.identities
         return "" if is_known else f"mission {event.mission_id:08x}"
@@ -260,27 +262,27 @@ def _foreign(listed: ListState, event: MissionCurrent, num_home_items: int) -> s
 
 
 def after_text_reported(listed: ListState, text: str) -> ListState:
-    """The list after a text of the autopilot's: ArduPlane tells everybody when an upload has ended."""
+    """Return the list after a text of the autopilot: ArduPlane announces the end of every upload."""
     if listed.is_exchanging or listed.layout is None:
         return replace(listed, outside_s=None)
-    return replace(listed, suspected=text) if text.startswith(RECEIVED) else listed
+    return replace(listed, suspected=text) if text.startswith(UPLOAD_ENDED_TEXT) else listed
 
 
 def after_pause(listed: ListState) -> ListState:
-    """The list after a pause that others may have used: read anew before it is written to again."""
+    """Return the list after a pause that others may have used: it is read again before the next swap."""
     if listed.pending is not None:
         return listed
     return replace(listed, suspected=listed.suspected or "a pause")
 
 
 def after_reading(listed: ListState, now_s: float, num_items: int) -> ListState:
-    """The list after it was read, whatever was found."""
+    """Return the list after it was read, whatever the result."""
     return replace(listed, read_s=now_s, num_read=num_items)
 
 
 def after_found_as_left(listed: ListState, current: MissionCurrent | None) -> ListState:
-    """The list after it was found as it was left."""
-    return replace(listed, suspected="", identities=_known(listed.identities, current))
+    """Return the list after it was found unchanged."""
+    return replace(listed, suspected="", identities=_with_reported(listed.identities, current))
 
 
 def after_adopted(
@@ -291,93 +293,93 @@ def after_adopted(
     current: MissionCurrent | None,
     home_amsl_m: float | None = None,
 ) -> ListState:
-    """The list after it was taken as the operator's, but for what in it is ours."""
+    """Return the list after it was adopted as the operator's, apart from the service's items."""
     return replace(
         listed, layout=layout, operator=operator, stored=read, is_mixed=False, suspected="", pending=None,
         home_amsl_m=home_amsl_m,
-        identities=_known(frozenset({mission_id(read)}), current),
+        identities=_with_reported(frozenset({mission_id(read)}), current),
     )  # fmt: skip
 
 
 def after_found_flown(listed: ListState, layout: Layout) -> ListState:
-    """The list after ours in it turned out to be flown since before a restart."""
-    return replace(listed, found_flown=True, layout=layout)
+    """Return the list after the service's items were found to be flown since before a restart."""
+    return replace(listed, was_found_flown=True, layout=layout)
 
 
 def after_suspicion(listed: ListState, what: str) -> ListState:
-    """The list after something was found that another uploader would explain."""
+    """Return the list after an observation that another uploader would explain."""
     return replace(listed, suspected=listed.suspected or what)
 
 
 def after_landing_missed(listed: ListState) -> ListState:
-    """The list after the pilot was told that it has no landing."""
-    return replace(listed, said_landing=True)
+    """Return the list after the pilot was informed that it has no landing."""
+    return replace(listed, landing_reported=True)
 
 
 def after_swap_begun(listed: ListState) -> ListState:
-    """The list while a swap is under way."""
+    """Return the list while a swap is under way."""
     return replace(listed, is_exchanging=True, unwanted="")
 
 
 def after_waiting(listed: ListState, until_s: float) -> ListState:
-    """The list while a swap waits until then; not finite: it waits no more."""
+    """Return the list while a swap waits until a time; if that is not finite, it no longer waits."""
     return replace(listed, waits_until_s=until_s)
 
 
 def after_unwanted(listed: ListState, why: str) -> ListState:
-    """The list when nobody wants the mission that waits any more."""
+    """Return the list when the waiting mission is no longer wanted."""
     return replace(listed, unwanted=why)
 
 
 def after_swap_ended(listed: ListState, now_s: float) -> ListState:
-    """The list after a swap, broken off or not: nothing was asked after this."""
+    """Return the list after a swap, completed or not: nothing is requested after this time."""
     pending = None if listed.pending is None else replace(listed.pending, asked_s=now_s)
     return replace(listed, is_exchanging=False, waits_until_s=-math.inf, pending=pending)
 
 
 def after_writing_begun(listed: ListState) -> ListState:
-    """The list while the idle bank may hold anything."""
+    """Return the list while the idle bank may contain anything."""
     return replace(listed, is_mixed=True)
 
 
-def after_stored(listed: ListState, items: tuple[MissionItem, ...], lasted_s: float) -> ListState:
-    """The list after it was read back as it was sent."""
+def after_stored(listed: ListState, items: tuple[MissionItem, ...], durations_s: float) -> ListState:
+    """Return the list after it was read back as sent."""
     return replace(
-        after_exchange(listed, lasted_s), stored=items, is_mixed=False, suspected="", num_read=len(items)
+        after_exchange(listed, durations_s), stored=items, is_mixed=False, suspected="", num_read=len(items)
     )
 
 
-def after_exchange(listed: ListState, lasted_s: float) -> ListState:
-    """The list after an exchange of so many seconds."""
-    return replace(listed, lasted_s=(*listed.lasted_s, lasted_s)[-EXCHANGES_KEPT:])
+def after_exchange(listed: ListState, durations_s: float) -> ListState:
+    """Return the list after an exchange of some duration [s]."""
+    return replace(listed, durations_s=(*listed.durations_s, durations_s)[-EXCHANGES_KEPT:])
 
 
 def after_asked(listed: ListState, pending: PendingSwap) -> ListState:
-    """The list after a mission was asked to be flown."""
+    """Return the list after the entry of a mission was requested."""
     identities = listed.identities | {pending.identity} if pending.identity else listed.identities
     return replace(listed, pending=pending, identities=identities)
 
 
 def after_settled(listed: ListState) -> ListState:
-    """The list once it is known what came of a swap."""
+    """Return the list once the result of a swap is known."""
     return replace(listed, pending=None)
 
 
 def after_taken(
     listed: ListState, layout: Layout, items: tuple[MissionItem, ...], current: MissionCurrent | None
 ) -> ListState:
-    """The list once a mission in it is flown."""
+    """Return the list once a mission in it is flown."""
     return replace(
         listed, layout=layout, stored=items, is_mixed=False,
-        identities=_known(frozenset({mission_id(items)}), current),
+        identities=_with_reported(frozenset({mission_id(items)}), current),
     )  # fmt: skip
 
 
 def after_other_goals(listed: ListState) -> ListState:
-    """The list where other goals are flown to: it is read and laid out anew."""
+    """Return the list when the goals change: it is read and laid out again."""
     return replace(listed, layout=None)
 
 
 def after_landing(listed: ListState) -> ListState:
-    """The list once the flight is over: nothing is known of it but how long exchanges take."""
-    return ListState(lasted_s=listed.lasted_s)
+    """Return the list after a landing: only the durations of exchanges stay known."""
+    return ListState(durations_s=listed.durations_s)

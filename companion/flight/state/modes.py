@@ -1,18 +1,18 @@
-"""The life of a flight: who flies when, and everything that changes it.
+"""The life of a flight as a table: which mode the service is in, and the events that change it.
 
-Theory of operation. One table from power-on to landing. Until the service takes over the list is the
-operator's: on the ground and during the climb every change of it is read and answered, and nothing that
-is done there suspends. ``DEPARTING`` is the operator's mission being flown, from arming on, up to the
-moment that the mission file's ``takeover`` names; only then the service is ``ACTIVE`` and uploads. It
-leaves that state on the first heartbeat that says that another mode is flown: the pilot always wins,
-and nothing the service does changes a mode. Then it is ``SUSPENDED``; whether the return of the mission
-mode makes it active again is the mission file's ``authority.resume``. ``ARRIVED`` holds until the
-aircraft has landed: what follows the goal is the operator's.
+Theory of operation. The table covers everything from power-on to landing. Until the takeover the list is the
+operator's: on the ground and during the climb the service reads every change of it and replies, and nothing
+suspends it. In ``DEPARTING``, from arming on, the operator's mission is flown up to the moment that the
+mission file's ``takeover`` names. Only then is the service ``ACTIVE`` and uploads missions. It leaves that
+mode on the first heartbeat that reports another flight mode: the pilot always wins, and the service never
+changes a flight mode. It is then ``SUSPENDED``. Whether it becomes active again when the mission mode
+returns is the mission file's ``authority.resume``. ``ARRIVED`` holds until the aircraft has landed: what
+follows the goal is the operator's.
 
-An autopilot that fell silent while the service was active is waited for in ``LOST``: if it comes back
-in another mode, the pilot has taken over meanwhile. A mission that somebody else uploads in flight is
-flown, not replaced, and so is an item that somebody else makes current: ``YIELDED`` until the pilot
-leaves the mission mode, which is where handing back begins.
+If the autopilot falls silent while the service is active, the service waits in ``LOST``. If the autopilot
+returns in another flight mode, the pilot has taken over meanwhile. A mission that another station uploads in
+flight is not replaced, and neither is an item that another station selects: the service is ``YIELDED`` until
+the pilot leaves the mission mode, which is also the first step of a handback.
 
 =============  ==================  =============
 state          event               next state
@@ -59,12 +59,12 @@ class Mode(Enum):
 
     @property
     def is_before_takeover(self) -> bool:
-        """Whether the list is still the operator's alone."""
+        """Whether the list still belongs to the operator alone."""
         return self in (Mode.STANDBY, Mode.DEPARTING)
 
 
 class ModeEvent(Enum):
-    """What changes it."""
+    """The events that change the mode."""
 
     MISSION_FLOWN = "mission flown"
     MISSION_NOT_FLOWN = "mission not flown"
@@ -99,7 +99,7 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
 
 
 def next_mode(mode: Mode, event: ModeEvent, *, may_resume: bool) -> Mode:
-    """Mode after an event; events without a row change nothing."""
+    """Return the mode after an event; events without a row change nothing."""
     if (mode, event) == (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN) and not may_resume:
         return mode
     return _TABLE.get((mode, event), mode)

@@ -1,4 +1,4 @@
-"""Where the aircraft is on what it flies, and where it will be when a plan takes effect."""
+"""Where the aircraft is on its flown path, and where it will be when a plan takes effect."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.config.rules import Rules
-from companion.flight.state.flight_state import WINDOW_ROWS, FlightState
+from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import direction_from_course
 from companion.mission.path_progress import progress_on, rest_of_path, time_at
 from companion.planning.problem import Problem, StartState, initial_covariances
@@ -18,14 +18,15 @@ from companion.types.plan import PursuitRisk
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
 
-OFF_TRACK_MAX_M = 80.0
-LAST_LEG_S = 10.0
-URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3  # at most, of a plan that answers a surprise
+OFF_TRACK_MAX_M = 80.0  # An aircraft farther from the flown path is off it.
+LAST_LEG_S = 10.0  # A new plan is useless if less than this is left of the flown path when it takes effect.
+# Largest budget and exchange margin of a plan that answers a surprise.
+URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a plan begins, what is left of the flown path from there, None off it, and what that risks."""
+    """The start of a plan, the rest of the flown path from there (None if off it), and the rest's risk."""
 
     state: StartState
     rest: Path | None
@@ -33,13 +34,13 @@ class Start:
 
 
 def budget_s(rules: Rules, *, is_urgent: bool = False) -> float:
-    """How long a plan may take [s]; one that answers a surprise is handed over as soon as it will do."""
+    """Return the time that a plan may take [s]; a plan that answers a surprise takes less."""
     budget = float(rules.mission.planning.planning_budget_s)
     return min(budget, URGENT_BUDGET_S) if is_urgent else budget
 
 
 def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
-    """How long until a plan begun now is flown: planning, the exchange with the autopilot, margin [s]."""
+    """Return the time until a plan begun now is flown: planning, exchange with the autopilot, margin [s]."""
     margin = float(state.mission.planning.swap_margin_s)
     if is_urgent:
         margin = min(margin, URGENT_MARGIN_S)
@@ -47,16 +48,16 @@ def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
 
 
 def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
-    """The start with what is left of the flown path as it is to be judged in the world of now.
+    """Return the start with the rest of the flown path reassessed in the present world.
 
     Parameters
     ----------
     state : FlightState
         Goals and rules.
     start : Start
-        Where a plan would begin.
+        The start of a plan.
     snapshot : Snapshot
-        The world of now.
+        The present world.
     """
     if start.rest is None:
         return start
@@ -65,23 +66,23 @@ def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
 
 
 def problem_at(state: FlightState, start: Start, snapshot: Snapshot) -> Problem:
-    """What paths from a start are judged by, in the world of a snapshot."""
+    """Return the planning problem from a start in the world of a snapshot."""
     rules = state.rules
     return Problem(start.state, state.goals_left, snapshot, rules.vehicle, rules.settings, seed=0)
 
 
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:
-    """Whether the flown path ends before a new plan, flown in ``ahead_s``, could be of use."""
+    """Return whether the flown path ends before a new plan, flown in ``ahead_s`` [s], could be of use."""
     flown = state.flown
     if flown is None or not state.flies_to_goal or flown.covered_until_s < flown.path.times_s[-1]:
         return False
-    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, WINDOW_ROWS)
+    progress = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS)
     left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)
     return progress.off_track_m <= OFF_TRACK_MAX_M and left < ahead_s + LAST_LEG_S
 
 
 def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
-    """Where the aircraft will be in ``ahead_s``: along the flown path, else by its own motion."""
+    """Return where the aircraft will be in ``ahead_s`` [s]: on the flown path, or by its own motion."""
     rest = _rest_after(state, ownship, ahead_s)
     if rest is not None:
         east, north, up = (float(value) for value in rest.positions_enu_m[0])
@@ -99,7 +100,7 @@ def start_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Start:
 
 
 def start_by_motion(rules: Rules, ownship: Ownship, ahead_s: float) -> Start:
-    """Where the aircraft will be in ``ahead_s`` if it goes on turning and climbing as it does [s]."""
+    """Return where the aircraft will be in ``ahead_s`` [s] if it continues to turn and climb as now."""
     ahead = predicted(ownship, ahead_s)
     return start_at(
         rules,
@@ -113,11 +114,11 @@ def start_by_motion(rules: Rules, ownship: Ownship, ahead_s: float) -> Start:
 
 
 def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | None:
-    """What is left of the flown path in ``ahead_s``; None off it, or near its end."""
+    """Return the rest of the flown path in ``ahead_s`` [s]; None off the path or near its end."""
     if state.flown is None:
         return None
     path = state.flown.path
-    progress = progress_on(path, ownship.position_enu_m, state.flown.row, WINDOW_ROWS)
+    progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)
     if progress.off_track_m > OFF_TRACK_MAX_M:
         return None
     share = ownship.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
@@ -134,20 +135,20 @@ def start_at(
     climb_rad: float,
     airspeed_m_s: float,
 ) -> Start:
-    """A start within the aircraft's limits, off every path; in the plane on the mission's level.
+    """Return a start within the aircraft's limits, off every path; in the plane, at the mission's level.
 
     Parameters
     ----------
     rules : Rules
         Mission file and vehicle.
     ownship : Ownship
-        As it is now, for how well it is known.
+        The aircraft now, for the uncertainty of its position.
     stamp_s : float
         When the aircraft is there, by the clock [s].
     position : tuple of float
         East, north, up [m].
     course_rad, climb_rad : float
-        Over the ground.
+        Course and climb angle over the ground [rad].
     airspeed_m_s : float
         True airspeed [m/s].
     """

@@ -1,4 +1,4 @@
-"""From the ground to the takeover: what the operator's list comes to, and from when on the service flies.
+"""From the ground to the takeover: summary of the operator's list, prediction of the start, time of takeover.
 
-Decides nothing of a flight that is under way; neither waits nor speaks.
+The modules decide nothing about a flight under way; they neither wait nor send.
 """

@@ -1,4 +1,4 @@
-"""What a mission file asks of the aircraft, against what its autopilot's parameters let it do."""
+"""Compare what a mission file asks of the aircraft with what the autopilot's parameters allow."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from companion.config import MissionConfig
 from companion.types.state import AutopilotSettings
 
 GRAVITY_M_S2 = 9.80665
-FENCE_HEIGHT, FENCE_CIRCLE = 1, 2  # bits of FENCE_TYPE
-TOLERANCE = 1.02  # of what is asked for: parameters are whole numbers here and there
+FENCE_HEIGHT, FENCE_CIRCLE = 1, 2  # Bits of ArduPlane's FENCE_TYPE.
+TOLERANCE = 1.02  # Relative tolerance, because some parameters are whole numbers.
 
 
 def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str, ...]:
-    """What the mission file asks for and the autopilot does not do, each with the two numbers.
+    """Return what the mission file asks for and the autopilot does not do, each with the two numbers.
 
-    A mission of which anything falls short is not taken over.
+    A mission with any shortfall is not taken over.
 
     Parameters
     ----------
     mission : MissionConfig
         The mission file.
     settings : AutopilotSettings
-        What the autopilot has told; what it has not told, nothing falls short of.
+        The autopilot's parameters; parameters that were not read cause no shortfall.
     """
     vehicle = mission.vehicle
     cruise = float(vehicle.airspeed_cruise_m_s)
@@ -47,7 +47,7 @@ def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str
 
 
 def _beyond_fences(mission: MissionConfig, settings: AutopilotSettings) -> list[str]:
-    """Goals beyond the fences that are parameters: height above home, and distance from it."""
+    """Return goals beyond the fences that are parameters: height above home, and distance from it."""
     found = []
     height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
     radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)

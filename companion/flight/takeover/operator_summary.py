@@ -1,4 +1,4 @@
-"""What the operator's list comes to, told on the ground: what is flown, and what is wrong with it."""
+"""Summary of the operator's list for the pilot on the ground: what is flown, and what is wrong."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ import numpy as np
 
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.return_path import is_unforeseeable
+from companion.flight.takeover.return_path import is_unpredictable
 from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
-FAR_M = 50_000.0  # from the mission file's origin: it is another airfield's
-FAULTS_TOLD = 4
+FAR_M = 50_000.0  # An aircraft this far from the mission file's origin is at another airfield.
+FAULTS_MAX = 4  # At most this many faults are sent to the pilot.
 
 
 @dataclass(frozen=True, slots=True)
 class OperatorSummary:
-    """What is told of a list.
+    """Summary of a list.
 
     Parameters
     ----------
     plan : str
         What will be flown.
     takeover : str
-        From when on the service flies it.
+        When the service takes over.
     landing : str
         How the flight ends.
     has_end : bool
-        Whether something follows the goal.
+        Whether items follow the goal.
     faults : tuple of str
-        What is wrong, the gravest first.
+        What is wrong, the most serious first.
     """
 
     plan: str
@@ -46,16 +46,16 @@ class OperatorSummary:
 
 
 def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> OperatorSummary:
-    """What is to be told of the list as it was read.
+    """Return the summary of the list as it was read.
 
     Parameters
     ----------
     state : FlightState
-        Mission file, and the list.
+        Mission file and list.
     ownship : Ownship or None
-        Where the aircraft stands.
+        The aircraft on the ground.
     num_home_items : int
-        Items at the list's beginning that the ground station does not number.
+        Number of items at the start of the list that the ground station does not number.
     """
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
@@ -75,7 +75,7 @@ def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_it
 
 
 def _landing(operator: Operator) -> str:
-    """How the flight ends."""
+    """Return in words how the flight ends."""
     if operator.tail >= len(operator.items):
         return "none: it circles at the goal"
     item = operator.items[operator.tail]
@@ -87,7 +87,7 @@ def _landing(operator: Operator) -> str:
 
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
-    """What is wrong with a list, the gravest first."""
+    """Return what is wrong with a list, the most serious first."""
     found = list(shortfalls(state.mission, state.settings))
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
@@ -95,31 +95,28 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
     if not state.goals:
         found.append("no waypoint to fly to")
     last = last_item_of(state)
-    if last is not None and last + 1 >= min(operator.tail, len(operator.items)) and _is_item(state):
+    is_item = state.mission.takeover.when == "item"
+    if is_item and last is not None and last + 1 >= min(operator.tail, len(operator.items)):
         found.append(f"takeover after item {last + 1 - operator.first}, and none follows before the landing")
     if takeoff_of(operator) is None and not state.phase.is_airborne:
         found.append("no take-off item")
     found += _return(state)
     found += _unplaced(state, operator)
     found += _legs(state, operator)
-    return found[:FAULTS_TOLD]
+    return found[:FAULTS_MAX]
 
 
 def _return(state: FlightState) -> list[str]:
-    """A return to launch that the mission file allows, and that is not foreseen."""
+    """Return a fault if the mission file allows a return to launch that cannot be predicted."""
     kind = state.settings.return_kind
-    if not state.mission.authority.allow_rtl or kind is None or not is_unforeseeable(state):
+    if not state.mission.authority.allow_rtl or kind is None or not is_unpredictable(state):
         return []
     name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
     return [f"no return to launch with {name} {kind:g}"]
 
 
-def _is_item(state: FlightState) -> bool:
-    return state.mission.takeover.when == "item"
-
-
 def _unplaced(state: FlightState, operator: Operator) -> list[str]:
-    """Items whose height is not known: over terrain."""
+    """Return a fault for the first item whose height is not known, because it is over terrain."""
     listed = [
         item
         for item in operator.items[operator.first :]
@@ -131,9 +128,9 @@ def _unplaced(state: FlightState, operator: Operator) -> list[str]:
 
 
 def _legs(state: FlightState, operator: Operator) -> list[str]:
-    """Legs that the operator's items are flown along, too near to something.
+    """Return legs of the operator's items that are too near to something.
 
-    Those up to the takeover, and those from the last goal to the ground.
+    These are the legs up to the takeover, and those from the last goal to the ground.
     """
     last = last_item_of(state)
     before = [] if last is None else _places(state, operator.items[operator.first : last + 1])
@@ -158,7 +155,7 @@ def _legs(state: FlightState, operator: Operator) -> list[str]:
 def _places(
     state: FlightState, items: tuple[MissionItem, ...]
 ) -> list[tuple[MissionItem | None, tuple[float, float, float]]]:
-    """Items that have a place, with it [m]."""
+    """Return items that have a position, with it [m]."""
     home = state.mission_list.home_amsl_m
     placed = [(item, position_of(item, state.mission.frame, home)) for item in items]
     return [(item, place) for item, place in placed if place is not None]

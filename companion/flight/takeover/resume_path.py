@@ -1,4 +1,4 @@
-"""What is flown if the pilot hands back here and now, and whether that is safe."""
+"""What the autopilot flies if the pilot hands back now, and whether that is safe."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from companion.frames import FloatArray
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
-LOOKED_AT_S = 45.0  # by then a plan from there is flown
-MARGIN_SHARE = 0.5  # of clearance_min_m
+CHECKED_S = 45.0  # The resume path is checked this far; by then a new plan is flown.
+MARGIN_SHARE = 0.5  # The resume path keeps this share of clearance_min_m.
 
 
 @dataclass(frozen=True, slots=True)
 class ResumePath:
-    """The way that the autopilot takes when the mission mode is selected.
+    """The path that the autopilot flies when the mission mode is selected again.
 
     Parameters
     ----------
     is_safe : bool
-        Whether it keeps clear of everything.
+        Whether the path is clear of everything.
     text : str
-        What is flown to, and what is wrong with it.
+        The item that is flown to, or what is wrong.
     wrong : str
-        What is wrong with it, as the pilot reads it; '' if nothing.
-    way_enu_m : ndarray, shape (N, 3)
-        The first 45 s of it, as far as it is known [m].
+        What is wrong, as the pilot reads it; '' if nothing.
+    positions_enu_m : ndarray, shape (N, 3)
+        The first 45 s of the path, as far as known [m].
     """
 
     is_safe: bool
     text: str
     wrong: str = ""
-    way_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
+    positions_enu_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
 
 
 def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Ownship) -> ResumePath:
-    """The way from here to the item that is resumed, as the autopilot steers it, judged.
+    """Predict and check the path from here to the item that is resumed.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Own
     current : MissionCurrent or None
         The item that the autopilot resumes.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     """
     track = None if current is None else list_track(state, current, ownship, is_direct=True)
     if track is None or current is None:
         return ResumePath(False, "NOT safe: it is not known what is flown", "mission not known")
-    seen = track.positions_enu_m[track.times_s <= LOOKED_AT_S]
+    seen = track.positions_enu_m[track.times_s <= CHECKED_S]
     wrong = state.rules.checker.check_track(
         seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     )

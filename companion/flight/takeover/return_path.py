@@ -1,16 +1,16 @@
-"""The way that the autopilot takes by itself when it is told to return to launch, and what it breaks.
+"""The path that the autopilot flies by itself in return to launch, and its violations.
 
 References
 ----------
 ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
-circle about the nearest rally point within RALLY_LIMIT_KM, else about home; up at once, down along the way;
-with RTL_AUTOLAND 2 to the mission's landing sequence instead.
+circle about the nearest rally point within RALLY_LIMIT_KM, else about home. It climbs at once and descends
+along the way. With RTL_AUTOLAND 2 it flies to the mission's landing sequence instead.
 
-PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: up to RTL_RETURN_ALT above the
-end in a circle where it is, then straight there. With RTL_TYPE 0 the end is home; with 1, a fixed wing's
-default, the mission's landing, home without one; with 3 the nearer of both. Rally points change that: a PX4
-takes them in any global frame, does not tell which, and flies off anywhere with those that are not in frame 0
-or 3 ("RTL: unsupported MAV_FRAME", measured). Where it holds any, its way is not known.
+PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
+RTL_RETURN_ALT above the destination, then flies straight there. With RTL_TYPE 0 the destination is home; with
+1, a fixed wing's default, the mission's landing, or home without one; with 3 the nearer of both. Rally points
+change that: a PX4 accepts them in any global frame, does not report which, and flies off anywhere with those
+that are not in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has any, its path is not known.
 """
 
 from __future__ import annotations
@@ -30,63 +30,65 @@ from companion.types.mission import Command
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
 
-JOINED_S = 20.0  # in which the circle at the end is joined; then once round it
-WAY_MAX_S = 1200.0
-STEP_S = 0.5
-SLOWEST_M_S = 5.0
-BEHIND_RAD, ASIDE_RAD = math.radians(130.0), math.radians(25.0)
-EXITS = 36  # moments at which a climb in a circle may end, over a turn and a half
-LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; from there on the way is the mission's
-HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE
+JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
+RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
+STEP_S = 0.5  # Time between two rows of a simulated track.
+SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
+# A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
+# which is simulated by changing the course by the second angle.
+BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
+CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
+LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; larger values follow the mission's path.
+HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE.
 
 Place = tuple[float, float, float]
 
 
 def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
-    """What the way home breaks from here; None where it is not known what the autopilot would fly.
+    """Return the violations of the return path from here; None if the path is not known.
 
     Parameters
     ----------
     state : FlightState
-        Home, rally points, parameters and the rules.
+        Home, rally points, the autopilot's parameters and the rules.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     """
-    ways = ways_home(state, ownship)
-    if ways is None:
+    tracks = return_tracks(state, ownship)
+    if tracks is None:
         return None
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
-    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in ways)
+    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in tracks)
     return next(filter(None, wrong), ())
 
 
-def ways_home(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
-    """Places on each of the ways home that may be flown; None where they are not known.
+def return_tracks(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
+    """Return positions on each of the possible return paths; None if they are not known.
 
-    Which side it is turned to when home lies behind, and when a PX4 leaves its climb, is decided by
-    little: both sides are looked at, and every moment of a turn.
+    Small differences decide to which side the aircraft turns if home lies behind it, and when a PX4 ends its
+    climb. Both sides, and all moments of a turn, are therefore included.
 
     Parameters
     ----------
     state, ownship
-        As of :func:`return_path`.
+        Same as in :func:`return_path`.
 
     Returns
     -------
     list of ndarray, shape (K, 3)
-        East, north, up along each [m]; the likeliest first.
+        East, north, up along each path [m]; the most likely first.
     """
     home, height = state.home_enu_m, state.settings.return_height_m
-    if home is None or height is None or is_unforeseeable(state):
+    if home is None or height is None or is_unpredictable(state):
         return None
     if state.flies_by:
-        return _arduplane_ways(state, ownship, _arduplane_end(state, ownship, home))
+        return _arduplane_tracks(state, ownship, _arduplane_end(state, ownship, home))
     end = _px4_end(state, ownship, home)
-    return _px4_ways(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
+    return _px4_tracks(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
 
 
-def is_unforeseeable(state: FlightState) -> bool:
-    """Whether the autopilot returns by ways that are not foreseen here, or has not told by which."""
+def is_unpredictable(state: FlightState) -> bool:
+    """Return whether the autopilot returns on paths that are not predicted here, or are not known."""
     kind = state.settings.return_kind
     if state.flies_by:
         is_unread = state.holds_rally_points and not state.rally_points
@@ -94,51 +96,56 @@ def is_unforeseeable(state: FlightState) -> bool:
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
-def _arduplane_ways(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
-    """Places (K, 3) on an ArduPlane's ways to the end, or to the landing sequence at once [m]."""
+def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
+    """Return positions (K, 3) on an ArduPlane's paths to the end, or directly to the landing sequence [m]."""
     guidance, radius = guidance_of(state), _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
-    ways = (_to(guidance, begun, end, radius).positions_enu_m for begun in _headed(ownship, end))
-    return [_glided(way, end) for way in ways]
+    tracks = (
+        _track_to(guidance, begun, end, radius).positions_enu_m for begun in _start_headings(ownship, end)
+    )
+    return [_with_glide(track, end) for track in tracks]
 
 
-def _px4_ways(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
-    """Places (K, 3) on a PX4's ways to the end, at a height that is climbed to first [m]."""
+def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
+    """Return positions (K, 3) on a PX4's paths to the end, at a height to which it climbs first [m]."""
     guidance, radius, tail = guidance_of(state), _radius(state), state.tail_enu_m
     high = (*end[:2], up_m)
-    # To a landing the height is lost in the circle that it begins with, or already on the way there.
+    # Before a landing the aircraft descends in the circle with which it begins, or already on the way there.
     ends = [high] if tail is None or tail[:2] != end[:2] else [high, tail]
-    ways: list[FloatArray] = []
+    tracks: list[FloatArray] = []
     for place in ends:
         if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
-            ways += [_to(guidance, begun, place, radius).positions_enu_m for begun in _headed(ownship, place)]
+            tracks += [
+                _track_to(guidance, begun, place, radius).positions_enu_m
+                for begun in _start_headings(ownship, place)
+            ]
         else:
-            ways += _climbed_first(guidance, ownship, up_m, place, radius)
-    return ways
+            tracks += _climbed_first(guidance, ownship, up_m, place, radius)
+    return tracks
 
 
 def _radius(state: FlightState) -> float:
-    """Of the circle at the end, positive clockwise [m]; 0 for that of other circles."""
+    """Return the radius of the final circle, positive clockwise [m]; 0 for the usual loiter radius."""
     return state.settings.return_radius_m or 0.0
 
 
 def _arduplane_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
-    """Where an ArduPlane's circle is: the nearest rally point within RALLY_LIMIT_KM, else home [m]."""
-    told, here = state.settings, ownship.position_enu_m
-    height = told.return_height_m or 0.0
+    """Return the centre of ArduPlane's circle: the nearest rally point within RALLY_LIMIT_KM, or home [m]."""
+    settings, here = state.settings, ownship.position_enu_m
+    height = settings.return_height_m or 0.0
     end = (*home[:2], here[2] if height < 0.0 else home[2] + height)
     rally = min(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]), default=None)
     if rally is None:
         return end
-    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (told.rally_limit_km or 0.0)
+    away, limit_m = math.dist(rally[:2], here[:2]), 1e3 * (settings.rally_limit_km or 0.0)
     is_far = limit_m > 0.0 and away > limit_m
-    is_home_nearer = bool(told.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
+    is_home_nearer = bool(settings.rally_includes_home) and math.dist(home[:2], here[:2]) <= away
     return end if is_far or is_home_nearer else rally
 
 
 def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
-    """Where a PX4 returns to, at the height that RTL_RETURN_ALT counts from [m]."""
+    """Return the destination of a PX4, at the height from which RTL_RETURN_ALT counts [m]."""
     kind, here = state.settings.return_kind, ownship.position_enu_m
     landing = None if kind == HOME else _landing_of(state)
     if landing is None:
@@ -149,7 +156,7 @@ def _px4_end(state: FlightState, ownship: Ownship, home: Place) -> Place:
 
 
 def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
-    """Where the mission's landing touches down, and where it begins [m]; None without."""
+    """Return where the mission's landing touches down, and where it begins [m]; None without a landing."""
     listed = state.mission_list
     if listed.operator is None or state.tail_enu_m is None:
         return None
@@ -163,27 +170,27 @@ def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
     return None
 
 
-def _to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
-    """Straight to a circle, and round it."""
+def _track_to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float) -> Track:
+    """Simulate the straight flight to a circle, and round it."""
     wind = math.hypot(*ownship.wind_enu_m_s)
     speed = max(ownship.airspeed_m_s - wind, SLOWEST_M_S)
     circle_m = 2.0 * math.pi * guidance.circle_stretch * abs(radius_m or guidance.loiter_radius_m)
-    lasts_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, WAY_MAX_S)
-    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, lasts_s, STEP_S)
+    duration_s = min((math.dist(ownship.position_enu_m, end) + circle_m) / speed + JOINED_S, RETURN_MAX_S)
+    return track_of_circle(guidance, ownship, np.asarray(end), radius_m, duration_s, STEP_S)
 
 
-def _headed(ownship: Ownship, end: Place) -> list[Ownship]:
-    """The aircraft, and where the end lies behind it, as if it headed a little to either side."""
+def _start_headings(ownship: Ownship, end: Place) -> list[Ownship]:
+    """Return the aircraft; if the end lies behind it, also with its course changed to either side."""
     east, north, _ = ownship.position_enu_m
     bearing = math.atan2(end[0] - east, end[1] - north)
     if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
         return [ownship]
-    asides = (0.0, -ASIDE_RAD, ASIDE_RAD)
+    asides = (0.0, -TURN_SIDE_RAD, TURN_SIDE_RAD)
     return [replace(ownship, course_rad=(ownship.course_rad + aside) % (2.0 * math.pi)) for aside in asides]
 
 
-def _glided(positions: FloatArray, end: Place) -> FloatArray:
-    """``positions`` (K, 3) [m] with a descent spread over the way, as an ArduPlane's is, (K, 3)."""
+def _with_glide(positions: FloatArray, end: Place) -> FloatArray:
+    """Return ``positions`` (K, 3) [m] with the descent spread over the path as by ArduPlane, (K, 3)."""
     begin = positions[0]
     along = np.subtract(end[:2], begin[:2])
     square = float(along @ along)
@@ -197,14 +204,15 @@ def _glided(positions: FloatArray, end: Place) -> FloatArray:
 def _climbed_first(
     guidance: Guidance, ownship: Ownship, up_m: float, end: Place, radius_m: float
 ) -> list[FloatArray]:
-    """Places (K, 3) of a climb in a circle about here, and of the ways from where it may end [m]."""
+    """Return positions (K, 3) of a climb in a circle here and of the flight from each possible end [m]."""
     here = np.array([*ownship.position_enu_m[:2], up_m])
     climb_s = (up_m - ownship.position_enu_m[2]) / guidance.climb_rate_max_m_s
     turn_s = 2.0 * math.pi * abs(guidance.loiter_radius_m) / max(ownship.airspeed_m_s, SLOWEST_M_S)
     climb = track_of_circle(guidance, ownship, here, 0.0, climb_s + 1.5 * turn_s, STEP_S)
     first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
-    rows = np.linspace(max(first // 2, 1), len(climb) - 1, EXITS).astype(int)  # it may climb faster
-    ways = []
+    # The aircraft may climb faster.
+    rows = np.linspace(max(first // 2, 1), len(climb) - 1, CLIMB_ENDS).astype(int)
+    tracks = []
     for row in rows:
         east, north, up = (float(value) for value in climb.positions_enu_m[row])
         step = climb.positions_enu_m[row] - climb.positions_enu_m[row - 1]
@@ -215,6 +223,6 @@ def _climbed_first(
             bank_rad=float(climb.banks_rad[row]),
             ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
         )
-        way = _to(guidance, begun, end, radius_m)
-        ways.append(np.vstack([climb.positions_enu_m[: row + 1], way.positions_enu_m]))
-    return ways
+        track = _track_to(guidance, begun, end, radius_m)
+        tracks.append(np.vstack([climb.positions_enu_m[: row + 1], track.positions_enu_m]))
+    return tracks

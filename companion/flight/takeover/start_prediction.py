@@ -1,4 +1,4 @@
-"""Where the aircraft will be by what the autopilot steers: along the operator's legs, circles and climbs."""
+"""Predict the aircraft on what the autopilot flies: the operator's legs, circles and climbs."""
 
 from __future__ import annotations
 
@@ -18,18 +18,21 @@ from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
-TAKEOVER_MARGIN_S = 1.0  # from the takeover to the entry, besides the exchange
-FORESEEN_MAX_S = 120.0  # what is further away is planned for when it is nearer
-CLIMB_MIN_M_S = 2.0  # of an aircraft that has not begun to climb yet
-STEP_S = 0.5
-ENDINGS = frozenset({Command.DO_JUMP, Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH, Command.DO_LAND_START})
-AHEAD_M = 5_000.0  # a take-off leads straight on
+TAKEOVER_MARGIN_S = 1.0  # Time from the takeover to the entry, in addition to the exchange.
+PREDICTED_MAX_S = 120.0  # At most this much flight is predicted; a plan for later is made later.
+CLIMB_MIN_M_S = 2.0  # The assumed climb rate of an aircraft that has not begun to climb.
+STEP_S = 0.5  # Time between two rows of a simulated track.
+# After these items the list does not continue with the next one, or leaves the air.
+LIST_ENDINGS = frozenset(
+    {Command.DO_JUMP, Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH, Command.DO_LAND_START}
+)
+TAKEOFF_MAX_M = 5_000.0  # A take-off leads straight ahead by at most this distance.
 
 
 def begin(
     state: FlightState, ownship: Ownship, current: MissionCurrent | None, *, is_urgent: bool = False
 ) -> Start:
-    """Where a plan that is made now takes effect: on the flown path, else on what the autopilot flies."""
+    """Return where a plan made now takes effect: on the flown path, or on what the autopilot flies."""
     ahead_s = lead_s(state, is_urgent=is_urgent)
     start = start_after(state, ownship, ahead_s)
     if start.rest is not None or current is None or not state.may_act:
@@ -39,7 +42,7 @@ def begin(
 
 
 def start_at_takeover(state: FlightState, current: MissionCurrent, ownship: Ownship) -> Start | None:
-    """Where a plan begins that is flown from the takeover on; None while that is far away.
+    """Return the start of a plan that is flown from the takeover on; None while that is far ahead.
 
     Parameters
     ----------
@@ -48,7 +51,7 @@ def start_at_takeover(state: FlightState, current: MissionCurrent, ownship: Owns
     current : MissionCurrent
         The item being flown.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     """
     track = list_track(state, current, ownship)
     if track is None:
@@ -63,7 +66,7 @@ def start_at_takeover(state: FlightState, current: MissionCurrent, ownship: Owns
 
 
 def start_on(state: FlightState, ownship: Ownship, track: Track, ahead_s: float) -> Start:
-    """The start of a plan on a foreseen track, so many seconds ahead."""
+    """Return the start of a plan on a predicted track, ``ahead_s`` from now [s]."""
     row = min(int(np.searchsorted(track.times_s, ahead_s)), len(track) - 1)
     east, north, up = (float(value) for value in track.positions_enu_m[row])
     return start_at(
@@ -80,9 +83,10 @@ def start_on(state: FlightState, ownship: Ownship, track: Track, ahead_s: float)
 def list_track(
     state: FlightState, current: MissionCurrent, ownship: Ownship, *, is_direct: bool = False
 ) -> Track | None:
-    """What the autopilot flies of its list from now on; None where that is not known.
+    """Return the predicted track of the autopilot along its list; None if it is not known.
 
-    Up to the first circle that has no end, or the first item behind which it is not told what follows.
+    The track ends at the first circle without an end, or at the first item after which the list does not
+    state what follows.
 
     Parameters
     ----------
@@ -91,22 +95,22 @@ def list_track(
     current : MissionCurrent
         The item being flown, or to be resumed.
     ownship : Ownship
-        Where the aircraft is.
+        The aircraft now.
     is_direct : bool
-        Whether that item is flown to from here, and not along the leg that leads to it.
+        Whether that item is flown to directly from here, not along the leg that leads to it.
     """
     legs, circle = _legs_ahead(state, current, ownship)
     guidance = guidance_of(state)
     climb_m_s = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
-    if climb_m_s > guidance.climb_rate_max_m_s:  # in a take-off it does what missions do not ask for
+    if climb_m_s > guidance.climb_rate_max_m_s:  # In a take-off the aircraft climbs faster than in missions.
         guidance = replace(guidance, climb_rate_max_m_s=climb_m_s)
     if circle is not None and not legs:
-        return track_of_circle(guidance, ownship, circle[0], circle[1], FORESEEN_MAX_S, STEP_S)
+        return track_of_circle(guidance, ownship, circle[0], circle[1], PREDICTED_MAX_S, STEP_S)
     if not legs:
         return None
     before = None if is_direct else _place_before(state, current)
     return track_of_legs(
-        guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=FORESEEN_MAX_S,
+        guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=PREDICTED_MAX_S,
         step_s=STEP_S,
     )  # fmt: skip
 
@@ -114,7 +118,7 @@ def list_track(
 def _legs_ahead(
     state: FlightState, current: MissionCurrent, ownship: Ownship
 ) -> tuple[list[FloatArray], tuple[FloatArray, float] | None]:
-    """Places (3,) that are flown to from the current item on, and the circle that ends them [m]."""
+    """Return positions (3,) that are flown to from the current item on, and the final circle [m]."""
     listed, legs = state.mission_list, list[FloatArray]()
     takeoff = None if listed.operator is None else takeoff_of(listed.operator)
     for item in listed.stored[current.sequence :]:
@@ -125,7 +129,7 @@ def _legs_ahead(
             legs.append(_takeoff_end(state, ownship, item))
             continue
         place = position_of(item, state.mission.frame, listed.home_amsl_m)
-        if item.command in ENDINGS:
+        if item.command in LIST_ENDINGS:
             break
         if place is not None:
             legs.append(np.asarray(place))
@@ -133,7 +137,7 @@ def _legs_ahead(
 
 
 def _place_before(state: FlightState, current: MissionCurrent) -> FloatArray | None:
-    """Where the leg to the current item begins, shape (3,) [m]; None where it is flown to from here."""
+    """Return where the leg to the current item begins, shape (3,) [m]; None if it is flown to from here."""
     listed = state.mission_list
     first = 0 if listed.operator is None else listed.operator.first
     for item in reversed(listed.stored[first : current.sequence]):
@@ -144,13 +148,13 @@ def _place_before(state: FlightState, current: MissionCurrent) -> FloatArray | N
 
 
 def _takeoff_end(state: FlightState, ownship: Ownship, item: MissionItem) -> FloatArray:
-    """Where a climb straight ahead comes to a take-off's height, shape (3,) [m]."""
+    """Return where a climb straight ahead reaches a take-off's height, shape (3,) [m]."""
     east, north, up = ownship.position_enu_m
     altitude = altitude_amsl_of(item, state.mission_list.home_amsl_m)
     height_m = up if altitude is None else altitude - float(state.mission.origin.altitude_amsl_m)
     climb_m_s = max(ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad), CLIMB_MIN_M_S)
     away = ownship.ground_speed_m_s * max(height_m - up, 0.0) / climb_m_s
-    away = min(away, AHEAD_M)
+    away = min(away, TAKEOFF_MAX_M)
     return np.array(
         [
             east + away * math.sin(ownship.course_rad),
@@ -161,7 +165,7 @@ def _takeoff_end(state: FlightState, ownship: Ownship, item: MissionItem) -> Flo
 
 
 def _takeover_row(state: FlightState, current: MissionCurrent, track: Track) -> int | None:
-    """Row of a foreseen track from which on the service may fly; None if that lies behind its end."""
+    """Return the row of a predicted track from which the service may fly; None if it is after its end."""
     takeover, operator, last = state.mission.takeover, state.mission_list.operator, last_item_of(state)
     row = 0
     if operator is not None and last is not None and current.sequence <= last:

@@ -1,4 +1,4 @@
-"""From when on the service flies: the mission file's ``takeover`` by the operator's list.
+"""The time of the takeover: the mission file's ``takeover``, applied to the operator's list.
 
 References
 ----------
@@ -17,23 +17,23 @@ from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
-RADIUS_PARAMETER = {
+RADIUS_PARAMETER: dict[int, int] = {  # The number, from 0, of the parameter that is a loiter's radius.
     Command.NAV_LOITER_UNLIM: 2,
     Command.NAV_LOITER_TURNS: 2,
     Command.NAV_LOITER_TIME: 2,
     Command.NAV_LOITER_TO_ALT: 1,
 }
-IN_CIRCLE = 1.5  # radii from its centre: so near the aircraft has come to its circle
+CIRCLE_RADII = 1.5  # An aircraft within this many radii of a circle's centre has reached the circle.
 
 
 def takeoff_of(operator: Operator) -> int | None:
-    """Index of the last take-off item before the goal; None without one."""
+    """Return the index of the last take-off item before the goal; None without one."""
     takeoffs = [item.sequence for item in operator.items[: operator.tail] if item.command in TAKEOFFS]
     return takeoffs[-1] if takeoffs else None
 
 
 def last_item_of(state: FlightState) -> int | None:
-    """Sequence of the item that the operator's mission is flown to the end of; None without such."""
+    """Return the sequence of the last item flown before the takeover; None if there is none."""
     operator, takeover = state.mission_list.operator, state.mission.takeover
     if operator is None:
         return None
@@ -44,7 +44,7 @@ def last_item_of(state: FlightState) -> int | None:
 
 
 def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship | None) -> bool:
-    """Whether the service may take over now: in the air, in its place in a list that is understood.
+    """Return whether the service may take over now: in the air, and at the right place of a known list.
 
     Parameters
     ----------
@@ -53,18 +53,18 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
     current : MissionCurrent or None
         The item being flown.
     ownship : Ownship or None
-        Where the aircraft is.
+        The aircraft now.
     """
     operator = state.mission_list.operator
-    if current is None or ownship is None or operator is None or not _is_understood(state):
+    if current is None or ownship is None or operator is None or not _is_list_known(state):
         return False
     if len(operator.items) <= operator.first:
         return False
-    return state.mission_list.found_flown or _is_reached(state, operator, current, ownship)
+    return state.mission_list.was_found_flown or _is_reached(state, operator, current, ownship)
 
 
-def _is_understood(state: FlightState) -> bool:
-    """Whether the aircraft flies by a list that is known, and can do what the mission file asks."""
+def _is_list_known(state: FlightState) -> bool:
+    """Return whether the aircraft flies a known list, and can do what the mission file asks."""
     listed = state.mission_list
     if shortfalls(state.mission, state.settings):
         return False
@@ -72,9 +72,9 @@ def _is_understood(state: FlightState) -> bool:
 
 
 def _is_reached(state: FlightState, operator: Operator, current: MissionCurrent, ownship: Ownship) -> bool:
-    """Whether the operator's mission has come to where it is taken over."""
+    """Return whether the operator's mission has reached the point of the takeover."""
     takeover, last = state.mission.takeover, last_item_of(state)
-    is_landing = operator.tail <= current.sequence < len(operator.items)  # a go-around leads out of it
+    is_landing = operator.tail <= current.sequence < len(operator.items)  # A go-around leaves the landing.
     if is_landing or (last is not None and current.sequence <= last):
         return False
     if takeover.when == "height" and takeover.up_m is not None:
@@ -83,7 +83,7 @@ def _is_reached(state: FlightState, operator: Operator, current: MissionCurrent,
 
 
 def _is_holding(state: FlightState, operator: Operator, current: MissionCurrent, ownship: Ownship) -> bool:
-    """Whether the aircraft circles where the operator has it hold."""
+    """Return whether the aircraft circles where the operator lets it hold."""
     if current.sequence >= len(operator.items):
         return False
     item = operator.items[current.sequence]
@@ -92,24 +92,24 @@ def _is_holding(state: FlightState, operator: Operator, current: MissionCurrent,
         return False
     (east, north, _), radius = circle
     away = math.hypot(ownship.position_enu_m[0] - east, ownship.position_enu_m[1] - north)
-    return away <= IN_CIRCLE * abs(radius)
+    return away <= CIRCLE_RADII * abs(radius)
 
 
 def circle_of(
     state: FlightState, item: MissionItem, up_m: float
 ) -> tuple[tuple[float, float, float], float] | None:
-    """Centre [m] and signed radius [m], positive clockwise, of a loiter item; None for any other.
+    """Return centre [m] and signed radius [m], positive clockwise, of a loiter item; None for any other.
 
     Parameters
     ----------
     state : FlightState
-        Mission file, with the smallest radius for an item that gives none.
+        Mission file, with the smallest radius for an item without a radius.
     item : MissionItem
         An item of the operator's list.
     up_m : float
-        Height of an item whose own is not known [m].
+        Height for an item of unknown height [m].
     """
-    number = RADIUS_PARAMETER.get(Command(item.command)) if item.command in RADIUS_PARAMETER else None
+    number = RADIUS_PARAMETER.get(item.command)
     if number is None:
         return None
     place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
@@ -120,7 +120,7 @@ def circle_of(
 
 
 def described(state: FlightState) -> str:
-    """From when on the service flies, in a few words."""
+    """Return the time of the takeover in a few words."""
     takeover, operator = state.mission.takeover, state.mission_list.operator
     if operator is None:
         return "not known: no list"

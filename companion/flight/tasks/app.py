@@ -1,4 +1,4 @@
-"""The service beside one autopilot: takes what it says, and runs the tasks that answer it."""
+"""The service for one autopilot: processes its messages, and runs the tasks that answer them."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ from companion.types.events import (
 from companion.types.mavlink_enums import SystemState
 from companion.types.state import Ownship
 
-SILENT_S = 5.0  # without a heartbeat the autopilot counts as lost
-HOUSEKEEPING_S = 1.0
-FENCES_S = 0.2  # between looks at whether they are to be read
-STATE_S = 0.2
-LET_GO_S = 30.0  # a vehicle silent for so long on the ground may be followed by another
-LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # of the autopilot's words; a boot has some forty
-FRESH_AGAIN = "all is heard again"
-FAREWELL_S = 0.2  # for the last words to leave before the link is closed
-TOLD = {
+SILENT_S = 5.0  # The autopilot counts as lost after this time without a heartbeat.
+HOUSEKEEPING_S = 1.0  # Period of the housekeeping task.
+FENCES_S = 0.2  # Period of the task that decides whether fences are read.
+STATE_S = 0.2  # Period of the task that records the state.
+RELEASE_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
+LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # Limits for logging the autopilot's texts; a boot sends about forty.
+FRESH_AGAIN = "all is heard again"  # The recorded occasion of a plan after an input was stale.
+LAST_TEXT_S = 0.2  # Time for the last texts to be sent before the link is closed.
+MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
     Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
     Mode.LOST: (DecisionKind.MODE, Mode.LOST.value, "silent"),
     Mode.SUSPENDED: (DecisionKind.SUSPENDED, "another mode is flown", "paused"),
@@ -69,14 +69,14 @@ class App:
     Parameters
     ----------
     parts : Composition
-        What it is composed of.
+        The parts of the service.
     is_warm : bool
         Whether every kernel is compiled, so that plans can be made.
     """
 
     def __init__(self, parts: Composition, *, is_warm: bool = True) -> None:
         self.autopilot_mode = ""
-        self.situation, self.recorder, self.link = parts.situation, parts.recorder, parts.link
+        self.world_model, self.recorder, self.link = parts.world_model, parts.recorder, parts.link
         self.replanning, self.announcer = parts.replanning, parts.announcer
         self._departure = parts.departure
         self._flight, self._clock = parts.flight, parts.clock
@@ -86,31 +86,31 @@ class App:
         self._is_warm = is_warm
         self._heartbeat_s = -math.inf
         self._boot_s: float | None = None
-        self._said_failure = self._said_landed = False
+        self._reported_failure = self._reported_landed = False
         self._planning: asyncio.Task[None] | None = None
         self._changed: MissionConfig | None = None
         self._link_watch = LinkWatch(self.link, self.announcer)
         self._logged = TokenBucket(LOGGED_HZ, LOGGED_BURST)
-        self._standing, self._progress_notices = PilotStatus(parts), ProgressNotices(parts)
+        self._pilot_status, self._progress_notices = PilotStatus(parts), ProgressNotices(parts)
         self._parameters.listen(self._note_parameter)
 
     async def run(self) -> None:
         """Run until cancelled."""
         places = [goal.position_enu_m for goal in self.state.goals]
-        kept = {end: base64.b64encode(data).decode("ascii") for end, data in self._checkpoint.kept.items()}
+        contents = self._checkpoint.contents.items()
         remembered = {
             "goals_reached": self._checkpoint.reached(places),
             "parameters": self._parameters.values_set,
-            "memory": kept,
+            "memory": {end: base64.b64encode(data).decode("ascii") for end, data in contents},
         }
         self.recorder.begin(self._clock.now_s(), remembered)
         await self.link.open(self._take, self._parameters)
         try:
             async with asyncio.TaskGroup() as tasks:
-                beside = {
+                tasks_by_name = {
                     "housekeeping": self._housekeeping, "states": self._states, "fences": self._keep_up_fences
                 }  # fmt: skip
-                for name, task in beside.items():
+                for name, task in tasks_by_name.items():
                     tasks.create_task(_guarded(name, task), name=name)
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
@@ -118,16 +118,16 @@ class App:
             await self.link.close()
 
     async def withdraw(self) -> None:
-        """Plan no more, break off an exchange that is under way, and tell the pilot, before the end.
+        """Stop planning, cancel an exchange that is under way, and inform the pilot, before the end.
 
-        Wherever an exchange stands, the autopilot holds a whole mission that was checked.
+        At every point of an exchange the autopilot has a complete mission that was checked.
         """
         if self._planning is not None:
             self._planning.cancel()
             await asyncio.wait([self._planning])
         text = "the autopilot keeps its mission"
         self.announcer.decide(DecisionKind.STOPPED, text, tell="stopped")
-        await self._clock.sleep_until(self._clock.now_s() + FAREWELL_S)
+        await self._clock.sleep_until(self._clock.now_s() + LAST_TEXT_S)
 
     @property
     def state(self) -> FlightState:
@@ -146,37 +146,37 @@ class App:
 
     @property
     def num_swaps(self) -> int:
-        """How many missions were flown."""
+        """Number of missions that were flown."""
         return len(self.recorder.missions)
 
     @property
     def num_plans(self) -> int:
-        """How many plans were begun."""
+        """Number of plans that were begun."""
         return self.replanning.num_plans
 
     @property
     def emergency(self) -> EmergencyStep | None:
-        """The step of the emergency strategy being flown by, None while plans are."""
+        """The emergency step that is carried out; None while plans are flown."""
         return self.replanning.emergency
 
     @property
-    def hears_autopilot(self) -> bool:
-        """Whether a heartbeat came lately."""
+    def receives_autopilot(self) -> bool:
+        """Whether a heartbeat was received recently."""
         return self._clock.now_s() - self._heartbeat_s <= SILENT_S
 
     def has_lost_vehicle(self, now_s: float) -> bool:
-        """Whether the vehicle fell silent on the ground, so that another may come in its place."""
-        is_silent = now_s - self._heartbeat_s > LET_GO_S
-        return self.link.has_heard and is_silent and not self.state.phase.is_armed
+        """Return whether the vehicle fell silent on the ground, so that another may replace it."""
+        is_silent = now_s - self._heartbeat_s > RELEASE_S
+        return self.link.has_received and is_silent and not self.state.phase.is_armed
 
     def warmed_up(self) -> None:
-        """Every kernel is compiled: plans can be made from now on."""
+        """Note that every kernel is compiled: plans can be made from now on."""
         self._is_warm = True
 
-    # --- what is heard
+    # --- received messages
 
     def _take(self, event: Event, now: float) -> None:
-        """Take what was heard."""
+        """Process a received event."""
         if isinstance(event, Heartbeat):
             self._heartbeat_s = now
             self._link_watch.note_heartbeat(event)
@@ -202,34 +202,34 @@ class App:
                 self._note_boot(event.boot_s)
                 speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
                 self._flight.apply(after_movement_reported, event.height_above_home_m, speed_m_s)
-            self.situation.observe(event, now)
+            self.world_model.observe(event, now)
             self._progress_notices.note(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
-        """Forget a flight that the autopilot was switched off after: its mission begins anew."""
+        """Delete the checkpoint if the autopilot was restarted: its mission begins again."""
         if self._boot_s is None and boot_s < self._checkpoint.boot_s:
             self._checkpoint.forget()
         self._boot_s = boot_s
 
     def _note_armed(self, now: float, *, is_armed: bool) -> None:
-        """Follow whether there is a flight; what was remembered of the last one ends with it."""
+        """Follow the flight's phase; a landing ends the flight and deletes its checkpoint."""
         phase = self._flight.apply(after_armed_reported, now, is_armed=is_armed).phase
-        if phase.is_grounded(now) and self._checkpoint.kept:
+        if phase.is_grounded(now) and self._checkpoint.contents:
             self._checkpoint.forget()
-        if phase.is_over(now) and not self._said_landed:
+        if phase.is_over(now) and not self._reported_landed:
             self.announcer.decide(DecisionKind.LANDED, "the flight is over", tell="landed")
             self.change(ModeEvent.LANDED)
-        self._said_landed = phase.is_over(now)
+        self._reported_landed = phase.is_over(now)
 
     def _follow(self, position: MissionPosition) -> None:
-        """Leave a mission alone that goes on behind the goal, or at an item that somebody chose."""
+        """Leave a mission alone that continues after the goal, or at another station's item."""
         if position is MissionPosition.PAST_GOAL:
             self.change(ModeEvent.GOAL_REACHED)
         elif position is MissionPosition.ELSEWHERE:
             self.change(ModeEvent.OTHER_MISSION)
 
     def change(self, event: ModeEvent) -> None:
-        """Follow the state table; say so when the service's mode changes."""
+        """Apply an event to the table of modes; announce a change of the mode."""
         before = self.mode
         mode = self._flight.apply(after_mode_event, event).mode
         if mode is before:
@@ -238,7 +238,7 @@ class App:
             self.replanning.plan_at_once()
         else:
             self.replanning.break_off()
-        kind, words, tell = TOLD.get(mode, (DecisionKind.MODE, mode.value, ""))
+        kind, words, tell = MODE_ANNOUNCEMENTS.get(mode, (DecisionKind.MODE, mode.value, ""))
         if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
             words = "return to launch"
         elif mode is Mode.SUSPENDED and self._link_watch.is_contradicted:
@@ -252,49 +252,49 @@ class App:
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             text = f"replanning is switched off by {ENABLE}"
             self.announcer.decide(DecisionKind.PARAMETERS, text, tell="off", parameter=ENABLE)
-        self._note_standing()
+        self._record_status()
 
-    # --- what is changed
+    # --- changes of the mission file and the parameters
 
     def adopt(self, mission: MissionConfig) -> None:
-        """Go by another mission file from the next pause between two plans on."""
+        """Use another mission file from the next pause between two plans on."""
         self._changed = self._parameters.set_mission(mission)
 
     def reload(self, mission: MissionConfig, text: str) -> None:
-        """Go by a mission file that was read again, and say so."""
+        """Use a mission file that was read again, and announce it."""
         self.recorder.reloaded(self._clock.now_s(), mission, text)
         self.adopt(mission)
         self.announcer.decide(DecisionKind.RELOAD, f"{mission.name} is read again", tell="reloaded")
-        kept = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
-        if kept:
-            words = f"still as set: {kept}"
+        set_values = ", ".join(f"{name} {value:g}" for name, value in self._parameters.values_set.items())
+        if set_values:
+            words = f"still as set: {set_values}"
             self.announcer.decide(DecisionKind.PARAMETERS, words, tell="parameter", parameter=words)
 
     def refuse_reload(self, key: str) -> None:
-        """Say that a mission file that was read again is not gone by, for a key of it."""
+        """Announce that a mission file was read again but is not used, because of one of its keys."""
         self.announcer.decide(DecisionKind.RELOAD, f"refused: {key}", tell="not reloaded", key=key)
 
     def _note_parameter(self, name: str, sender: Sender) -> None:
-        """A pilot has set one: take it up like another mission file."""
+        """Apply a parameter that the pilot has set, like another mission file."""
         self._changed = self._parameters.mission()
         words = f"{name} is {self._parameters.value(name):g}, by {sender[0]}/{sender[1]}"
         _log.warning("%s", words)
         self.announcer.decide(DecisionKind.PARAMETERS, words, tell="parameter", about=name, parameter=words)
 
     def _renew(self) -> None:
-        """Take up a changed mission file, between plans."""
+        """Apply a changed mission file, between plans."""
         mission, self._changed = self._changed, None
         if mission is None:
             return
         state = self._flight.apply(after_reload, mission)
-        self.situation.follow_mission(state.rules)
-        self.replanning.geofences.lay_anew()
+        self.world_model.follow_mission(state.rules)
+        self.replanning.geofences.refit()
         self.replanning.plan_at_once()
 
     # --- tasks
 
     async def _plan(self) -> None:
-        """Plan whenever one is due: where the aircraft is left to us, or will be."""
+        """Plan whenever a plan is due, while the aircraft is left to the service, or will be."""
         while True:
             self._begin_round()
             if self._may_plan() and self.mode is Mode.ACTIVE:
@@ -311,30 +311,30 @@ class App:
                 is_due = self.replanning.is_due()
 
     async def _keep_up_list(self) -> None:
-        """Before the takeover the list is the operator's, and read whenever it changes."""
-        if self.mode.is_before_takeover and self.hears_autopilot:
+        """Read the list whenever it changes, before the takeover, while it belongs to the operator."""
+        if self.mode.is_before_takeover and self.receives_autopilot:
             await self._departure.keep_up()
             if self.mode is Mode.DEPARTING and self._departure.take_over_if_due():
                 self.change(ModeEvent.TAKEOVER_DUE)
 
     def _begin_round(self) -> None:
-        """Between plans and exchanges."""
+        """Apply changes between plans and exchanges."""
         self._observer.progress()
         self._renew()
         if self.mode is Mode.ACTIVE and self.replanning.geofences.follow_limits():
             self.replanning.plan_at_once()
 
     def _may_plan(self) -> bool:
-        """Whether plans can be made, and are wanted."""
+        """Return whether plans can be made, and are wanted."""
         is_wanted = self._is_warm and self._parameters.is_replanning
-        return is_wanted and self.situation.ownship.state(self._clock.now_s()) is not None
+        return is_wanted and self.world_model.ownship.state(self._clock.now_s()) is not None
 
     async def _housekeeping(self) -> None:
-        """Heartbeat, streams, and the watch over the autopilot's silence, at 1 Hz."""
+        """Send heartbeat and stream requests, and detect the autopilot's silence, at 1 Hz."""
         while True:
             now = self._clock.now_s()
             self.link.keep_up(now, self._system_state())
-            if not self.hears_autopilot:
+            if not self.receives_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
             settings = self.link.streams.settings
             if settings != self.state.settings:
@@ -346,15 +346,15 @@ class App:
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
 
     async def _keep_up_fences(self) -> None:
-        """Read the fences again and again, beside planning, from the first plan to the landing."""
+        """Read the fences repeatedly, besides planning, from the first plan to the landing."""
         while True:
             is_wanted = self.replanning.num_plans and self.state.phase.is_armed
-            if is_wanted and self.hears_autopilot and not self.replanning.freshness.is_blind:
+            if is_wanted and self.receives_autopilot and not self.replanning.freshness.is_blind:
                 await self.replanning.geofences.keep_up()
             await self._clock.sleep_until(self._clock.now_s() + FENCES_S)
 
     def _system_state(self) -> SystemState:
-        """What the heartbeat tells."""
+        """Return the state in the service's heartbeat."""
         if not self._is_warm:
             return SystemState.BOOT
         if self.mode is not Mode.ACTIVE or not self._parameters.is_replanning:
@@ -362,43 +362,43 @@ class App:
         return SystemState.CRITICAL if self.replanning.is_in_trouble() else SystemState.ACTIVE
 
     def _note_link(self, now: float) -> None:
-        """Record how the link is, and tell once that the recording ended."""
-        told = {
+        """Record the state of the link, and announce once if the recording has ended."""
+        status = {
             "mode": self.mode.value,
             "autopilot_mode": self.autopilot_mode,
             **self.link.status(),
         }
-        self.recorder.link(now, told)
-        self._note_standing()
-        if self.recorder.failure and not self._said_failure and self.link.has_heard:
-            self._said_failure = True
+        self.recorder.link(now, status)
+        self._record_status()
+        if self.recorder.failure and not self._reported_failure and self.link.has_received:
+            self._reported_failure = True
             text = f"stopped, flight goes on: {self.recorder.failure}"
             self.announcer.decide(DecisionKind.RECORDING, text, tell="recording")
 
-    def _note_standing(self) -> None:
-        """Record how the service stands."""
-        standing = self._standing.message(
-            self.autopilot_mode, is_heard=self.hears_autopilot, is_warm=self._is_warm
+    def _record_status(self) -> None:
+        """Record the status of the service."""
+        status = self._pilot_status.message(
+            self.autopilot_mode, is_received=self.receives_autopilot, is_warm=self._is_warm
         )
-        self.recorder.standing(self._clock.now_s(), standing)
+        self.recorder.standing(self._clock.now_s(), status)
 
     async def _states(self) -> None:
-        """Record the flight, and notice the goal."""
+        """Record the flight, and note goals that are reached."""
         while True:
             now = self._clock.now_s()
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
-            ownship = self.situation.ownship.state(now)
+            ownship = self.world_model.ownship.state(now)
             if ownship is not None:
-                tracks = self.situation.tracker.tracks(now)
-                self.recorder.state(now, ownship, tracks, self.situation.threat_at(ownship, tracks))
+                tracks = self.world_model.tracker.tracks(now)
+                self.recorder.state(now, ownship, tracks, self.world_model.threat_at(ownship, tracks))
                 if self.mode is Mode.ACTIVE:
                     self._note_goals(ownship)
                     self.replanning.look_for_surprise()
             await self._clock.sleep_until(now + STATE_S)
 
     def _note_goals(self, ownship: Ownship) -> None:
-        """Count the goals passed, and remember them."""
+        """Count the goals passed, and store them in the checkpoint."""
         before = self.state.next_goal
         state = self._flight.apply(after_position, ownship)
         if state.next_goal != before:
@@ -409,7 +409,7 @@ class App:
 
 
 async def _guarded(name: str, task: Callable[[], Awaitable[None]]) -> None:
-    """Run a task; a fault in it is logged once, with its trace, and ends the service."""
+    """Run a task; an error in it is logged once, with its trace, and ends the service."""
     try:
         await task()
     except asyncio.CancelledError:

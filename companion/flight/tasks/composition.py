@@ -1,4 +1,4 @@
-"""What the service is composed of, put together from a mission file and a link."""
+"""The parts of the service, put together from a mission file and a link."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from companion.flight.messages.observer import Observer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner, first_state
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.departure import Departure
 from companion.flight.tasks.plan_maker import PlanRunner
 from companion.flight.tasks.replanning import Replanning
@@ -28,32 +28,32 @@ class Composition:
     Parameters
     ----------
     parameters : Parameters
-        What a pilot may change.
+        The parameters that a pilot may change.
     flight : StateOwner
         The flight's state.
-    situation : Situation
-        Where the aircraft and the threats are.
+    world_model : Situation
+        The known world: aircraft and threats.
     link : VehicleLink
-        To the vehicle.
+        The link to the vehicle.
     announcer : Announcer
-        Told what is decided.
+        Announces decisions.
     departure : Departure
-        Knows the operator's list up to the takeover.
+        Reads the operator's list until the takeover.
     replanning : Replanning
         Plans, and hands missions over.
     checkpoint : Checkpoint
         What a restart in flight needs to know.
     recorder : Recorder
-        Listens.
+        Records the flight.
     observer : Observer
-        Looks on.
+        Is notified of events.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     parameters: Parameters
     flight: StateOwner
-    situation: Situation
+    world_model: WorldModel
     link: VehicleLink
     announcer: Announcer
     departure: Departure
@@ -83,35 +83,35 @@ def composed(
     mission : MissionConfig
         The mission file.
     link : VehicleLink
-        To the vehicle.
+        The link to the vehicle.
     clock : Clock
-        The service's time. With an ``InlineRunner`` it must be one that others move: a plan then takes the
-        mission file's ``planning_budget_s`` of it, however long the computer needs.
+        The service's clock. With an ``InlineRunner`` it must be one that others advance: a plan then takes
+        the mission file's ``planning_budget_s`` of it, however long the computer needs.
     recorder : Recorder
-        Listens.
+        Records the flight.
     seed : int
-        From which all plans and particle filters draw their numbers.
+        Seed of all plans and particle filters.
     runner : PlanRunner
-        How long plans may take, and by whose clock.
+        Limits the time of plans, and determines their clock.
     checkpoint : Checkpoint, optional
-        What is remembered of the flight, for a restart in it.
+        What is remembered of the flight for a restart.
     observer : Observer, optional
-        Looks on.
+        Is notified of events.
     parameters_file : Path, optional
-        Where parameters that a pilot sets are kept.
+        File of the parameters that a pilot sets.
     """
     parameters, observer = Parameters(mission, parameters_file), observer or Observer()
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
-    situation = Situation(flight.state.rules, seed)
+    world_model = WorldModel(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
     parts = parts_for(
-        flight, situation, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
+        flight, world_model, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
         recorder=recorder, observer=observer, seed=seed, runner=runner,
     )  # fmt: skip
     return Composition(
         parameters=parameters,
         flight=flight,
-        situation=situation,
+        world_model=world_model,
         link=link,
         announcer=announcer,
         departure=Departure(parts),

@@ -1,4 +1,4 @@
-"""Before the takeover: the operator's list is read whenever it changes, and answered; nothing is uploaded."""
+"""Before the takeover: read the operator's list whenever it changes, and brief the pilot; upload nothing."""
 
 from __future__ import annotations
 
@@ -14,82 +14,86 @@ from companion.flight.tasks.handback import Handback
 from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
-READ_AGAIN_S = 2.0  # soonest after a reading, that failed perhaps
-LOOK_S = 10.0  # between readings of a list whose changes the autopilot does not tell everybody
-FRESH_S = 2.0  # of such a list, when the service takes over
+READ_AGAIN_S = 2.0  # Shortest time between two readings, of which the first may have failed.
+# Time between readings of a list whose changes the autopilot does not report to all links.
+LOOK_INTERVAL_S = 10.0
+FRESH_S = 2.0  # Such a list is read again at the takeover if the last reading is older.
 
 
 class Departure:
-    """Keeps what is known of the operator's list up to date up to the takeover, and says what it comes to.
+    """Keeps the knowledge of the operator's list up to date until the takeover, and summarises it.
 
     Parameters
     ----------
     parts : ReplanningParts
-        What it works with.
+        The parts of replanning.
 
     Attributes
     ----------
     handback : Handback
-        Says while the pilot flies what handing back comes to.
+        Informs the pilot, while flying, whether a handback is safe.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._rally_points = parts.announcer, parts.rally_points
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.handback = Handback(parts)
         self._read_s = -math.inf
-        self._briefed: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
+        self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
-        """Read the list if it is not known or may have changed, and brief the pilot on what is new in it."""
+        """Read the list if it is not known or may have changed, and brief the pilot if it has."""
         now = self._clock.now_s()
-        if self._may_have_changed(LOOK_S, now):
+        if self._may_have_changed(LOOK_INTERVAL_S, now):
             self._flight.apply_to_list(after_suspicion, "a look")
         listed = self._flight.listed
         is_known = listed.layout is not None and not listed.suspected
-        # Whether a list's items are flown is told by where the aircraft is.
-        is_reported = not self._flight.state.phase.is_armed or self._situation.ownship.state(now) is not None
+        # The aircraft's position shows whether it flies the list's items.
+        is_reported = (
+            not self._flight.state.phase.is_armed or self._world_model.ownship.state(now) is not None
+        )
         if not is_known and is_reported and now - self._read_s >= READ_AGAIN_S:
             await self._reader.prepare()
             self._read_s = self._clock.now_s()
         elif is_known:
-            await self._rally_points.renew(is_again=True)
+            await self._rally_points.renew(includes_unnamed=True)
         listed = self._flight.listed
-        # Said again, too, when a parameter changes what is wrong.
+        # The briefing is repeated if a parameter changes the shortfalls.
         news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
-        if listed.layout is not None and news != self._briefed:
-            self._briefed = news
-            if not listed.found_flown:
-                self._brief()
+        if listed.layout is not None and news != self._last_summary:
+            self._last_summary = news
+            if not listed.was_found_flown:
+                self._send_summary()
 
     def _may_have_changed(self, after_s: float, now: float) -> bool:
-        """Whether a list that its autopilot gives no name was read longer ago than ``after_s``.
+        """Return whether a list without an identifier was read longer ago than ``after_s`` [s].
 
-        An ArduPlane tells the end of an upload on the link that it came over, and others the number of items.
+        An ArduPlane reports the end of an upload only on the link of the upload, and the number of items to
+        all.
         """
         listed, current = self._flight.listed, self._protocols.parts.link.current
         is_named = current is not None and current.mission_id != 0
         return listed.layout is not None and not is_named and now - listed.read_s > after_s
 
-    def _brief(self) -> None:
-        """Tell the pilot what will be flown, from when on by the service, and what is wrong."""
-        ownship = self._situation.ownship.state(self._clock.now_s())
-        told = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
+    def _send_summary(self) -> None:
+        """Inform the pilot what will be flown, when the service takes over, and what is wrong."""
+        ownship = self._world_model.ownship.state(self._clock.now_s())
+        summary = operator_summary_of(self._flight.state, ownship, self._protocols.dialect.num_home_items)
         decide = self._announcer.decide
-        if told.plan:
-            decide(DecisionKind.MISSION, told.plan, tell="mission", mission=told.plan)
-            decide(DecisionKind.TAKEOVER, told.takeover, tell="takeover", when=told.takeover)
-            tell = "landing" if told.has_end else "no landing"
-            decide(DecisionKind.MISSION, told.landing, tell=tell, landing=told.landing)
-        for fault in told.faults:
+        if summary.plan:
+            decide(DecisionKind.MISSION, summary.plan, tell="mission", mission=summary.plan)
+            decide(DecisionKind.TAKEOVER, summary.takeover, tell="takeover", when=summary.takeover)
+            tell = "landing" if summary.has_end else "no landing"
+            decide(DecisionKind.MISSION, summary.landing, tell=tell, landing=summary.landing)
+        for fault in summary.faults:
             decide(DecisionKind.FAULT, fault, tell="check", about=fault, fault=fault)
 
     def take_over_if_due(self) -> bool:
-        """Whether the service takes over now."""
+        """Take over if it is time; return whether the service has taken over."""
         link, now = self._protocols.parts.link, self._clock.now_s()
         current = link.current
-        if current is None or not is_due(self._flight.state, current, self._situation.ownship.state(now)):
+        if current is None or not is_due(self._flight.state, current, self._world_model.ownship.state(now)):
             return False
         if self._may_have_changed(FRESH_S, now):
             self._flight.apply_to_list(after_suspicion, "the takeover")

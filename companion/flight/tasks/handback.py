@@ -1,4 +1,4 @@
-"""While the pilot flies: whether handing back here and now is safe, told whenever that changes."""
+"""While the pilot flies: inform the pilot whenever it changes whether a handback is safe."""
 
 from __future__ import annotations
 
@@ -9,43 +9,43 @@ from companion.flight.state.modes import Mode
 from companion.flight.takeover.resume_path import ResumePath, resume_path
 from companion.flight.tasks.replanning_parts import ReplanningParts
 
-AGAIN_S = 5.0  # between two words on it, which change in a circle
+REPEAT_MIN_S = 5.0  # Time between two texts, because the result changes often in a circle.
 
 
 class Handback:
-    """Watches the way back.
+    """Watches the resume path.
 
     Parameters
     ----------
     parts : ReplanningParts
-        What it works with.
+        The parts of replanning.
 
     Attributes
     ----------
     found : ResumePath or None
-        What handing back would come to, by the last look; None while the pilot does not fly.
+        The last resume path; None while the pilot does not fly.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
         self.found: ResumePath | None = None
-        self._told: ResumePath | None = None
-        self._told_s = -math.inf
+        self._announced: ResumePath | None = None
+        self._announced_s = -math.inf
 
     def look(self) -> None:
-        """Judge the way back, and tell the pilot where that has changed; about once a second."""
+        """Check the resume path, and inform the pilot if the result has changed; about once a second."""
         state, now = self._flight.state, self._clock.now_s()
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if state.mode is not Mode.SUSPENDED or not state.phase.is_airborne or ownship is None:
-            self.found, self._told, self._told_s = None, None, -math.inf
+            self.found, self._announced, self._announced_s = None, None, -math.inf
             return
-        if now - self._told_s < AGAIN_S:
+        if now - self._announced_s < REPEAT_MIN_S:
             return
         self.found = found = resume_path(state, self._reader.current, ownship)
-        if self._told is None or found.is_safe is not self._told.is_safe:
-            self._told, self._told_s = found, now
+        if self._announced is None or found.is_safe is not self._announced.is_safe:
+            self._announced, self._announced_s = found, now
             tell = "handback safe" if found.is_safe else "handback unsafe"
             self._announcer.decide(
                 DecisionKind.HANDBACK, found.text, tell=tell, mode=self._link.mission_mode, what=found.wrong

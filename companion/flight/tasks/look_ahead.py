@@ -1,4 +1,4 @@
-"""Plans for the moment at which the aircraft is left to us: the takeover, or the way back to it."""
+"""Plan for the moment at which the aircraft is left to the service: the takeover, or a handback."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.flight.tasks.replanning_parts import ReplanningParts, known_threa
 from companion.mission.swap import SwapOutcome
 from companion.types.plan import PlanStatus
 
-EARLY_S, LATE_S = 8.0, 3.0  # of its start a plan made ahead is still handed over
+EARLY_S, LATE_S = 8.0, 3.0  # A plan made ahead is used at most this long before and after its start.
 
 
 class LookAhead:
@@ -23,21 +23,21 @@ class LookAhead:
     Parameters
     ----------
     parts : ReplanningParts
-        What it works with.
+        The parts of replanning.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._parts = parts
         self._prepared: ConstructedMission | None = None
-        self._said: DecisionKind | None = None
+        self._announced: DecisionKind | None = None
         self._is_ready = False
 
     def forget(self) -> None:
-        """Whatever is flown now, nothing is ready."""
-        self._prepared, self._said, self._is_ready = None, None, False
+        """Forget the plan made ahead."""
+        self._prepared, self._announced, self._is_ready = None, None, False
 
     def take_prepared(self) -> ConstructedMission | None:
-        """The plan that was made ahead, if it begins where the aircraft is about now."""
+        """Return the plan made ahead, if the aircraft is about at its start now."""
         prepared = self._prepared
         self.forget()
         if prepared is None:
@@ -46,7 +46,7 @@ class LookAhead:
         return prepared if -EARLY_S <= since_s <= LATE_S else None
 
     async def plan(self) -> None:
-        """Make a plan; while the pilot flies and the mission file allows it, put it into the autopilot."""
+        """Make a plan; store it in the autopilot if the pilot flies and the mission file allows it."""
         parts = self._parts
         maker, handover = parts.maker, parts.handover
         maker.schedule.begin(parts.clock.now_s())
@@ -55,51 +55,54 @@ class LookAhead:
         await parts.geofences.catch_up()
         await maker.until_begun()
         now, state = parts.clock.now_s(), parts.flight.state
-        start, ownship = self._start(now), parts.situation.ownship.state(now)
+        start, ownship = self._start(now), parts.world_model.ownship.state(now)
         if start is None or ownship is None or not state.goals_left:
             return
-        snapshot, track_s = parts.situation.snapshot(now), parts.situation.newest_track_s
-        state = parts.flight.see(ownship, snapshot.picture)
+        snapshot, track_s = parts.world_model.snapshot(now), parts.world_model.newest_track_s
+        state = parts.flight.update_world(ownship, snapshot.picture)
         if state.wind_fault:
             return
-        maker.schedule.knows(known_threats(parts.situation, now))
+        maker.schedule.note_known(known_threats(parts.world_model, now))
         run, found = await maker.make(
             plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start, snapshot)
         )
         state = parts.flight.state
-        if found.shaped is None:
+        if found.constructed is None:
             self._prepared = None
-            if run.plan.status is not PlanStatus.INVALID_START:  # in the climb, below the bounds
-                self._say(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
+            # In the climb the aircraft is below the bounds.
+            if run.plan.status is not PlanStatus.INVALID_START:
+                self._announce(DecisionKind.NO_PLAN, f"ahead: {found.decision.text}")
         elif state.mode is Mode.SUSPENDED and state.may_write and handover.is_settled():
             occasion = maker.schedule.occasion
-            outcome = await handover.hand_over(found.shaped, maker.num_plans, run.plan_ms, track_s, occasion)
+            outcome = await handover.hand_over(
+                found.constructed, maker.num_plans, run.plan_ms, track_s, occasion
+            )
             self._is_ready = outcome is SwapOutcome.FLOWN
         else:
-            self._prepared = found.shaped
-            count = len(found.shaped.waypoints.positions_enu_m)
-            self._say(DecisionKind.READY, f"first plan, {count} waypoints", tell="path ready")
+            self._prepared = found.constructed
+            count = len(found.constructed.waypoints.positions_enu_m)
+            self._announce(DecisionKind.READY, f"first plan, {count} waypoints", tell="path ready")
 
     def _keeps_ready(self) -> bool:
-        """Whether the mission that was made ready for the way back still is."""
+        """Return whether the mission that was stored for the handback is still safe to resume."""
         parts, state = self._parts, self._parts.flight.state
-        ownship = parts.situation.ownship.state(parts.clock.now_s())
+        ownship = parts.world_model.ownship.state(parts.clock.now_s())
         if not self._is_ready or state.mode is not Mode.SUSPENDED or ownship is None:
             return False
         return resume_path(state, parts.handover.reader.current, ownship).is_safe
 
     def _start(self, now: float) -> Start | None:
-        """Where a plan begins that is made before the aircraft is left to us; None while none is of use."""
+        """Return the start of a plan made ahead; None if a plan would be of no use."""
         parts, state = self._parts, self._parts.flight.state
-        ownship, current = parts.situation.ownship.state(now), parts.handover.reader.current
+        ownship, current = parts.world_model.ownship.state(now), parts.handover.reader.current
         if ownship is None or not state.phase.is_airborne:
             return None
         if state.mode is Mode.DEPARTING:
             return None if current is None else start_at_takeover(state, current, ownship)
         return start_by_motion(state.rules, ownship, lead_s(state))
 
-    def _say(self, kind: DecisionKind, text: str, tell: str = "") -> None:
-        """Say what planning ahead came to, once until it comes to something else."""
-        if kind is not self._said:
-            self._said = kind
+    def _announce(self, kind: DecisionKind, text: str, tell: str = "") -> None:
+        """Announce the result of planning ahead, once until it changes."""
+        if kind is not self._announced:
+            self._announced = kind
             self._parts.announcer.decide(kind, text, tell=tell)

@@ -1,4 +1,4 @@
-"""How the service stands, in one message a second: for pages and recordings. Nothing decides on it."""
+"""The status of the service in one message a second, for pages and recordings. No decision depends on it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 from companion.flight.tasks.composition import Composition
 from companion.mission.operator import Operator, position_of
 
-_DIGITS = 1  # decimetres
+_DIGITS = 1  # Positions are rounded to decimetres.
 
 
 class PilotStatus:
-    """Sums the service up.
+    """Summarises the service.
 
     Parameters
     ----------
     parts : Composition
-        What it is composed of.
+        The parts of the service.
     """
 
     def __init__(self, parts: Composition) -> None:
@@ -24,15 +24,15 @@ class PilotStatus:
         self._operator: Operator | None = None
         self._places: list[list[float]] = []
 
-    def message(self, autopilot_mode: str, *, is_heard: bool, is_warm: bool) -> dict[str, object]:
-        """What ``/standing`` says.
+    def message(self, autopilot_mode: str, *, is_received: bool, is_warm: bool) -> dict[str, object]:
+        """Return the message ``/standing``.
 
         Parameters
         ----------
         autopilot_mode : str
-            The flight mode's name in the autopilot's own words.
-        is_heard : bool
-            Whether a heartbeat came lately.
+            The autopilot's name of the flight mode.
+        is_received : bool
+            Whether a heartbeat was received recently.
         is_warm : bool
             Whether every kernel is compiled.
         """
@@ -41,12 +41,12 @@ class PilotStatus:
         current, emergency = replanning.handover.reader.current, replanning.emergency
         handback: dict[str, object] = {}
         if found is not None:
-            way = np.round(found.way_enu_m[::4], _DIGITS)
-            handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": way}
+            places = np.round(found.positions_enu_m[::4], _DIGITS)
+            handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": places}
         return {
             "mode": state.mode.name.lower(),
             "autopilot_mode": autopilot_mode,
-            "is_heard": is_heard,
+            "is_heard": is_received,
             "is_warm": is_warm,
             "is_armed": state.phase.is_armed,
             "is_airborne": state.phase.is_airborne,
@@ -62,7 +62,7 @@ class PilotStatus:
         }
 
     def _operator_places(self) -> list[list[float]]:
-        """Places of the operator's items [m], worked out anew where the list is another."""
+        """Return the positions of the operator's items [m], computed again if the list changes."""
         state = self._parts.flight.state
         operator, home = state.mission_list.operator, state.mission_list.home_amsl_m
         if operator is not self._operator:

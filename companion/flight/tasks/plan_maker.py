@@ -1,4 +1,4 @@
-"""The plans of one flight: each by its own seed, within its budget, watched and written down."""
+"""The plans of one flight: each with its own seed, within its budget, supervised and recorded."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ Conclusion = TypeVar("Conclusion")
 __all__ = ["PlanBrokenOffError", "PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
 PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
-STALLED_S = 5.0  # beyond its budget
-LOOK_S = 0.1  # between looks at whether a plan is still wanted, where its time is another clock's
-SEEDS_A_FLIGHT = 100_003  # plans that a flight may have before its seeds meet the next one's
+STALLED_S = 5.0  # A plan that exceeds its budget by this time is stalled.
+LOOK_INTERVAL_S = 0.1  # With simulated time, a waiting plan is checked at this interval for being unwanted.
+SEEDS_A_FLIGHT = 100_003  # After this many plans the seeds of a flight would repeat those of the next seed.
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """All that a plan is made from.
+    """Everything that a plan is made from.
 
     Parameters
     ----------
     purpose : str
         ``plan``, or in an emergency ``least threat``, ``rally point``.
     rules : Rules
-        What it is held to.
+        The rules for the plan.
     goals : tuple of GoalRegion
-        To be reached in order.
+        The goals in their order.
     start : Start
-        Where it begins.
+        The start of the plan.
     improves : bool
-        Whether the rest of the flown path keeps the hard constraints, so that it is compared with.
+        Whether the rest of the flown path keeps the hard constraints, so that the plan is compared with it.
     snapshot : Snapshot
         The world.
     is_urgent : bool
-        Whether it answers a surprise.
+        Whether the plan answers a surprise.
     is_failing : bool
         Whether the rest of the flown path breaks a limit.
     """
@@ -71,22 +71,22 @@ class PlanRequest:
 def plan_request(
     state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
 ) -> PlanRequest:
-    """What is asked of the planner in the ordinary course of a flight."""
+    """Return the request for an ordinary plan."""
     return _request(PLAN, state, start, snapshot, is_urgent=is_urgent)
 
 
 def least_threat_request(
     state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool = False
 ) -> PlanRequest:
-    """What is asked in an emergency: threats have no limit."""
+    """Return the request for an emergency plan without a limit of the threat level."""
     return _request(LEAST_THREAT, state, start, snapshot, is_urgent=is_urgent)
 
 
 def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
-    """What is asked on the way to the goals that are left."""
-    keeps_all, keeps_hard = (True, False) if start.rest is None else state.limits_kept(start.rest)
+    """Return a request for a plan to the remaining goals."""
+    keeps_all, keeps_hard = (True, False) if start.rest is None else state.keeps_limits(start.rest)
     return PlanRequest(
         purpose, state.rules, state.goals_left, start, keeps_hard, snapshot, is_urgent,
         is_failing=not keeps_all,
@@ -94,24 +94,24 @@ def _request(
 
 
 def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:
-    """What is asked where nothing else is left but a rally point."""
+    """Return the request for a plan to a rally point."""
     return PlanRequest(RALLY_POINT, state.rules, (place,), start, False, snapshot)
 
 
 @dataclass(frozen=True, slots=True)
 class PlanRun:
-    """A plan, and what it took.
+    """A plan, and the effort that it took.
 
     Parameters
     ----------
     plan : Plan
         The planner's answer.
     plan_ms : float
-        The computer's time for it [ms].
+        Computing time [ms].
     asked : int
-        How often the search asked whether to stop.
+        How often the search evaluated its stopping rule.
     is_stopped : bool
-        Whether it was told to.
+        Whether the rule stopped it.
     """
 
     plan: Plan
@@ -126,12 +126,12 @@ class Planner:
     Parameters
     ----------
     seed : int
-        The flight's seed, from which each plan's is counted.
+        The flight's seed, from which each plan's seed is derived.
 
     Attributes
     ----------
     num_plans : int
-        How many were begun.
+        Number of plans that were begun.
     """
 
     def __init__(self, seed: int) -> None:
@@ -141,15 +141,15 @@ class Planner:
         self._grown_by: Rules | None = None
 
     def plan(self, request: PlanRequest, should_stop: Callable[[], bool]) -> Plan:
-        """Search for a path until one is found and improved on, or the stopping rule holds."""
+        """Search until a path is found and improved, or the stopping rule holds."""
         self.num_plans += 1
-        if request.rules is not self._grown_by:  # they grew round other obstacles
+        if request.rules is not self._grown_by:  # The trees grew round other obstacles.
             self._threat_trees, self._grown_by = (), request.rules
         rules = request.rules
         settings = rules.replan_settings if request.improves else rules.settings
         if request.purpose != PLAN:
             settings = rules.least_threat_settings
-        if request.is_urgent:  # who is surprised does not wait for a shorter way
+        if request.is_urgent:  # An answer to a surprise does not wait for a shorter path.
             settings = replace(settings, optimise_iterations_max=settings.optimise_iterations)
         problem = Problem(
             start=request.start.state,
@@ -164,32 +164,32 @@ class Planner:
         return plan
 
     def run(self, request: PlanRequest, rule: StopRule) -> PlanRun:
-        """Plan, and tell what it took."""
+        """Make a plan, and measure its effort."""
         began = time.perf_counter()
         plan = self.plan(request, rule)
         return PlanRun(plan, 1e3 * (time.perf_counter() - began), rule.asked, rule.is_stopped)
 
 
 class PlanMaker:
-    """Has plans made one after the other.
+    """Makes plans one after the other, supervised.
 
     Parameters
     ----------
     seed : int
-        The flight's.
+        The flight's seed.
     runner : PlanRunner
-        Says how long they may take, and by whose clock.
+        Limits the time of plans, and determines their clock.
     clock : Clock
-        The service's.
+        The service's clock.
     recorder : Recorder
-        Keeps each with the world that it was made in.
+        Records each plan with its world.
     observer : Observer
-        Told before and after.
+        Is notified before and after each plan.
 
     Attributes
     ----------
     schedule : PlanSchedule
-        Says when they are made, and why.
+        Determines when plans are made, and why.
     """
 
     def __init__(
@@ -212,25 +212,25 @@ class PlanMaker:
         self._unwanted = ""
 
     def is_stalled(self, now_s: float) -> bool:
-        """Whether a plan is being made long beyond its budget."""
+        """Return whether a plan takes far longer than its budget."""
         return now_s > self._overdue_s
 
     @property
     def num_plans(self) -> int:
-        """The number of the plan made last, by which the mission that carries it is known."""
+        """Number of the last plan, under which its mission is recorded."""
         return self._planner.num_plans
 
     def next_look_s(self) -> float:
-        """When to look next whether a plan is due, by the clock [s]."""
+        """Return when to check next whether a plan is due, by the clock [s]."""
         return self._runner.next_look_s(self._clock.now_s())
 
     @property
     def may_break_off(self) -> bool:
-        """Whether a plan is being made that takes its time."""
+        """Whether a plan is being made that can be broken off."""
         return self._under_way is not None and not self._under_way.is_broken_off
 
     def break_off(self, why: str) -> None:
-        """End the plan that is being made, if :attr:`may_break_off`: who asked for it is told why."""
+        """Stop the plan under way, if :attr:`may_break_off`; its caller receives the reason."""
         if self._under_way is not None:
             self._unwanted = why
             self._under_way.rule.break_off()
@@ -242,23 +242,23 @@ class PlanMaker:
     async def make(
         self, request: PlanRequest, conclude: Callable[[Plan], Conclusion], *, may_break_off: bool = False
     ) -> tuple[PlanRun, Conclusion]:
-        """Make a plan within the mission file's budget, and conclude from it.
+        """Make a plan within the mission file's budget, and draw a conclusion from it.
 
-        Both are done beside the event loop where plans are: a mission's shape is judged many times over.
+        If plans are made in a thread, so is the conclusion, because it simulates many missions.
 
         Parameters
         ----------
         request : PlanRequest
-            What it is made from.
+            What the plan is made from.
         conclude : callable
-            Takes the plan; what comes of it.
+            Takes the plan; returns the conclusion.
         may_break_off : bool
-            Whether :meth:`break_off` may end it.
+            Whether :meth:`break_off` may stop the plan.
 
         Raises
         ------
         PlanBrokenOffError
-            If it was ended so.
+            If the plan was stopped.
         """
         begun_s = self._clock.now_s()
         allowed_s = budget_s(request.rules, is_urgent=request.is_urgent)
@@ -284,13 +284,13 @@ class PlanMaker:
         return run, concluded
 
     async def _until_made(self, timing: PlanTiming) -> None:
-        """Wait until a plan counts as made, or is broken off."""
+        """Wait until the time of a plan is over, or the plan is broken off."""
         until_s, may_end = timing.until_s or -math.inf, timing.was_broken_off is None
         while (now := self._clock.now_s()) < until_s and not (may_end and timing.is_broken_off):
-            await self._clock.sleep_until(min(until_s, now + LOOK_S) if may_end else until_s)
+            await self._clock.sleep_until(min(until_s, now + LOOK_INTERVAL_S) if may_end else until_s)
 
     def _record(self, run: PlanRun, request: PlanRequest, begun_s: float, *, is_broken_off: bool) -> None:
-        """Write a plan down, with why it was made and from where."""
+        """Record a plan with its occasion and its start."""
         now, state = self._clock.now_s(), request.start.state
         begin = {
             "stamp_s": state.stamp_s,

@@ -1,4 +1,4 @@
-"""When a plan is due, and why."""
+"""The times at which plans are due, and their occasions."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-SUSPICION_S = 1.0  # soonest after a plan that signs of another uploader are looked into
-RETRY_S = 3.0  # between plans while nothing safe is flown
-EARLY_REPLAN_S = 5.0  # soonest after a plan that news of threats makes another
-SURPRISE_S = 1.0  # soonest after a plan that what is flown, having become worse, makes another
-ENDS_S = 5.0  # sooner than a plan would take effect: then the mission is extended before it ends
-BEGIN = "the mission is flown"
+SUSPICION_S = 1.0  # Signs of another uploader cause a plan at the earliest this long after the last.
+RETRY_S = 3.0  # Time between plans while no safe path is flown.
+EARLY_REPLAN_S = 5.0  # New threats cause a plan at the earliest this long after the last.
+SURPRISE_S = 1.0  # A surprise causes a plan at the earliest this long after the last.
+ENDS_S = 5.0  # A mission that ends within this time after the next plan takes effect is extended.
+BEGIN = "the mission is flown"  # The recorded occasion of a first plan.
 
 
 @dataclass(frozen=True, slots=True)
 class KnownThreats:
-    """Which threats a plan knew: how many static ones, and the identities of moving ones."""
+    """The threats that a plan knew: the number of static ones, and the identities of moving ones."""
 
     num_static: int = 0
     identities: tuple[str, ...] = ()
 
     def news(self, now: KnownThreats) -> str:
-        """Which threat is known now that was not then; '' if none is."""
+        """Return in words which threat is newly known; '' if none is."""
         fresh = sorted(set(now.identities) - set(self.identities))
         if fresh:
             return f"news of {', '.join(fresh)}"
@@ -30,16 +30,16 @@ class KnownThreats:
 
 
 class PlanSchedule:
-    """Decides when to plan next.
+    """Determines when to plan next.
 
     Attributes
     ----------
     occasion : str
-        Why the plan that is due, or was made last, is made.
+        Reason of the plan that is due, or was made last.
     due_s : float
-        When it was found to be due, by the clock [s].
+        When the plan became due, by the clock [s].
     planned_for : KnownThreats
-        What the last plan knew.
+        The threats that the last plan knew.
     is_urgent : bool
         Whether the plan that is due, or was made last, answers a surprise.
     """
@@ -53,25 +53,25 @@ class PlanSchedule:
         self.is_urgent = False
 
     def plan_at_once(self, why: str = BEGIN) -> None:
-        """Whatever was flown meanwhile, plan from here at once."""
+        """Plan at once, whatever has been flown since the last plan."""
         self._last_s = -math.inf
         self.occasion = why
 
     def plan_urgently(self, surprise: str) -> None:
-        """What was planned just now is of no use any more: plan at once, in answer to a surprise."""
+        """Plan at once in answer to a surprise, because the plan under way has become useless."""
         self.occasion, self.is_urgent = surprise, True
 
     def begin(self, now_s: float) -> None:
-        """A plan is being made."""
+        """Note that a plan is being made."""
         self._last_s, self._retry, self._retry_s = now_s, "", math.inf
         self.due_s = now_s
 
-    def knows(self, threats: KnownThreats) -> None:
-        """The plan being made knows these threats."""
+    def note_known(self, threats: KnownThreats) -> None:
+        """Note the threats that the plan under way knows."""
         self.planned_for = threats
 
     def retry(self, at_s: float, why: str) -> None:
-        """Plan again at an instant of the clock [s], whatever the time horizon says."""
+        """Plan again at a time of the clock [s], whatever the time horizon is."""
         self._retry, self._retry_s = why, at_s
 
     def is_due(
@@ -85,7 +85,7 @@ class PlanSchedule:
         surprise: str = "",
         ends_soon: bool = False,
     ) -> bool:
-        """Whether a plan is due now; then :attr:`occasion` tells why.
+        """Return whether a plan is due now; :attr:`occasion` is then its reason.
 
         Parameters
         ----------
@@ -94,15 +94,15 @@ class PlanSchedule:
         horizon_s : float
             The time horizon [s].
         known : KnownThreats
-            What is known now.
+            The threats known now.
         suspected : str
             Signs of another uploader, '' without any.
         flies_to_goal : bool
-            Whether what is flown leads to the last goal, and passes.
+            Whether the flown path leads to the last goal, and passes.
         surprise : str
-            How what is flown has become worse since it was judged last; '' if it has not.
+            How the flown path has become worse since it was last judged; '' if it has not.
         ends_soon : bool
-            Whether the mission in the autopilot ends before a later plan could extend it.
+            Whether the autopilot's mission ends before a later plan could extend it.
         """
         since = now_s - self._last_s
         self.is_urgent = bool(surprise) and since >= SURPRISE_S
@@ -128,5 +128,5 @@ class PlanSchedule:
 
 
 def _first(occasions: Iterable[tuple[float, str]], since_s: float) -> str:
-    """The first of several occasions, each with when it counts after the last plan [s]; '' if none does."""
+    """Return the first occasion whose time [s] since the last plan has passed; '' if there is none."""
     return next((occasion for after_s, occasion in occasions if occasion and since_s >= after_s), "")

@@ -1,4 +1,4 @@
-"""What is heard between two rows of the recording, for who looks on: at once. Nothing decides on it."""
+"""Notices to onlookers between two rows of the recording. No decision depends on them."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from companion.recording.recorder import TRACK, Recorder
 from companion.token_bucket import TokenBucket
 from companion.types.events import Event, GlobalPosition, TrackReport
 
-POSITIONS_HZ, TRACKS_HZ = 10.0, 20.0  # more are seen with the recording's next row
-_BURST_S = 0.2
+POSITIONS_HZ, TRACKS_HZ = 10.0, 20.0  # Largest rates of notices; the recording's next row has the rest.
+_BURST_S = 0.2  # A budget of notices may be saved up for this time.
 
 
 class ProgressNotices:
-    """Tells an own position, or a vehicle that was detected, as soon as it was taken in.
+    """Sends an own position or a detected vehicle as soon as it is processed.
 
     Parameters
     ----------
     parts : Composition
-        What the service is composed of.
+        The parts of the service.
     """
 
     def __init__(self, parts: Composition) -> None:
-        self._situation = parts.situation
+        self._world_model = parts.world_model
         self._recorder: Recorder = parts.recorder
         self._positions = TokenBucket(POSITIONS_HZ, max(1.0, _BURST_S * POSITIONS_HZ))
         self._tracks = TokenBucket(TRACKS_HZ, _BURST_S * TRACKS_HZ)
 
     def note(self, event: Event, now_s: float) -> None:
-        """Tell what an event has changed, where somebody looks on and is not told too much already."""
+        """Send what an event has changed, if there is an onlooker, within the budgets."""
         if not self._recorder.has_onlooker:
             return
         if isinstance(event, GlobalPosition) and self._positions.takes(now_s):
-            ownship = self._situation.ownship.state(now_s)
+            ownship = self._world_model.ownship.state(now_s)
             if ownship is not None:
                 self._recorder.notice(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
         elif isinstance(event, TrackReport) and self._tracks.takes(now_s):
-            track = self._situation.tracker.track(event.identity, now_s)
+            track = self._world_model.tracker.track(event.identity, now_s)
             if track is not None:
                 self._recorder.notice(TRACK, now_s, {"track": channels.table_of(track)})

@@ -1,4 +1,4 @@
-"""One plan after the other: made when due, judged, swapped in, or answered by the emergency strategy."""
+"""Make plans when they are due, judge them, and swap missions or carry out the emergency strategy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
-from companion.flight.exchange.handover import SwapOutcome
 from companion.flight.state.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
@@ -36,45 +35,48 @@ from companion.flight.tasks.plan_maker import (
 from companion.flight.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
 from companion.flight.tasks.replanning_parts import ReplanningParts, known_threats
 from companion.flight.tasks.surprise_watch import SurpriseWatch
+from companion.mission.swap import SwapOutcome
 from companion.world.snapshot import Snapshot
 
+# The steps after which a plan to a rally point is tried first.
 LAST_RESORTS = frozenset({EmergencyStep.RETURN_TO_LAUNCH, EmergencyStep.LEAVE_TO_AUTOPILOT})
-STEPS_TOLD = {
+STEP_WORDS = {  # Words in the pilot's text about each step.
     EmergencyStep.KEEP_FLOWN: "flying on",
     EmergencyStep.LEAST_THREAT: "no better path",
     EmergencyStep.LOITER: "circling at a safe place",
     EmergencyStep.RALLY_POINT: "flying to a rally point",
     EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
 }
-SHUT_MEANWHILE = "the way home does not keep clear any more"
-FAILED_SWAPS_TOLD = 3  # in a row: then the pilot is told that the flown plan is kept
+RETURN_BLOCKED = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
+# After this many failed swaps in a row the pilot is informed that the flown path is kept.
+FAILED_SWAPS_MAX = 3
 
 
 class Replanning:
-    """Plans every time horizon, and sooner on news; sooner still while nothing safe is flown.
+    """Plans every time horizon, earlier on news, and most often while no safe path is flown.
 
     Parameters
     ----------
     parts : ReplanningParts
-        What it works with.
+        The parts of replanning.
 
     Attributes
     ----------
     emergency : EmergencyStep or None
-        The step of the emergency strategy that was announced last; None once a plan is flown again.
+        The emergency step that was announced last; None once a plan is flown again.
     handover : Handover
-        Brings missions to the autopilot.
+        Hands missions over to the autopilot.
     geofences : Geofences
-        Kept up beside planning.
+        Reads the fences.
     look_ahead : LookAhead
-        Plans for the moment at which the aircraft is left to us.
+        Plans for the moment at which the aircraft is left to the service.
     freshness : FreshnessWatch
-        Without what is vital nothing is planned or handed over.
+        Detects stale inputs; without the vital ones nothing is planned or handed over.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
         self.emergency: EmergencyStep | None = None
-        self._flight, self._situation, self._clock = parts.flight, parts.situation, parts.clock
+        self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._maker, self._schedule = parts.maker, parts.maker.schedule
         self._announcer = parts.announcer
         self.handover, self.geofences = parts.handover, parts.geofences
@@ -82,46 +84,46 @@ class Replanning:
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
         self.freshness = parts.freshness
-        self._surprises = SurpriseWatch(parts.flight, parts.situation, parts.handover.reader)
+        self._surprises = SurpriseWatch(parts.flight, parts.world_model, parts.handover.reader)
 
     @property
     def num_plans(self) -> int:
-        """How many plans were begun."""
+        """Number of plans that were begun."""
         return self._maker.num_plans
 
     def plan_at_once(self, why: str = BEGIN) -> None:
-        """Whatever was flown meanwhile, plan from here at once."""
+        """Plan at once, whatever has been flown since the last plan."""
         self._schedule.plan_at_once(why)
 
     def break_off(self) -> None:
-        """End an exchange that is under way where it stands; nothing is ready for a way back."""
+        """Cancel an exchange that is under way, and forget the plan made ahead."""
         self.look_ahead.forget()
         self.handover.break_off()
 
     def next_look_s(self) -> float:
-        """When to look next whether a plan is due, by the clock [s]."""
+        """Return when to check next whether a plan is due, by the clock [s]."""
         return self._maker.next_look_s()
 
     def is_in_trouble(self) -> bool:
-        """Whether the planner cannot do its work now: it is blind, or stands still."""
+        """Return whether the planner cannot work now: it lacks vital inputs, or is stalled."""
         return self.freshness.is_blind or self._maker.is_stalled(self._clock.now_s())
 
     def is_due(self) -> bool:
-        """Whether a plan is due."""
+        """Return whether a plan is due."""
         state, now = self._flight.state, self._clock.now_s()
         surprise, flown = self._surprises.look(now), state.flown if state.may_act else None
         return self._schedule.is_due(
             now,
             state.rules.time_horizon_s,
-            known_threats(self._situation, now),
+            known_threats(self._world_model, now),
             state.mission_list.suspected,
             flies_to_goal=state.flies_to_goal and state.may_act and not self._surprises.is_failing,
             surprise=surprise,
-            ends_soon=flown is not None and flown.carried_s(flown.row) < lead_s(state) + ENDS_S,
+            ends_soon=flown is not None and flown.covered_s(flown.row) < lead_s(state) + ENDS_S,
         )
 
     def look_for_surprise(self) -> None:
-        """Break off a plan, or give up a mission that waits, where what is flown became worse meanwhile."""
+        """Break off a plan, or give up a waiting mission, if the flown path has become worse."""
         is_planned, is_waiting = self._maker.may_break_off, self.handover.may_give_up
         surprise = self._surprises.look(self._clock.now_s()) if is_planned or is_waiting else ""
         if surprise and is_planned:
@@ -130,12 +132,12 @@ class Replanning:
             self.handover.give_up(surprise)
 
     async def plan(self) -> ModeEvent | None:
-        """Plan once, and once more where a surprise breaks that off.
+        """Plan once, and once more if a surprise breaks the plan off.
 
         Returns
         -------
         ModeEvent or None
-            What was found out that decides who flies.
+            An event that was discovered and changes the mode.
         """
         try:
             return await self.plan_once()
@@ -144,17 +146,17 @@ class Replanning:
             return await self.plan_once()
 
     async def plan_once(self) -> ModeEvent | None:
-        """One cycle: plan, judge, and swap if it is worth it; its event is that of :meth:`plan`.
+        """Carry out one cycle: plan, judge, and swap if it is worthwhile; returns the same as :meth:`plan`.
 
         Raises
         ------
         PlanBrokenOffError
-            If a surprise made the plan useless; one that answers a surprise is not broken off.
+            If a surprise made the plan useless. A plan that answers a surprise is not broken off.
         """
         now = self._clock.now_s()
         self._schedule.begin(now)
         if self.freshness.is_blind:
-            return None  # until it is told that all is there again
+            return None  # Planning resumes when the missing inputs are back.
         if self._is_too_windy(now):
             return None
         if not self.handover.is_settled():
@@ -163,40 +165,40 @@ class Replanning:
         is_known, event = await self.handover.reader.knows_mission()
         if not is_known:
             return event
-        if await self._flew_prepared():
+        if await self._hand_over_prepared():
             return None
         await self.geofences.catch_up()
         await self._rally_points.renew()
         await self._maker.until_begun()
         now, state = self._clock.now_s(), self._flight.state
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if ownship is None or not state.may_act or not state.goals_left:
             return None
-        snapshot = self._situation.snapshot(now)
-        state = self._flight.see(ownship, snapshot.picture)
-        self._schedule.knows(known_threats(self._situation, now))
-        self._surprises.knows(snapshot.picture.tracks, is_answer=self._schedule.is_urgent)
-        track_s = self._situation.newest_track_s
+        snapshot = self._world_model.snapshot(now)
+        state = self._flight.update_world(ownship, snapshot.picture)
+        self._schedule.note_known(known_threats(self._world_model, now))
+        self._surprises.note_known(snapshot.picture.tracks, is_answer=self._schedule.is_urgent)
+        track_s = self._world_model.newest_track_s
         if not is_over(state, ownship):
             is_urgent = self._is_urgent(snapshot)
             start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
             start = as_of_now(state, start, snapshot)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
-            self._surprises.judged(start.rest, is_failing=request.is_failing)
+            self._surprises.note_judgement(start.rest, is_failing=request.is_failing)
             await self._plan(request, track_s)
         return None
 
     def _is_urgent(self, snapshot: Snapshot) -> bool:
-        """Whether the plan is to be flown as soon as may be.
+        """Return whether the plan is to be flown as soon as possible.
 
-        With a pursuer about, seconds flown as the operator's mission leads are seconds lost: at first, since
-        where nothing was found in a hurry, more time is needed.
+        With a pursuer known, following the operator's mission any longer loses time. That holds for the first
+        plan only: if an urgent plan found nothing, the next one takes more time.
         """
         is_first = self._flight.state.flown is None and self.emergency is None
         return self._schedule.is_urgent or (snapshot.is_pursued and is_first)
 
     def _is_too_windy(self, now_s: float) -> bool:
-        """Whether nothing is planned in the wind there is; then that is said, and looked at again."""
+        """Return whether the wind is too strong for planning; announce that, and schedule a retry."""
         fault = self._flight.state.wind_fault
         if not fault:
             return False
@@ -205,19 +207,19 @@ class Replanning:
         self._schedule.retry(now_s + RETRY_S, "the wind was too strong")
         return True
 
-    async def _flew_prepared(self) -> bool:
-        """Hand the plan over that was made ahead, if it begins where the aircraft is.
+    async def _hand_over_prepared(self) -> bool:
+        """Hand over the plan that was made ahead, if the aircraft is at its start.
 
-        Whether that is all for now: it is flown, or the list is not as it was believed to be.
+        Returns whether the cycle is complete: the plan is flown, or the list was changed by another station.
         """
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
-        outcome = await self._hand_over(prepared, 0.0, self._situation.newest_track_s)
+        outcome = await self._hand_over(prepared, 0.0, self._world_model.newest_track_s)
         return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
     async def _plan(self, request: PlanRequest, track_s: float) -> None:
-        """Make a plan, and carry out what comes of it."""
+        """Make a plan, and carry out its conclusion."""
         state, least_gain = self._flight.state, self._least_gain(is_urgent=self._schedule.is_urgent)
         run, (found, least_threat) = await self._maker.make(
             request,
@@ -226,8 +228,8 @@ class Replanning:
         )
         if self._is_outdated(request):
             return
-        if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=request.is_urgent)
+        if found.constructed is not None:
+            await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=request.is_urgent)
             return
         if found.is_unflyable:
             self._announcer.count_rejected()
@@ -243,11 +245,11 @@ class Replanning:
             self.emergency = None
 
     def _least_gain(self, *, is_urgent: bool) -> float:
-        """By what share a path has to cost less than the flown one, where neither passes, to be flown."""
+        """Return the share by which a path has to cost less than the flown one if neither passes."""
         return 0.0 if is_urgent else float(self._flight.state.mission.planning.swap_gain)
 
     def _is_outdated(self, request: PlanRequest) -> bool:
-        """Whether what was asked for is of no use any more; where other rules hold, plan by them."""
+        """Return whether a plan is of no use any more; if the rules have changed, schedule another."""
         state = self._flight.state
         if not state.may_act:
             return True
@@ -256,19 +258,19 @@ class Replanning:
         return state.rules is not request.rules
 
     async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
-        """No plan passes: take the first step of the emergency strategy that can be taken, and say so.
+        """Carry out and announce the first possible emergency step, because no plan passes.
 
-        In a hurry where a path of ours is flown: it does not pass.
+        It is urgent if a path of the service is flown, because that path does not pass.
         """
         now = self._clock.now_s()
-        ownship = self._situation.ownship.state(now)
+        ownship = self._world_model.ownship.state(now)
         if ownship is None:
             return
         is_surprised = self._schedule.is_urgent or bool(self._surprises.look(now, at_once=True))
         least_gain = self._least_gain(is_urgent=is_surprised)
-        snapshot = self._situation.snapshot(now)
-        state = self._flight.see(ownship, snapshot.picture)
-        self._surprises.knows(snapshot.picture.tracks, is_answer=is_surprised)
+        snapshot = self._world_model.snapshot(now)
+        state = self._flight.update_world(ownship, snapshot.picture)
+        self._surprises.note_known(snapshot.picture.tracks, is_answer=is_surprised)
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
         start = as_of_now(state, start, snapshot)
@@ -290,26 +292,26 @@ class Replanning:
     async def _take(
         self, run: PlanRun, found: EmergencyConclusion, track_s: float, *, is_urgent: bool
     ) -> None:
-        """Take a step of the emergency strategy, and say so."""
-        if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_way_home_clear():
-            found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=SHUT_MEANWHILE)
-        is_path = found.step is EmergencyStep.LEAST_THREAT and found.shaped is not None
-        tell, step = "take over", STEPS_TOLD.get(found.step, "")
+        """Carry out and announce an emergency step."""
+        if found.step is EmergencyStep.RETURN_TO_LAUNCH and not self._is_return_clear():
+            found = replace(found, step=EmergencyStep.LEAVE_TO_AUTOPILOT, reason=RETURN_BLOCKED)
+        is_path = found.step is EmergencyStep.LEAST_THREAT and found.constructed is not None
+        tell, step = "take over", STEP_WORDS.get(found.step, "")
         if step:
-            tell = "" if is_path else "unsafe"  # of a path the pilot reads once it is flown
+            tell = "" if is_path else "unsafe"  # A path is announced once it is flown.
         self._announce(found.step, found.reason, DecisionKind.EMERGENCY, tell=tell, word=step)
-        if found.shaped is not None:
-            await self._hand_over(found.shaped, run.plan_ms, track_s, is_urgent=is_urgent)
+        if found.constructed is not None:
+            await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=is_urgent)
         elif found.step is EmergencyStep.RETURN_TO_LAUNCH:
             await self.handover.return_to_launch()
 
     async def _by_rally_point(
         self, run: PlanRun, found: EmergencyConclusion, snapshot: Snapshot
     ) -> tuple[PlanRun, EmergencyConclusion]:
-        """Plan to the nearest rally points, one after the other, until one can be flown to."""
+        """Plan to the nearest rally points, one after the other, until one can be reached."""
         for number in range(RALLY_POINTS_TRIED):
             state = self._flight.state
-            ownship = self._situation.ownship.state(self._clock.now_s())
+            ownship = self._world_model.ownship.state(self._clock.now_s())
             if ownship is None or not state.may_act:
                 break
             start = begin(state, ownship, self.handover.reader.current)
@@ -320,51 +322,50 @@ class Replanning:
             run, found = await self._maker.make(
                 rally_request(state, start, snapshot, places[number]), conclude_it
             )
-            if found.shaped is not None:
+            if found.constructed is not None:
                 break
         return run, found
 
-    def _is_way_home_clear(self) -> bool:
-        """Whether it is still, from where the aircraft is now."""
-        ownship = self._situation.ownship.state(self._clock.now_s())
+    def _is_return_clear(self) -> bool:
+        """Return whether the return path is still clear from the aircraft's present position."""
+        ownship = self._world_model.ownship.state(self._clock.now_s())
         return ownship is not None and return_path(self._flight.state, ownship) == ()
 
     def _announce(
         self, step: EmergencyStep, reason: str, kind: DecisionKind, tell: str = "", word: str = ""
     ) -> None:
-        """Say a step of the emergency strategy, once until another is taken."""
+        """Announce an emergency step, once until another is taken."""
         if step is not self.emergency:
             self.emergency = step
             self._announcer.decide(kind, f"{step.value}: {reason}", tell=tell, word=word)
 
     async def _hand_over(
-        self, shaped: ConstructedMission, plan_ms: float, track_s: float, *, is_urgent: bool = False
+        self, constructed: ConstructedMission, plan_ms: float, track_s: float, *, is_urgent: bool = False
     ) -> SwapOutcome:
-        """Hand a mission over, and see what is flown then."""
+        """Hand a mission over, and note the result."""
         if self.freshness.is_blind:
             return SwapOutcome.REFUSED
         outcome = await self.handover.hand_over(
-            shaped, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion,
+            constructed, self._maker.num_plans, plan_ms, track_s, self._schedule.occasion,
             is_urgent=is_urgent,
         )  # fmt: skip
         if outcome is SwapOutcome.FLOWN:
-            is_failing = bool(self._flight.state.violations_of(shaped.path))
-            self._surprises.judged(shaped.path, is_failing=is_failing)
+            self._surprises.note_judgement(constructed.path, is_failing=not self._announcer.news.passes)
             self._num_failed_swaps = 0
-            if shaped.verdict is not Verdict.EMERGENCY:
+            if constructed.verdict is not Verdict.EMERGENCY:
                 self.emergency = None
             return outcome
-        self._note_failed_swap(shaped)
+        self._note_failed_swap(constructed)
         self._schedule.retry(self._clock.now_s() + RETRY_S, "the last mission was not entered")
         return outcome
 
-    def _note_failed_swap(self, shaped: ConstructedMission) -> None:
-        """Say that the aircraft is left with what it flies, once that looks like lasting."""
+    def _note_failed_swap(self, constructed: ConstructedMission) -> None:
+        """Announce that the aircraft keeps its mission, after several failed swaps."""
         state = self._flight.state
         self._num_failed_swaps += 1
-        if self._num_failed_swaps != FAILED_SWAPS_TOLD or not state.may_act:
+        if self._num_failed_swaps != FAILED_SWAPS_MAX or not state.may_act:
             return
-        passes = flown_passes(state, shaped.start)
+        passes = flown_passes(state, constructed.start)
         reason = "it still passes" if passes else "nothing else reaches the autopilot"
         self._announce(
             EmergencyStep.KEEP_FLOWN,

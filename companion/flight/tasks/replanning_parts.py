@@ -1,4 +1,4 @@
-"""What planning in flight works with."""
+"""The parts of replanning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.flight.monitors.geofences import Geofences
 from companion.flight.monitors.rally_points import RallyPoints
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.flight.tasks.plan_schedule import KnownThreats
 from companion.link.missions.autopilot_link import AutopilotLink
@@ -23,32 +23,32 @@ from companion.recording.recorder import Recorder
 
 @dataclass(frozen=True, slots=True)
 class ReplanningParts:
-    """What replanning works with.
+    """The parts of replanning.
 
     Parameters
     ----------
     flight : StateOwner
         The flight's state.
-    situation : Situation
-        Where the aircraft and the threats are.
+    world_model : Situation
+        The known world: aircraft and threats.
     maker : PlanMaker
         Makes the plans.
     handover : Handover
-        Brings them to the autopilot.
+        Hands missions over to the autopilot.
     geofences : Geofences
-        Kept up beside planning.
+        Reads the fences.
     rally_points : RallyPoints
-        Renewed when they are told to be others.
+        Reads the rally points.
     freshness : FreshnessWatch
-        Knows what is stale.
+        Detects stale inputs.
     announcer : Announcer
-        Told what is decided.
+        Announces decisions.
     clock : Clock
-        The service's.
+        The service's clock.
     """
 
     flight: StateOwner
-    situation: Situation
+    world_model: WorldModel
     maker: PlanMaker
     handover: Handover
     geofences: Geofences
@@ -60,7 +60,7 @@ class ReplanningParts:
 
 def parts_for(
     flight: StateOwner,
-    situation: Situation,
+    world_model: WorldModel,
     link: AutopilotLink,
     clock: Clock,
     *,
@@ -71,21 +71,21 @@ def parts_for(
     seed: int,
     runner: PlanRunner,
 ) -> ReplanningParts:
-    """What planning works with, over one link; parameters as of ``tasks.composition.composed``."""
-    protocols = protocols_for(flight, link, situation.ownship, clock)
+    """Return the parts over one link; the parameters are those of ``tasks.composition.composed``."""
+    protocols = protocols_for(flight, link, world_model.ownship, clock)
     return ReplanningParts(
         flight=flight,
-        situation=situation,
+        world_model=world_model,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
         handover=Handover(protocols, announcer, checkpoint, recorder, observer),
-        geofences=Geofences(flight, situation, link, announcer, clock),
+        geofences=Geofences(flight, world_model, link, announcer, clock),
         rally_points=RallyPoints(flight, link, announcer, clock),
-        freshness=FreshnessWatch(flight, situation, link, announcer),
+        freshness=FreshnessWatch(flight, world_model, link, announcer),
         announcer=announcer,
         clock=clock,
     )
 
 
-def known_threats(situation: Situation, now_s: float) -> KnownThreats:
-    """Which threats are known now."""
-    return KnownThreats(situation.num_known_threats, tuple(situation.tracker.received_s(now_s)))
+def known_threats(world_model: WorldModel, now_s: float) -> KnownThreats:
+    """Return the threats that are known now."""
+    return KnownThreats(world_model.num_known_threats, tuple(world_model.tracker.received_s(now_s)))

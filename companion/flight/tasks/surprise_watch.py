@@ -1,4 +1,4 @@
-"""What is flown, judged again whenever the world has changed: what has become worse is answered at once."""
+"""Judge the flown path again whenever the world changes: if it has become worse, that is a surprise."""
 
 from __future__ import annotations
 
@@ -11,107 +11,110 @@ from companion.config.rules import Rules
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.state.flight_state import FlightState, StateOwner
 from companion.flight.state.progress import Start, as_of_now
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.flight.takeover.start_prediction import begin
 from companion.types.path import Path
 from companion.types.threat import TrackState
 
-RISE = 0.15  # of the threat level: an estimate wanders by less
-SAFE_S, THREATENED_S = 0.5, 2.0  # that a moving threat could reach: up to one it is safe, from the other not
-LOOK_S = 0.3  # between two judgements at least: each takes some milliseconds
-ASIDE = 1.5  # threat radii from the flown path: what was to pass there, and now within one, has turned
+LEVEL_RISE_MIN = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
+# A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
+SAFE_S, THREATENED_S = 0.5, 2.0
+LOOK_INTERVAL_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
+ASIDE_RADII = 1.5  # A vehicle that was to pass at this many threat radii, and now within one, has turned.
 
 
 class SurpriseWatch:
-    """Compares what is flown, in the world of now, with what it was when it was judged last.
+    """Compares the flown path in the present world with its last judgement.
 
-    Hysteresis: whatever a plan decides, what it saw is what the next surprise is measured by.
+    Every plan's world becomes the reference for the next surprise, whatever the plan decides (hysteresis).
 
     Parameters
     ----------
     flight : StateOwner
-        What is flown, and by which rules.
-    situation : Situation
-        The world of now.
+        The flown path and the rules.
+    world_model : Situation
+        The known world.
     reader : ListReader
         Knows the item being flown.
 
     Attributes
     ----------
     is_failing : bool
-        Whether the rest of what is flown failed the check when it was judged last.
+        Whether the rest of the flown path failed its last check.
     """
 
-    def __init__(self, flight: StateOwner, situation: Situation, reader: ListReader) -> None:
+    def __init__(self, flight: StateOwner, world_model: WorldModel, reader: ListReader) -> None:
         self.is_failing = False
-        self._flight, self._situation, self._reader = flight, situation, reader
+        self._flight, self._world_model, self._reader = flight, world_model, reader
         self._level = math.inf
         self._is_safe: bool | None = None
-        self._knew: dict[str, tuple[TrackState, ...]] = {}
+        self._known_tracks: dict[str, tuple[TrackState, ...]] = {}
         self._was_failing = True
         self._surprise = ""
         self._seen: tuple[float, int] | None = None
         self._rules: Rules | None = None
         self._looked_s = -math.inf
 
-    def judged(self, path: Path | None, *, is_failing: bool) -> None:
-        """What is flown was judged just now, and is what a surprise is measured by.
+    def note_judgement(self, path: Path | None, *, is_failing: bool) -> None:
+        """Note a judgement of the flown path, with which the next one is compared.
 
         Parameters
         ----------
         path : Path or None
-            What is left of it; None where nothing is flown that could surprise.
+            The rest of the flown path; None if there is none.
         is_failing : bool
-            Whether it fails the check; a path of the emergency strategy may be above the threat limit.
+            Whether the path fails the check; an emergency path may be above the threat limit.
         """
         self._level = math.inf if path is None else float(path.threat_levels.max())
         self.is_failing = self._was_failing = is_failing
         self._surprise, self._is_safe = "", None
 
-    def knows(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
-        """What is planned now goes by vehicles moving like this: one that turns later is a surprise.
+    def note_known(self, tracks: Iterable[TrackState], *, is_answer: bool) -> None:
+        """Note the vehicles' motion that a plan assumes: a vehicle that turns later is a surprise.
 
-        Unless it answers a surprise, what the plan before knew of a vehicle is remembered, too: it may be
-        about to turn, by half a turn that nobody was surprised at.
+        Unless the plan answers a surprise, the motion that the plan before assumed is also remembered: a
+        vehicle may turn so slowly that half of its turn was no surprise.
 
         Parameters
         ----------
         tracks : iterable of TrackState
-            What the plan knows.
+            The tracks that the plan uses.
         is_answer : bool
-            Whether it answers a surprise.
+            Whether the plan answers a surprise.
         """
-        before = {} if is_answer else self._knew
-        self._knew = {track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks}
+        before = {} if is_answer else self._known_tracks
+        self._known_tracks = {
+            track.identity: (*before.get(track.identity, ())[-1:], track) for track in tracks
+        }
 
     def look(self, now_s: float, *, at_once: bool = False) -> str:
-        """How what is flown has become worse since, in words; '' if it has not.
+        """Return how the flown path has become worse, in words; '' if it has not.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
         at_once : bool
-            Whether to judge it anew however short a time ago it was judged last.
+            Whether to judge again even if the last judgement is recent.
         """
-        state, situation = self._flight.state, self._situation
-        ownship = situation.ownship.state(now_s)
-        world = situation.newest_track_s, situation.num_known_threats
+        state, world_model = self._flight.state, self._world_model
+        ownship = world_model.ownship.state(now_s)
+        world = world_model.newest_track_s, world_model.num_known_threats
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
         is_same = world == self._seen and state.rules is self._rules
-        if is_same or (now_s - self._looked_s < LOOK_S and not at_once):
+        if is_same or (now_s - self._looked_s < LOOK_INTERVAL_S and not at_once):
             return self._surprise
         self._seen, self._rules, self._looked_s = world, state.rules, now_s
         start = begin(state, ownship, self._reader.current, is_urgent=True)
-        snapshot = situation.snapshot(now_s)
-        state = self._flight.see(ownship, snapshot.picture)
+        snapshot = world_model.snapshot(now_s)
+        state = self._flight.update_world(ownship, snapshot.picture)
         start = as_of_now(state, start, snapshot)
         self._surprise = self._worse(state, start)
         return self._surprise
 
     def _worse(self, state: FlightState, start: Start) -> str:
-        """How the rest of what is flown has become worse, in words; '' if it has not."""
+        """Return how the rest of the flown path has become worse, in words; '' if it has not."""
         rest, risk = start.rest, start.risk
         if rest is None or risk is None:
             return ""
@@ -121,7 +124,7 @@ class SurpriseWatch:
             self._is_safe = risk.total_s <= SAFE_S
         if violations and not self._was_failing:
             return f"flown path: {violations[0]}"
-        if level > self._level + RISE:
+        if level > self._level + LEVEL_RISE_MIN:
             return f"threat on the flown path {self._level:.2f} -> {level:.2f}"
         if was_safe and risk.total_s > THREATENED_S:
             return f"a moving threat could reach the flown path, {risk.total_s:.0f} s of it"
@@ -130,35 +133,35 @@ class SurpriseWatch:
         return ""
 
     def _turned(self, rest: Path, state: FlightState) -> str:
-        """A vehicle that was to pass well aside of what is flown, and no longer is; '' if there is none."""
+        """Return a vehicle that turned towards the flown path from well aside of it; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
-            knew = self._knew.get(track.identity, ())
-            if not knew or passing_reaches(rest, track, ahead_s) >= 1.0:
+            known = self._known_tracks.get(track.identity, ())
+            if not known or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
-            if any(passing_reaches(rest, then, ahead_s) > ASIDE for then in knew):
+            if any(passing_reaches(rest, then, ahead_s) > ASIDE_RADII for then in known):
                 return track.identity
         return ""
 
 
 def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
-    """How close a vehicle that goes on as it does comes to the aircraft on a path, in its threat radii.
+    """Return how close a vehicle in straight motion comes to the aircraft on a path, in its threat radii.
 
     Parameters
     ----------
     path : Path
-        What is flown.
+        The flown path.
     track : TrackState
-        The vehicle, and how it moves now.
+        The vehicle and its motion.
     ahead_s : float
-        So far ahead is looked: longer no vehicle goes straight on [s].
+        Time to look ahead [s]: no vehicle keeps its course for longer.
     """
     begin_s = float(path.times_s[0])
     end_s = min(begin_s + ahead_s, float(path.times_s[-1]))
     times = np.append(path.times_s[path.times_s < end_s], end_s)
     at = np.column_stack([np.interp(times, path.times_s, path.positions_enu_m[:, axis]) for axis in (0, 1)])
-    gone = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
-    apart = at - np.asarray(track.position_enu_m[:2]) - gone
+    moved = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
+    apart = at - np.asarray(track.position_enu_m[:2]) - moved
     steps = np.diff(apart, axis=0)
     along = -(apart[:-1] * steps).sum(axis=1) / np.maximum((steps * steps).sum(axis=1), 1e-9)
     nearest = np.vstack([apart[-1], apart[:-1] + np.clip(along, 0.0, 1.0)[:, None] * steps])

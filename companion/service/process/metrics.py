@@ -74,10 +74,10 @@ class Metrics(Observer):
 
     def renew(self, app: App, now_s: float) -> None:
         """Update the values; called in the event loop."""
-        recorder, link, situation = app.recorder, app.link, app.situation
+        recorder, link, world_model = app.recorder, app.link, app.world_model
         quality = link.quality
-        state, tracks = situation.ownship.state(now_s), situation.tracker.tracks(now_s)
-        heard, missing = app.hears_autopilot, len(link.streams.missing)
+        state, tracks = world_model.ownship.state(now_s), world_model.tracker.tracks(now_s)
+        heard, missing = app.receives_autopilot, len(link.streams.missing)
         frames: Values = {("received",): quality.received, ("lost",): quality.lost}
         modes: Values = {(mode.name.lower(),): mode is app.mode for mode in Mode}
         self._figures = [
@@ -92,14 +92,14 @@ class Metrics(Observer):
             _gauge("companion_recording", "Whether the flight is recorded", {(): recorder.is_recording}),
             _counter("companion_autopilot_frames", "Frames of the autopilot's", frames, "what"),
             _reasons("companion_frames", "Received frames by what became of them", link.codec.counters),
-            _reasons("companion_track_reports", "Sightings by message", situation.reports),
+            _reasons("companion_track_reports", "Sightings by message", world_model.reports),
             _reasons(
-                "companion_track_results", "Sightings by what became of them", situation.tracker.counters
+                "companion_track_results", "Sightings by what became of them", world_model.tracker.counters
             ),
             _reasons("companion_decisions", "Decisions by kind", app.announcer.decided),
         ]
         if state is not None:
-            level = situation.threat_at(state, tracks)
+            level = world_model.threat_at(state, tracks)
             self._figures.append(_gauge("companion_threat_level", "The aircraft is under", {(): level}))
 
 

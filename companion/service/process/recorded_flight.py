@@ -128,7 +128,7 @@ class RecordedFlight:
         app = self.app
         while True:
             await self.clock.sleep_until(self.clock.now_s() + REPORT_SILENCE_S)
-            if not app.hears_autopilot:
+            if not app.receives_autopilot:
                 why = f" ({app.link.transport.trouble})" if app.link.transport.trouble else ""
                 _log.warning(
                     "no autopilot heard on %s for %.0f s; still trying%s", url, REPORT_SILENCE_S, why

@@ -115,7 +115,7 @@ class Service:
         app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
         mode = f"{app.mode.value} ({app.autopilot_mode or 'no autopilot'})"
-        return Report(app.is_warm, app.link.has_heard, mode, last)
+        return Report(app.is_warm, app.link.has_received, mode, last)
 
     async def run(self) -> None:
         """Run until a stop signal, then end in order.

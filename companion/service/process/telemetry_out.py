@@ -60,12 +60,12 @@ class TelemetryReporter(Observer):
         app = self._app
         if self._metrics is not None:
             self._metrics.renew(app, now_s)
-        if not app.link.has_heard:
+        if not app.link.has_received:
             return
         boot_s = now_s - self._begun_s
-        state = app.situation.ownship.state(now_s)
+        state = app.world_model.ownship.state(now_s)
         if state is not None:
-            level = app.situation.threat_at(state, app.situation.tracker.tracks(now_s))
+            level = app.world_model.threat_at(state, app.world_model.tracker.tracks(now_s))
             app.link.send(app.link.codec.named_value(boot_s, "threat", level))
         if math.isfinite(self._plan_quality):
             app.link.send(app.link.codec.named_value(boot_s, "plan_q", self._plan_quality))

@@ -39,7 +39,7 @@ class Report:
     ----------
     is_warm : bool
         True if the kernels are compiled.
-    has_heard : bool
+    has_received : bool
         True if the autopilot has been received.
     mode : str
         What the service may do, and the autopilot's mode.
@@ -48,19 +48,19 @@ class Report:
     """
 
     is_warm: bool
-    has_heard: bool
+    has_received: bool
     mode: str
     last_decision: str = ""
 
     @property
     def is_ready(self) -> bool:
         """Whether it can plan for an autopilot that is present."""
-        return self.is_warm and self.has_heard
+        return self.is_warm and self.has_received
 
     def __str__(self) -> str:
         if not self.is_warm:
             return "loading or compiling the planner's kernels"
-        if not self.has_heard:
+        if not self.has_received:
             return "waiting for the first heartbeat of an autopilot"
         return f"{self.mode}; last: {self.last_decision}" if self.last_decision else self.mode
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig
 from companion.config.rules import rules_of
-from companion.flight.state.situation import Situation
+from companion.flight.state.world_model import WorldModel
 from companion.link.messages.codec import Codec
 from companion.recording.reader import Recording
 from companion.recording.recorder import Recorder
@@ -20,7 +20,7 @@ STATE_S = 0.2
 
 def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightRecord:
     """Return the record that the estimators make of a tlog's frames."""
-    codec, situation, recorder = Codec(), Situation(rules_of(mission), 1), Recorder()
+    codec, world_model, recorder = Codec(), WorldModel(rules_of(mission), 1), Recorder()
     due_s = 0.0
     for heard in recording.frames:
         now = heard.at_us * 1e-6
@@ -28,12 +28,12 @@ def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightReco
             continue
         for frame in codec.feed(heard.frame.raw, now):
             for event in frame.events:
-                situation.observe(event, now)
-        state = situation.ownship.state(now)
+                world_model.observe(event, now)
+        state = world_model.ownship.state(now)
         if state is not None and now >= due_s:
             due_s = now + STATE_S
-            tracks = situation.tracker.tracks(now)
-            recorder.state(now, state, tracks, situation.threat_at(state, tracks))
+            tracks = world_model.tracker.tracks(now)
+            recorder.state(now, state, tracks, world_model.threat_at(state, tracks))
     recorder.decisions += recording.decisions
     known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})
     return replace(

@@ -82,4 +82,4 @@ def checkpoint_of(about: dict[str, object]) -> Checkpoint:
     for end, text in entries:
         with contextlib.suppress(ValueError, TypeError):
             kept_bytes[str(end)] = base64.b64decode(text)
-    return Checkpoint(kept=kept_bytes)
+    return Checkpoint(contents=kept_bytes)

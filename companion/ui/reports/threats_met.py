@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from companion.assurance.encounters import aggregated_threat, seconds_of, total_threat
+from companion.assurance.encounters import aggregated_threat, total_duration_s, total_threat
 from companion.plain_text import in_page
 from companion.types.encounter import Closest, Encounter
 from companion.types.record import FlightRecord
@@ -35,7 +35,7 @@ def closest_text(closest: Closest, start_s: float) -> str:
 def seconds_text(entry: Encounter) -> str:
     """Return how long a threat had the aircraft in reach, and in sight, too."""
     reached, seen = (
-        style.number_text(seconds_of(stretches)) for stretches in (entry.in_reach_s, entry.in_sight_s)
+        style.number_text(total_duration_s(stretches)) for stretches in (entry.in_reach_s, entry.in_sight_s)
     )
     return f"{reached} s in reach, {seen} s in sight"
 
@@ -79,8 +79,8 @@ def _row(entry: Encounter, start_s: float) -> str:
     first = float(entry.in_sight_s[0, 0]) - start_s if len(entry.in_sight_s) else math.nan
     cells = (
         style.number_text(entry.reach_m),
-        style.number_text(seconds_of(entry.in_reach_s)),
-        style.number_text(seconds_of(entry.in_sight_s)),
+        style.number_text(total_duration_s(entry.in_reach_s)),
+        style.number_text(total_duration_s(entry.in_sight_s)),
         style.clock_text(first),
         style.number_text(closest.distance_m if closest else math.nan),
         style.clock_text(closest.stamp_s - start_s if closest else math.nan),

@@ -1,4 +1,4 @@
-"""What the aircraft can do, and the LQG-MP tables of how well it keeps to a path.
+"""Model of the aircraft: its limits, its LQG-MP tables, and its track under the autopilot's guidance.
 
-Figures and tables for the kernels; touches nothing that is heard or planned.
+The modules compute numbers and tables for the kernels. They use neither received messages nor plans.
 """

@@ -1,17 +1,17 @@
-"""How the autopilot steers along legs and round circles, and the track that this aircraft flies under it.
+"""Predict the track that the aircraft flies under the autopilot's guidance along legs and round circles.
 
-The planner's paths are what is meant; a mission is flown by the autopilot's guidance, from the bank that
-the aircraft has, in the wind there is. Here that flight is foreseen. Heights go straight from one
-waypoint's to the next's, no faster than the aircraft climbs; the airspeed stays as it is.
+A planned path is an intention. The autopilot's guidance flies the mission from the aircraft's present bank
+and in the present wind, and this module simulates that flight. Heights change linearly from one waypoint to
+the next, no faster than the aircraft climbs. The airspeed stays constant unless another is commanded.
 
 References
 ----------
 S. Park, J. Deyst, J. P. How, "A New Nonlinear Guidance Logic for Trajectory Tracking", AIAA Guidance,
-Navigation, and Control Conference, 2004: L1, which ArduPlane flies (``AP_L1_Control``).
+Navigation, and Control Conference, 2004: the L1 guidance of ArduPlane (``AP_L1_Control``).
 
 T. Stastny, R. Siegwart, "On Flying Backwards: Preventing Run-away of Small, Low-speed, Fixed-wing UAVs in
-Strong Winds", IROS 2019: PX4's NPFG. Period and damping mean the same there: by small angles both turn
-with 4·pi·damping/period times the ground speed and the angle to the course that leads back to the leg.
+Strong Winds", IROS 2019: PX4's NPFG. Period and damping mean the same in both laws: for small angles both
+turn at 4·pi·damping/period times the ground speed and the angle to the course that leads back to the leg.
 """
 
 from __future__ import annotations
@@ -27,53 +27,54 @@ from companion.kernels.arrays import IntArray
 from companion.types.state import Ownship
 from companion.world.vehicle.vehicle_model import VehicleModel
 
-ROLL_LIMIT_RAD = math.radians(50.0)  # ROLL_LIMIT_DEG; PX4's FW_R_LIM is 50 by default, too
-ROLL_RATE_RAD_S = math.radians(60.0)
-ROLL_TIME_S = 0.55  # RLL2SRV_TCONST 0.5, FW_R_TC 0.4, and what the servos add
-L1_PERIOD_S, L1_DAMPING = 17.0, 0.75  # ArduPlane's defaults
-NPFG_PERIOD_S, NPFG_DAMPING = 10.0, 0.7  # PX4's
-WP_RADIUS_M, NAV_ACC_RAD_M = 50.0, 10.0
-NAV_FW_ALT_RAD_M = 10.0
-SLOPE_MIN_M = 15.0  # ArduPlane's GLIDE_SLOPE_MIN
-BEYOND_M = 1e6
+ROLL_LIMIT_RAD = math.radians(50.0)  # A common value of ROLL_LIMIT_DEG, and the default of PX4's FW_R_LIM.
+ROLL_RATE_RAD_S = math.radians(60.0)  # The assumed roll rate if no parameter limits it.
+# The time constant of the roll is RLL2SRV_TCONST 0.5 s or FW_R_TC 0.4 s, and the delay of the servos.
+ROLL_TIME_S = 0.55
+L1_PERIOD_S, L1_DAMPING = 17.0, 0.75  # ArduPlane's defaults of NAVL1_PERIOD and NAVL1_DAMPING.
+NPFG_PERIOD_S, NPFG_DAMPING = 10.0, 0.7  # PX4's defaults of NPFG_PERIOD and NPFG_DAMPING.
+WP_RADIUS_M, NAV_ACC_RAD_M = 50.0, 10.0  # Distances at which ArduPlane and PX4 accept a waypoint.
+NAV_FW_ALT_RAD_M = 10.0  # PX4's default: how near its height a waypoint is accepted.
+SLOPE_MIN_M = 15.0  # ArduPlane's GLIDE_SLOPE_MIN.
+UNLIMITED_M = 1e6  # A height acceptance beyond all heights: ArduPlane accepts a waypoint at any height.
 
 
 @dataclass(frozen=True, slots=True)
 class Guidance:
-    """What the autopilot steers by.
+    """Parameters of the autopilot's guidance.
 
     Parameters
     ----------
     flies_by : bool
-        Whether it turns well before a waypoint, as ArduPlane does at WP_RADIUS; a PX4 flies to within
-        NAV_ACC_RAD of it.
+        Whether the autopilot turns well before a waypoint, as ArduPlane does at WP_RADIUS. A PX4 flies to
+        within NAV_ACC_RAD of it.
     l1_period_s : float
-        Period of the tracking loop: NAVL1_PERIOD, NPFG_PERIOD [s].
+        Period of the tracking loop: NAVL1_PERIOD or NPFG_PERIOD [s].
     l1_damping : float
-        Damping of the same: NAVL1_DAMPING, NPFG_DAMPING.
+        Damping of the tracking loop: NAVL1_DAMPING or NPFG_DAMPING.
     bank_max_rad : float
-        ROLL_LIMIT_DEG, FW_R_LIM [rad].
+        Largest bank angle: ROLL_LIMIT_DEG or FW_R_LIM [rad].
     roll_rate_max_rad_s : float
-        Rate at which the bank changes at most [rad/s].
+        Largest rate of change of the bank angle [rad/s].
     acceptance_radius_m : float
-        Distance at which a waypoint counts as reached: WP_RADIUS, NAV_ACC_RAD [m].
+        Distance at which a waypoint is accepted: WP_RADIUS or NAV_ACC_RAD [m].
     loiter_radius_m : float
-        WP_LOITER_RAD, NAV_LOITER_RAD: of circles that name no radius; positive clockwise [m].
+        Radius of circles that name none: WP_LOITER_RAD or NAV_LOITER_RAD, positive clockwise [m].
     roll_time_s : float
-        Time in which the bank comes near the demanded one [s].
+        Time constant with which the bank follows its command [s].
     climb_rate_max_m_s : float
-        Rate at which heights change at most [m/s].
+        Largest rate of climb and descent [m/s].
     height_acceptance_m : float
-        NAV_FW_ALT_RAD: how near its height a waypoint counts as reached [m].
+        Height difference at which a waypoint is accepted: NAV_FW_ALT_RAD [m].
     slope_min_m : float
-        GLIDE_SLOPE_MIN: a change of height below it is made at once [m].
+        GLIDE_SLOPE_MIN: a smaller change of height is made at once instead of along the leg [m].
     circle_stretch : float
-        How much wider circles are flown than commanded: ArduPlane widens them with the square of true over
+        Ratio of flown to commanded circle radius: ArduPlane widens circles by the square of true over
         equivalent airspeed (``AP_L1_Control::loiter_radius``).
     airspeed_m_s : float
-        True airspeed commanded behind the first target; 0 keeps that which the aircraft has [m/s].
+        True airspeed commanded after the first target; 0 keeps the present airspeed [m/s].
     acceleration_m_s2 : float
-        How fast the aircraft changes to it [m/s²].
+        Acceleration towards the commanded airspeed [m/s²].
     """
 
     flies_by: bool
@@ -85,7 +86,7 @@ class Guidance:
     loiter_radius_m: float
     roll_time_s: float = ROLL_TIME_S
     climb_rate_max_m_s: float = 5.0
-    height_acceptance_m: float = BEYOND_M
+    height_acceptance_m: float = UNLIMITED_M
     slope_min_m: float = 0.0
     circle_stretch: float = 1.0
     airspeed_m_s: float = 0.0
@@ -100,7 +101,7 @@ class Guidance:
             raise ValueError("period, damping, rates and the bank count from above zero")
 
     def law(self) -> SteeringLaw:
-        """Kernel form."""
+        """Return the kernels' form."""
         return SteeringLaw(
             period=self.l1_period_s,
             damping=self.l1_damping,
@@ -117,12 +118,12 @@ class Guidance:
 
 
 def default_guidance(*, flies_by: bool, vehicle: VehicleModel) -> Guidance:
-    """What an autopilot steers by until its parameters were read: its defaults, the aircraft's own radius.
+    """Return the guidance assumed until the parameters are read: the autopilot's defaults.
 
     Parameters
     ----------
     flies_by : bool
-        Whether it turns before a waypoint, as ArduPlane does.
+        Whether the autopilot turns before a waypoint, as ArduPlane does.
     vehicle : VehicleModel
         The aircraft's radius of turn and climb angle.
     """
@@ -135,30 +136,30 @@ def default_guidance(*, flies_by: bool, vehicle: VehicleModel) -> Guidance:
         acceptance_radius_m=WP_RADIUS_M if flies_by else NAV_ACC_RAD_M,
         loiter_radius_m=vehicle.turn_radius_min_m,
         climb_rate_max_m_s=vehicle.airspeed_cruise_m_s * math.sin(vehicle.climb_angle_max_rad),
-        height_acceptance_m=BEYOND_M if flies_by else NAV_FW_ALT_RAD_M,
+        height_acceptance_m=UNLIMITED_M if flies_by else NAV_FW_ALT_RAD_M,
         slope_min_m=SLOPE_MIN_M if flies_by else 0.0,
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A flight foreseen, row by row; the first row is where it begins.
+    """A predicted track, row by row; the first row is its start.
 
     Parameters
     ----------
     times_s : ndarray, shape (K,)
-        Time since the beginning [s].
+        Time since the start [s].
     positions_enu_m : ndarray, shape (K, 3)
-        Places [m].
+        Positions [m].
     courses_rad : ndarray, shape (K,)
         Courses over the ground, clockwise from north.
     banks_rad : ndarray, shape (K,)
-        Banks, positive to the right.
+        Bank angles, positive to the right.
     climb_angles_rad : ndarray, shape (K,)
         Flight path angles, positive up.
     reached : ndarray, shape (K,)
-        Number of the target steered for; one behind the last on the circle at the end, or beyond the
-        last leg.
+        Number of the target that the aircraft flies to. The number of targets means that the last is passed:
+        the aircraft is on the final circle, or beyond the last leg.
     """
 
     times_s: FloatArray
@@ -172,7 +173,7 @@ class Track:
         return len(self.times_s)
 
     def until(self, row: int) -> Track:
-        """The track up to a row, that one included."""
+        """Return the track up to and including a row."""
         end = row + 1
         return Track(
             self.times_s[:end], self.positions_enu_m[:end], self.courses_rad[:end], self.banks_rad[:end],
@@ -190,25 +191,25 @@ def track_of_legs(
     ends_s: float,
     step_s: float = 0.25,
 ) -> Track:
-    """Fly to targets one after the other, and round the circle behind the last.
+    """Simulate the flight to targets one after the other, and round the circle after the last.
 
     Parameters
     ----------
     guidance : Guidance
-        What is steered by.
+        The guidance's parameters.
     ownship : Ownship
-        Where the flight begins: place, velocity over the ground, wind, bank.
+        Position, ground velocity, wind and bank at the start.
     targets_enu_m : ndarray, shape (M, 3)
-        Places to be flown to, at least one [m].
+        Positions of the targets in their order, at least one [m].
     before_enu_m : ndarray, shape (3,), optional
-        Start of the leg to the first of them [m]; left out, it is flown to directly from here.
+        Start of the leg to the first target [m]. If omitted, the aircraft flies to it directly.
     loiter : tuple of (ndarray, shape (3,), float), optional
-        Centre and radius, positive clockwise, of the circle that follows [m]; left out, the last leg
-        goes on. A radius of 0 stands for the autopilot's own.
+        Centre and radius of the final circle, positive clockwise [m]. A radius of 0 means the autopilot's
+        own. If omitted, the last leg continues.
     ends_s : float
-        How long it is flown [s].
+        Duration of the flight [s].
     step_s : float
-        Time between two rows, rounded to full steps of the integration [s].
+        Time between two rows, rounded to whole integration steps [s].
     """
     targets = np.asarray(targets_enu_m, dtype=np.float64).reshape(-1, 3)
     before = np.asarray(ownship.position_enu_m if before_enu_m is None else before_enu_m, dtype=np.float64)
@@ -227,22 +228,22 @@ def track_of_circle(
     ends_s: float,
     step_s: float = 0.25,
 ) -> Track:
-    """Fly onto a circle, and round it.
+    """Simulate the flight onto a circle and round it.
 
     Parameters
     ----------
     guidance : Guidance
-        What is steered by.
+        The guidance's parameters.
     ownship : Ownship
-        Where the flight begins: place, velocity over the ground, wind, bank.
+        Position, ground velocity, wind and bank at the start.
     centre_enu_m : ndarray, shape (3,)
         Centre of the circle, at its height [m].
     radius_m : float
-        Radius, positive clockwise [m]; 0 stands for the autopilot's own.
+        Radius, positive clockwise [m]; 0 means the autopilot's own.
     ends_s : float
-        How long it is flown [s].
+        Duration of the flight [s].
     step_s : float
-        Time between two rows, rounded to full steps of the integration [s].
+        Time between two rows, rounded to whole integration steps [s].
     """
     radius = guidance.circle_stretch * (radius_m or guidance.loiter_radius_m)
     circle = np.array([*np.asarray(centre_enu_m, dtype=np.float64), radius])
@@ -257,7 +258,7 @@ def _flown(
     ends_s: float,
     step_s: float,
 ) -> Track:
-    """Fly along ``places`` (M + 1, 3) [m], then round ``circle`` (4,) [m]."""
+    """Simulate the flight along ``places`` (M + 1, 3) [m], then round ``circle`` (4,) [m]."""
     wind_east, wind_north = ownship.wind_enu_m_s
     air_east = ownship.ground_speed_m_s * math.sin(ownship.course_rad) - wind_east
     air_north = ownship.ground_speed_m_s * math.cos(ownship.course_rad) - wind_north
@@ -275,7 +276,7 @@ def _flown(
     rows[0, 3] = ownship.course_rad
     rows[0, 5] = ownship.flight_path_angle_rad
     courses = rows[:, 3] % (2.0 * math.pi)
-    courses[courses >= 2.0 * math.pi] = 0.0  # the remainder of a tiny negative rounds up to 2π
+    courses[courses >= 2.0 * math.pi] = 0.0  # The remainder of a tiny negative angle rounds up to 2π.
     return Track(
         times_s=np.arange(len(rows), dtype=np.float64) * (every * STEP),
         positions_enu_m=rows[:, :3].copy(),

@@ -1,4 +1,4 @@
-"""LQG-MP tables: gains computed once, looked up on every edge (paper 2.2).
+"""Compute the LQG-MP tables once; the planner looks them up on every edge (paper 2.2).
 
 References
 ----------
@@ -18,9 +18,10 @@ from companion.kernels.aircraft.lqg_mp import linearise
 from companion.kernels.arrays import Uncertainty
 from companion.world.vehicle.vehicle_model import VehicleModel
 
+# Gusts by MIL-F-8785C at about 100 m: standard deviation over wind speed, and scale length.
 GUST_SHARE, GUST_LENGTH_M = 0.14, 260.0
-NUM_PARTICLES = 60  # m of paper 3.3.1
-STATE_TOLERANCE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 2.0])  # deviation worth one unit of cost: m, rad, m/s
+NUM_PARTICLES = 60  # m of paper 3.3.1.
+STATE_TOLERANCE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 2.0])  # Deviations that cost one unit: m, rad, m/s.
 DOUBLINGS_MAX = 40  # A solution settles in some ten doublings.
 COST_MAX = 1e60  # A cost above this grows without bound.
 SETTLED = 1e-15  # A relative change of the solution below this is rounding.
@@ -38,7 +39,7 @@ def regulator_gains(steps: FloatArray, vehicle: VehicleModel, tau_s: float) -> F
     vehicle : VehicleModel
         The aircraft.
     tau_s : float
-        How long a step takes [s].
+        Duration of a step [s].
 
     Returns
     -------
@@ -78,9 +79,9 @@ def riccati_solutions(
     controls : ndarray, shape (N, 6, 3)
         Their matrices B.
     state_cost : ndarray, shape (6, 6)
-        Q, what deviations cost.
+        Q, the cost of deviations.
     control_cost : ndarray, shape (3, 3)
-        R, what controls cost.
+        R, the cost of controls.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def riccati_solutions(
     Raises
     ------
     ArithmeticError
-        If a solution does not settle: then no control holds the state.
+        If a solution does not converge: then no control stabilises the state.
 
     References
     ----------
@@ -116,10 +117,10 @@ def uncertainty_tables(
     vehicle: VehicleModel, tau_s: float, dimension: int, num_speeds: int = 6, num_rates: int = 5,
     num_climbs: int = 5,
 ) -> Uncertainty:  # fmt: skip
-    """Gains over speed, turn rate and climb angle, the noise, and the common particles.
+    """Return the gains over speed, turn rate and climb angle, the noise, and the particles.
 
-    The particles are one fixed set of standard-normal points for every planner: differences between
-    nodes then come from the nodes, not from the draw.
+    The particles are one fixed set of standard-normal points for all planners. Differences between nodes then
+    come from the nodes, not from the draw.
     """
     rate_max = vehicle.airspeed_max_m_s / vehicle.turn_radius_min_m
     speeds = np.linspace(vehicle.airspeed_min_m_s, vehicle.airspeed_max_m_s, num_speeds)
@@ -154,22 +155,23 @@ def uncertainty_tables(
 
 
 def with_gusts(tables: Uncertainty, vehicle: VehicleModel, wind_m_s: float, tau_s: float) -> Uncertainty:
-    """The tables with the process noise that the gusts of a wind add; the gains are the same.
+    """Return the tables with the process noise of gusts added; the gains stay the same.
 
-    Gusts by MIL-F-8785C (3.7.2) at some 100 m: their deviation a share of the wind, their length so many
-    metres. As a Gauss-Markov process of time constant T = length over airspeed they change the velocity
-    by σ·√(2·τ/T) in a step, along the flight, across and upwards.
+    Gusts follow MIL-F-8785C (3.7.2) at about 100 m: their standard deviation is :data:`GUST_SHARE` of the
+    wind speed, their scale length :data:`GUST_LENGTH_M`. As a Gauss-Markov process of time constant
+    T = length over airspeed, they change the velocity by σ·√(2·τ/T) in a step, along the flight, across and
+    upwards.
 
     Parameters
     ----------
     tables : Uncertainty
-        Those of still air.
+        The tables of still air.
     vehicle : VehicleModel
         The aircraft.
     wind_m_s : float
-        Speed of the wind.
+        Speed of the wind [m/s].
     tau_s : float
-        How long one step takes [s].
+        Duration of a step [s].
     """
     speed = vehicle.airspeed_cruise_m_s
     variance = (GUST_SHARE * wind_m_s) ** 2 * 2.0 * speed / (GUST_LENGTH_M * tau_s)
@@ -179,5 +181,5 @@ def with_gusts(tables: Uncertainty, vehicle: VehicleModel, wind_m_s: float, tau_
 
 @functools.cache
 def tables_once(vehicle: VehicleModel, tau_s: float, dimension: int) -> Uncertainty:
-    """:func:`uncertainty_tables`, made once a vehicle: the paper's "off-line" part."""
+    """Return :func:`uncertainty_tables`, cached per vehicle: the paper's "off-line" part."""
     return uncertainty_tables(vehicle, tau_s, dimension)

@@ -1,9 +1,10 @@
-"""The shortest way back to where plans may begin: inside the bounds, and clear of everything by the margin.
+"""The shortest path back to where a plan may begin: inside the bounds, and clear of everything by the margin.
 
-Theory of operation. From the start every turn to either side by so much and the straight flight behind it are
-flown row by row, climbing or sinking where the height is wrong. The shortest whose last row is where a plan
-may begin wins, if on its way it keeps the margin, of what the start is too near to already most of that
-distance. What the start stands in, a fence that was put about it, is left.
+Theory of operation. From the start the aircraft tries turns of several angles to both sides, each followed by
+straight flight, climbing or descending if the height is wrong. The shortest of these paths whose last row is
+a valid start of a plan wins. The path has to keep the margin from all obstacles. From an obstacle that the
+start is already too near to, it keeps most of that distance. A fence that was drawn around the aircraft is
+left.
 """
 
 from __future__ import annotations
@@ -19,18 +20,19 @@ from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Limits
 from companion.types.threat import Obstacle
 
-TURN_STEPS = 16  # of half a circle; turns up to a whole one are tried
-LENGTH_MAX_M = 3_000.0
-NEAR_MAX_M = 500.0  # flown nearer to something than the margin, but within the bounds and in nothing
-HELD = 0.6  # of the distance at first is kept; the check asks for half
-STRAIGHT_RAD = 1e-3
-NEARER_M = 0.25  # by which a row may seem nearer than the last
-INSIDE_M = 5.0  # within bounds and margin the way ends
-OVERSHOOT_RADII = 2.0  # by which it may go farther out of bounds, turning back
+TURN_STEPS = 16  # A half circle is tried in this many steps; turns go up to a full circle.
+LENGTH_MAX_M = 3_000.0  # Recovery paths are not longer than this.
+# The limit of the length if the start is only too near to something, but inside the bounds.
+NEAR_MAX_M = 500.0
+KEPT_SHARE = 0.6  # The path keeps this share of the first distance; the checker requires half.
+STRAIGHT_RAD = 1e-3  # Smaller changes of course or climb angle count as none.
+NEARER_TOLERANCE_M = 0.25  # A row may seem nearer to an obstacle than the last by this much: rounding.
+INSIDE_M = 5.0  # The path ends this far inside the bounds and the margin.
+OVERSHOOT_RADII = 2.0  # While it turns back, the path may go this many turn radii farther out of bounds.
 
 
-class Surroundings:
-    """Obstacles as distances from them.
+class ObstacleDistances:
+    """Distances from obstacles.
 
     Parameters
     ----------
@@ -44,7 +46,7 @@ class Surroundings:
         shapely.prepare(self._polygons)
 
     def distances(self, places: FloatArray) -> FloatArray:
-        """How far places are from each obstacle, 0 inside.
+        """Return the distance of each place from each obstacle, 0 inside it.
 
         Parameters
         ----------
@@ -54,7 +56,7 @@ class Surroundings:
         Returns
         -------
         ndarray, shape (N, O)
-            One column an obstacle [m].
+            One column per obstacle [m].
         """
         if not len(self._polygons):
             return np.empty((len(places), 0))
@@ -66,37 +68,37 @@ class Surroundings:
 
 
 def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits) -> FloatArray | None:
-    """Rows of the shortest way out, the start first; None where it may begin here, or no way was found.
+    """Return the shortest recovery path, or None if a plan may begin at the start, or no path is found.
 
     Parameters
     ----------
     state : ndarray, shape (6,)
-        East, north, up [m], direction and climb angle [rad], airspeed [m/s].
+        The aircraft's east, north, up [m], direction and climb angle [rad], airspeed [m/s].
     obstacles : sequence of Obstacle
         What the aircraft keeps clear of.
     limits : Limits
-        What it can do, and its bounds.
+        The aircraft's limits, and the bounds.
 
     Returns
     -------
     ndarray, shape (N, 6), or None
-        States, a step of ``limits.tau`` in still air apart.
+        States ``limits.tau`` apart in still air; the first is the start.
     """
-    around = Surroundings(obstacles)
-    if not _is_outside(state[None], around, limits, limits.margin)[0]:
+    clearance = ObstacleDistances(obstacles)
+    if not _is_outside(state[None], clearance, limits, limits.margin)[0]:
         return None
     best: FloatArray | None = None
     for number in range(2 * TURN_STEPS + 1):
         for side in (1.0, -1.0):
             rows = _flown(state, side * math.pi * number / TURN_STEPS, limits)
-            end = _end_of(rows, around, limits)
+            end = _end_of(rows, clearance, limits)
             if end is not None and (best is None or end < len(best) - 1):
                 best = rows[: end + 1]
     return best
 
 
 def _flown(state: FloatArray, turn: float, limits: Limits) -> FloatArray:
-    """States (N, 6) of a turn by so much, then straight on, from ``state`` (6,)."""
+    """Return the states (N, 6) of a turn by an angle [rad], then straight flight, from ``state`` (6,)."""
     step, radius = state[5] * limits.tau, turn_radius(state[5], limits)
     num = int(LENGTH_MAX_M / step)
     along = step * np.arange(num + 1)
@@ -120,7 +122,7 @@ def _flown(state: FloatArray, turn: float, limits: Limits) -> FloatArray:
 
 
 def _out_of_bounds(rows: FloatArray, limits: Limits, inside: float) -> FloatArray:
-    """How far ``rows`` (N, ≥ 3) are out of the bounds less a rim (N,) [m]; the rim counts level only."""
+    """Return how far ``rows`` (N, ≥ 3) are out of bounds that are narrowed horizontally, (N,) [m]."""
     low, high = limits.bounds.reshape(3, 2).T
     rim = np.array([inside, inside, 0.0])
     out = np.maximum(low + rim - rows[:, :3], rows[:, :3] - (high - rim))
@@ -128,21 +130,21 @@ def _out_of_bounds(rows: FloatArray, limits: Limits, inside: float) -> FloatArra
     return found
 
 
-def _is_outside(rows: FloatArray, around: Surroundings, limits: Limits, margin: float) -> FloatArray:
-    """Whether no plan may begin at ``rows`` (N, ≥ 3): (N,)."""
-    clear = around.distances(rows).min(axis=1, initial=np.inf)
+def _is_outside(rows: FloatArray, clearance: ObstacleDistances, limits: Limits, margin: float) -> FloatArray:
+    """Return which of ``rows`` (N, ≥ 3) are no valid start of a plan: (N,)."""
+    clear = clearance.distances(rows).min(axis=1, initial=np.inf)
     is_outside: FloatArray = (_out_of_bounds(rows, limits, 0.0) > 0.0) | (clear < margin)
     return is_outside
 
 
-def _end_of(rows: FloatArray, around: Surroundings, limits: Limits) -> int | None:
-    """The first of ``rows`` (N, 6) at which a plan may begin; None where the way there is not to be flown."""
-    clear = around.distances(rows)
+def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits) -> int | None:
+    """Return the first of ``rows`` (N, 6) at which a plan may begin, or None without a valid path there."""
+    clear = clearance.distances(rows)
     out = _out_of_bounds(rows, limits, INSIDE_M)
     is_level = np.abs(rows[:, 4]) < STRAIGHT_RAD
     ready = (out <= 0.0) & (clear.min(axis=1, initial=np.inf) >= limits.margin + INSIDE_M) & is_level
     turning = np.abs(np.diff(rows[:, 3], prepend=rows[0, 3])) > STRAIGHT_RAD
-    if turning.any():  # a plan may begin with a turn
+    if turning.any():  # A plan may begin with a turn, which needs straight flight before it.
         ends_turn = int(np.flatnonzero(turning)[-1])
         step = rows[0, 5] * limits.tau
         ready[: ends_turn + math.ceil(limits.straight_min / step) + 1] = False
@@ -155,11 +157,12 @@ def _end_of(rows: FloatArray, around: Surroundings, limits: Limits) -> int | Non
         return None
     if out[: end + 1].max() > out[0] + OVERSHOOT_RADII * limits.r_min:
         return None
-    way = clear[: end + 1]
-    held = HELD * np.minimum(way[0], limits.margin)  # of what it is too near to already
-    held[way[0] >= limits.margin] = limits.margin
-    leaves = way[0] <= 0.0
-    falls = np.diff(np.minimum(way, limits.margin), axis=0).min(axis=0, initial=0.0) < -NEARER_M
-    if (way < held - NEARER_M).any() or (falls & leaves).any():
+    before_end = clear[: end + 1]
+    kept = KEPT_SHARE * np.minimum(before_end[0], limits.margin)
+    kept[before_end[0] >= limits.margin] = limits.margin
+    was_inside = before_end[0] <= 0.0
+    gained = np.diff(np.minimum(before_end, limits.margin), axis=0)
+    falls = gained.min(axis=0, initial=0.0) < -NEARER_TOLERANCE_M
+    if (before_end < kept - NEARER_TOLERANCE_M).any() or (falls & was_inside).any():
         return None
     return end

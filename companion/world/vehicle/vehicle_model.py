@@ -1,4 +1,4 @@
-"""What the aircraft can do."""
+"""The aircraft's limits and noise."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from companion.kernels.aircraft.motion import WIND_RESERVE
 from companion.kernels.arrays import Limits
 
 GRAVITY_M_S2 = 9.80665
-FASTER_SHARES = (0.5, 1.0)  # of what the aircraft could fly faster than at cruise
-FASTER_MIN_M_S = 1.0  # less is not worth a search
+FASTER_SHARES = (0.5, 1.0)  # The planner tries these shares of the range between cruise and fast airspeed.
+FASTER_MIN_M_S = 1.0  # A smaller gain of airspeed is not worth a search.
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleModel:
     """Constraints and noise of the aircraft (paper 2.2).
 
-    Speeds are true airspeeds [m/s]; ``straight_length_min_m`` is flown between two turns; the
-    climb rate of change is bounded by ``pitch_rate_max_rad_s``. Faster than cruise, up to
-    ``airspeed_fast_m_s``, is flown only before moving threats. Noise values are standard deviations:
-    process noise enters with the control, measurement noise with position, course and climb angle. A turn
-    is banked by ``bank_max_rad`` at most, which in strong wind makes it wider.
+    Speeds are true airspeeds [m/s]. At least ``straight_length_min_m`` is flown straight between two turns.
+    ``pitch_rate_max_rad_s`` limits the change of the climb angle. The aircraft flies faster than cruise, up
+    to ``airspeed_fast_m_s``, only to escape moving threats. Noise values are standard deviations: process
+    noise enters with the control, measurement noise with position, course and climb angle. Turns are banked
+    by at most ``bank_max_rad``, which makes them wider in strong wind.
     """
 
     airspeed_min_m_s: float = 12.5
@@ -47,38 +47,39 @@ class VehicleModel:
     bank_max_rad: float = math.radians(40.0)
 
     def turn_radius_in(self, wind_m_s: float) -> float:
-        """Radius over the ground of the tightest turn that can be flown on any course [m].
+        """Return the ground radius of the tightest turn that is possible on any course [m].
 
-        ``turn_radius_min_m``, or that of ``bank_max_rad`` at the ground speed downwind, where it is larger
-        (Beard, McLain, *Small Unmanned Aircraft*, eq. 9.14, without a crab angle).
+        This is ``turn_radius_min_m``, or the radius of ``bank_max_rad`` at the ground speed downwind if that
+        is larger (Beard, McLain, *Small Unmanned Aircraft*, eq. 9.14, without a crab angle).
 
         Parameters
         ----------
         wind_m_s : float
-            Speed of the wind; :data:`~companion.kernels.aircraft.motion.WIND_RESERVE` more is reckoned with.
+            Speed of the wind [m/s]; a reserve is added, by the factor
+            :data:`~companion.kernels.aircraft.motion.WIND_RESERVE`.
         """
         fastest = self.airspeed_cruise_m_s + WIND_RESERVE * wind_m_s
         return self._radius_at(fastest) if wind_m_s > 0.0 else self.turn_radius_min_m
 
     def _radius_at(self, speed_m_s: float) -> float:
-        """``turn_radius_min_m``, or that of ``bank_max_rad`` at a speed, where it is larger [m]."""
+        """Return ``turn_radius_min_m``, or the radius of ``bank_max_rad`` at a speed if larger [m]."""
         return max(self.turn_radius_min_m, speed_m_s**2 / self._sideways_max_m_s2)
 
     @property
     def _sideways_max_m_s2(self) -> float:
-        """Acceleration in a turn banked by ``bank_max_rad`` [m/s²]."""
+        """Lateral acceleration in a turn banked by ``bank_max_rad`` [m/s²]."""
         return GRAVITY_M_S2 * math.tan(self.bank_max_rad)
 
     @property
     def faster_m_s(self) -> tuple[float, ...]:
-        """Airspeeds above cruise that are worth trying, the slowest first [m/s]."""
+        """Airspeeds above cruise for the planner to try, the slowest first [m/s]."""
         gained = min(self.airspeed_fast_m_s, self.airspeed_max_m_s) - self.airspeed_cruise_m_s
         if gained < FASTER_MIN_M_S:
             return ()
         return tuple(self.airspeed_cruise_m_s + share * gained for share in FASTER_SHARES)
 
     def at_speed(self, airspeed_m_s: float) -> VehicleModel:
-        """The same aircraft, cruising faster: with wider turns where ``bank_max_rad`` allows no others."""
+        """Return the aircraft at a higher cruise speed, with the turns that the bank limit then allows."""
         if airspeed_m_s <= self.airspeed_cruise_m_s:
             return self
         return replace(
@@ -86,14 +87,15 @@ class VehicleModel:
         )
 
     def slope_in(self, angle_rad: float, wind_m_s: float) -> float:
-        """Slope over the ground that a climb angle in the air comes to at least, flown downwind [rad].
+        """Return the ground slope of a climb angle flown downwind, the flattest that is guaranteed [rad].
 
         Parameters
         ----------
         angle_rad : float
             Climb or descent angle in still air, positive.
         wind_m_s : float
-            Speed of the wind; :data:`~companion.kernels.aircraft.motion.WIND_RESERVE` more is reckoned with.
+            Speed of the wind [m/s]; a reserve is added, by the factor
+            :data:`~companion.kernels.aircraft.motion.WIND_RESERVE`.
         """
         if wind_m_s == 0.0:
             return angle_rad
@@ -104,7 +106,7 @@ class VehicleModel:
         self, dimension: int, bounds: tuple[float, ...], margin_m: float, tau_s: float,
         wind_enu_m_s: tuple[float, float] = (0.0, 0.0),
     ) -> Limits:  # fmt: skip
-        """Kernel form: what can be flown over the ground, in the wind.
+        """Return the kernels' form: the limits over the ground in the wind.
 
         Parameters
         ----------
@@ -113,9 +115,9 @@ class VehicleModel:
         bounds : tuple of float
             East, north, up, each low and high [m].
         margin_m : float
-            Distance kept from obstacles [m].
+            Distance that plans keep from obstacles [m].
         tau_s : float
-            Time of one step in still air [s].
+            Duration of one step in still air [s].
         wind_enu_m_s : tuple of float
             Velocity of the air over the ground, east and north [m/s].
         """

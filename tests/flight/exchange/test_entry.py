@@ -134,7 +134,7 @@ def test_an_entry_is_judged_at_the_airspeed_that_the_mission_commands_behind_it(
     faster = replace(places, airspeed_m_s=37.5)
     assert entry_of(made, at(), straight(), faster) == 0
     way, wide = (
-        entry._way_in(guidance_over(made, found, at_once=True), at(), found, 0, 30.0).positions_enu_m
+        entry._entry_track(guidance_over(made, found, at_once=True), at(), found, 0, 30.0).positions_enu_m
         for found in (places, faster)
     )
     away = np.linalg.norm(wide[:, None, :2] - way[None, :, :2], axis=2).min(axis=1)
@@ -299,6 +299,6 @@ def test_out_of_a_fast_circle_over_to_the_right_and_back_to_the_left_before_a_wa
         (2147.0, 921.0, 100), (2152.0, 842.0, 100), (2180.0, 793.0, 100), (2248.0, 655.0, 100),
     )  # fmt: skip
     assert entry_of(made, state, from_there(state), places) is None
-    for name in ("ROLLS_SLOWER", "STEERS_SOONER"):
+    for name in ("ROLL_RATE_FACTOR", "PERIOD_FACTOR"):
         monkeypatch.setattr(entry, name, 1.0)
     assert entry_of(made, state, from_there(state), places) == 0

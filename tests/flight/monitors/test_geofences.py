@@ -10,7 +10,13 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.errors import TransferError
-from companion.flight.monitors.geofences import AGAIN_BUSY_S, AGAIN_S, NAMED_AGAIN_S, READING_SHARE, Geofences
+from companion.flight.monitors.geofences import (
+    NAMED_REPEAT_S,
+    READING_SHARE,
+    REPEAT_BUSY_S,
+    REPEAT_MIN_S,
+    Geofences,
+)
 from companion.flight.state.flight_state import StateOwner, first_state
 from companion.types.events import Dialect, MissionCurrent
 from tests.sim.client import PLAIN
@@ -48,7 +54,9 @@ def looked_at(parts, until_s, every_s=0.2):
     return parts.link.read_s
 
 
-@pytest.mark.parametrize(("dialect", "again_s"), [(Dialect.PX4, AGAIN_BUSY_S), (Dialect.ARDUPILOT, AGAIN_S)])
+@pytest.mark.parametrize(
+    ("dialect", "again_s"), [(Dialect.PX4, REPEAT_BUSY_S), (Dialect.ARDUPILOT, REPEAT_MIN_S)]
+)
 def test_a_list_without_a_name_is_read_again_and_again(parts, dialect, again_s):
     """Less often from a PX4, which denies uploads while it is read."""
     parts.link.dialect = dialect
@@ -63,7 +71,7 @@ def test_one_with_a_name_is_read_when_the_name_changes(parts):
     assert looked_at(parts, 20.0) == [0.0]
     parts.link.current = replace(parts.link.current, fence_id=8)
     assert looked_at(parts, 20.7) == pytest.approx([0.0, 20.0], abs=0.21)
-    assert looked_at(parts, 60.0)[2] == pytest.approx(20.0 + NAMED_AGAIN_S, abs=0.41)
+    assert looked_at(parts, 60.0)[2] == pytest.approx(20.0 + NAMED_REPEAT_S, abs=0.41)
 
 
 def test_a_slow_reading_leaves_the_link_to_others(parts):

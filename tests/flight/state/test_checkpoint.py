@@ -31,7 +31,7 @@ def test_the_path_is_remembered_of_its_own_mission_only(tmp_path):
     key = key_of([item(1), item(2)])
     assert memory.flown(key) is None
     memory.note_flown(key, path, 12.5)
-    for again in (memory, Checkpoint(tmp_path / "flight"), Checkpoint(kept=memory.kept)):
+    for again in (memory, Checkpoint(tmp_path / "flight"), Checkpoint(contents=memory.contents)):
         kept, until_s = again.flown(key)
         assert until_s == 12.5
         for name in path.__slots__:
@@ -80,13 +80,13 @@ def test_damaged_goals_are_set_aside_and_told_once(tmp_path, content, caplog):
     file = tmp_path / "flight.goals.json"
     file.write_bytes(content)
     memory = Checkpoint(tmp_path / "flight")
-    assert (memory.reached(GOALS), memory.boot_s, dict(memory.kept)) == (0, 0.0, {})
+    assert (memory.reached(GOALS), memory.boot_s, dict(memory.contents)) == (0, 0.0, {})
     assert (tmp_path / "flight.goals.json.damaged").read_bytes() == content
     assert [line.startswith(str(file)) and "goals.json.damaged" in line for line in told(caplog)] == [True]
     Checkpoint(tmp_path / "flight").note_reached(GOALS, 1)
     assert Checkpoint(tmp_path / "flight").reached(GOALS) == 1
     assert len(told(caplog)) == 1
-    given = Checkpoint(kept={".goals.json": content})
+    given = Checkpoint(contents={".goals.json": content})
     assert (given.boot_s, given.reached([])) == (0.0, 0)
 
 
@@ -142,7 +142,7 @@ def test_a_damaged_path_is_set_aside_and_told_once(tmp_path, content, caplog):
     assert memory.flown(1) is None
     assert (tmp_path / "flight.flown.npz.damaged").read_bytes() == content
     assert len(told(caplog)) == 1
-    assert Checkpoint(kept={".flown.npz": content}).flown(1) is None
+    assert Checkpoint(contents={".flown.npz": content}).flown(1) is None
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
@@ -178,7 +178,7 @@ def test_neither_a_pipe_nor_a_link_is_read(tmp_path, caplog):
     (tmp_path / "sound").write_bytes(flown())
     (tmp_path / "flight.flown.npz").symlink_to(tmp_path / "sound")
     memory = Checkpoint(tmp_path / "flight")
-    assert dict(memory.kept) == {}
+    assert dict(memory.contents) == {}
     assert len(told(caplog)) == 2
     memory.note_reached(GOALS, 1)
     assert Checkpoint(tmp_path / "flight").reached(GOALS) == 1
@@ -189,8 +189,8 @@ def test_a_place_that_cannot_be_written_costs_the_memory_of_a_restart_and_not_th
     memory = Checkpoint(tmp_path / "a file" / "flight")
     memory.note_reached(GOALS, 1)
     memory.note_flown(1, path_along((500.0, 20)), 12.5)
-    assert caplog.text.count("not remembered") == 2
-    assert Checkpoint(tmp_path / "a file" / "flight").kept == {}
+    assert caplog.text.count("cannot be written") == 2
+    assert Checkpoint(tmp_path / "a file" / "flight").contents == {}
 
 
 def test_without_files_a_process_remembers_and_the_next_does_not():
@@ -207,7 +207,7 @@ def test_a_flight_that_is_over_is_forgotten_with_its_files(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
     memory.forget()
     assert list(tmp_path.iterdir()) == []
-    assert (memory.reached(GOALS), memory.flown(1), dict(memory.kept)) == (0, None, {})
+    assert (memory.reached(GOALS), memory.flown(1), dict(memory.contents)) == (0, None, {})
     memory.forget()  # nothing is left to forget
 
 
@@ -216,4 +216,4 @@ def test_how_long_the_autopilot_had_run_is_remembered_with_the_goals(tmp_path):
     assert memory.boot_s == 0.0
     memory.note_reached(GOALS, 1, 321.5)
     assert Checkpoint(tmp_path / "flight").boot_s == 321.5
-    assert Checkpoint(kept={".goals.json": b"[]"}).boot_s == 0.0
+    assert Checkpoint(contents={".goals.json": b"[]"}).boot_s == 0.0

@@ -132,9 +132,9 @@ def test_the_flown_path_has_become_unsafe():
 def test_what_breaks_only_a_threat_limit_can_be_flown_where_nothing_better_is():
     soft = judge(begun(), plan(threatened(0.1, 0.3)), start())
     hard = judge(begun(WALL), plan(threatened(0.1, 0.3)), start())
-    assert (soft.verdict, soft.is_flyable_anyway) == (Verdict.REJECTED, True)
-    assert (hard.verdict, hard.is_flyable_anyway) == (Verdict.REJECTED, False)
-    assert not judge(begun(), plan(straight()), start()).is_flyable_anyway
+    assert (soft.verdict, soft.is_flyable_in_emergency) == (Verdict.REJECTED, True)
+    assert (hard.verdict, hard.is_flyable_in_emergency) == (Verdict.REJECTED, False)
+    assert not judge(begun(), plan(straight()), start()).is_flyable_in_emergency
 
 
 def test_beside_a_flown_path_that_passes_no_emergency_plan_is_wanted():
@@ -193,10 +193,10 @@ def test_better_by_a_twentieth(cost, kind):
     assert (judged.verdict.is_swap, judged.verdict.value) == (kind == "better", kind)
 
 
-@pytest.mark.parametrize(("carried_s", "kind"), [(32.4, "extend"), (32.6, "keep"), (60.0, "keep")])
-def test_a_mission_is_extended_when_less_than_22_seconds_and_a_half_are_left(carried_s, kind):
+@pytest.mark.parametrize(("covered_s", "kind"), [(32.4, "extend"), (32.6, "keep"), (60.0, "keep")])
+def test_a_mission_is_extended_when_less_than_22_seconds_and_a_half_are_left(covered_s, kind):
     """The rest begins at row 10, at 10 s; 1.5 horizons of 15 s."""
-    made = flying(begun(), straight(), carried_s)
+    made = flying(begun(), straight(), covered_s)
     rest = replace(straight(), **{name: getattr(straight(), name)[10:] for name in straight().__slots__})
     judged = judge(made, plan(straight(), 100.0, 100.0), start(rest))
     assert (judged.verdict.is_swap, judged.verdict.value) == (kind == "extend", kind)
@@ -252,8 +252,8 @@ def test_lead_by_hand():
     expected_s = made.mission_list.exchange_s
     assert lead_s(made) == pytest.approx(1.0 + 2.0 + expected_s)
     assert lead_s(made, is_urgent=True) == pytest.approx(0.2 + 0.3 + expected_s)
-    for lasted_s, exchange_s in (((0.1,), 0.3), ((2.0, 1.0), 2.6)):
-        measured = replace(made, mission_list=replace(made.mission_list, lasted_s=lasted_s))
+    for durations_s, exchange_s in (((0.1,), 0.3), ((2.0, 1.0), 2.6)):
+        measured = replace(made, mission_list=replace(made.mission_list, durations_s=durations_s))
         assert lead_s(measured) == pytest.approx(1.0 + 2.0 + exchange_s)
         assert lead_s(measured, is_urgent=True) == pytest.approx(0.2 + 0.3 + exchange_s)
 
@@ -420,21 +420,25 @@ def hurried_beside(walls_m):
         course_rad=EAST, climb_rad=0.0, airspeed_m_s=37.5,
     )  # fmt: skip
     world = world_of(made.mission)
-    return conclude(made, plan(path), begin, world).shaped, path
+    return conclude(made, plan(path), begin, world).constructed, path
 
 
 def test_a_hurried_plan_that_can_only_be_carried_slower_is_later_everywhere():
     """Between walls 330 m away there is room for circles at 25 m/s, 270 m wide, but for none at 37.5 m/s."""
-    shaped, path = hurried_beside(1500.0)
-    assert shaped.waypoints.airspeed_m_s == 37.5
-    assert shaped.path is path
-    shaped, path = hurried_beside(330.0)
-    assert shaped.waypoints.airspeed_m_s == 25.0
+    constructed, path = hurried_beside(1500.0)
+    assert constructed.waypoints.airspeed_m_s == 37.5
+    assert constructed.path is path
+    constructed, path = hurried_beside(330.0)
+    assert constructed.waypoints.airspeed_m_s == 25.0
     # 37.5 to 25 m/s at 1 m/s²: 390.6 m in 12.5 s; the other 2609.4 m at 25 m/s in 104.4 s.
-    assert shaped.path.times_s[-1] == pytest.approx(116.9, abs=0.3)
-    assert shaped.path.speeds_m_s[[0, -1]].tolist() == [37.5, 25.0]
-    at_end = float(np.interp(shaped.covered_until_s, shaped.path.times_s, shaped.path.positions_enu_m[:, 0]))
-    assert at_end == pytest.approx(float(shaped.waypoints.positions_enu_m[-1, 0]), abs=30.0)
+    assert constructed.path.times_s[-1] == pytest.approx(116.9, abs=0.3)
+    assert constructed.path.speeds_m_s[[0, -1]].tolist() == [37.5, 25.0]
+    at_end = float(
+        np.interp(
+            constructed.covered_until_s, constructed.path.times_s, constructed.path.positions_enu_m[:, 0]
+        )
+    )
+    assert at_end == pytest.approx(float(constructed.waypoints.positions_enu_m[-1, 0]), abs=30.0)
 
 
 def test_a_hurried_plan_is_judged_as_it_is_carried(monkeypatch):

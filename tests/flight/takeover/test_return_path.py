@@ -15,7 +15,7 @@ from companion.flight.state.flight_state import (
     after_rally_reported,
     after_settings_reported,
 )
-from companion.flight.takeover.return_path import return_path, ways_home
+from companion.flight.takeover.return_path import return_path, return_tracks
 from companion.mission.operator import Operator
 from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem
@@ -46,7 +46,7 @@ def made(settings=ARDUPLANE, *, extra="", home=(0.0, 0.0, 0.0), rally=()):
 
 def way_of(made_state, here):
     """The likeliest of the ways home."""
-    return ways_home(made_state, here)[0]
+    return return_tracks(made_state, here)[0]
 
 
 def circled(made_state, here, turn_s=37.0):
@@ -126,7 +126,7 @@ def test_a_px4_with_rally_points_may_fly_anywhere():
 
 def test_to_the_landing_the_height_may_be_lost_on_the_way_or_in_the_circle():
     begins = with_landing(made(replace(PX4, return_kind=1.0)))
-    heights = sorted({round(float(way[-1, 2])) for way in ways_home(begins, HERE)})
+    heights = sorted({round(float(way[-1, 2])) for way in return_tracks(begins, HERE)})
     assert heights == [60, 100]
 
 
@@ -221,7 +221,7 @@ def test_the_simulated_autopilots_fly_the_way_that_was_foreseen(dialect, place):
     if place == "rally":
         rally_points(harness, (900.0, 400.0, 120.0))
         begins = after_rally_points(begins, ((900.0, 400.0, 120.0),))
-    foreseen = ways_home(begins, state_of(simulator))
+    foreseen = return_tracks(begins, state_of(simulator))
     simulator.set_mode("RTL")
     flown = []
     for _ in range(max(len(way) for way in foreseen)):

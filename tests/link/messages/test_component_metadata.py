@@ -18,7 +18,7 @@ from pymavlink.mavftp import MAVFTP
 
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import TABLE, Parameters
-from companion.flight.messages.speech import Speech
+from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec, signer_of
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.signing import Timestamps
@@ -39,8 +39,8 @@ class Vehicle(threading.Thread):
         self.socket.settimeout(0.05)
         self.port, self.peer = self.socket.getsockname()[1], peer
         self.parameters, self.codec = Parameters(MISSION, None), Codec(SYSTEM)
-        self._speech = Speech(self.codec, None)
-        self._speech.begin(self.parameters)
+        self._budgets = SendBudgets(self.codec, None)
+        self._budgets.begin(self.parameters)
         self._autopilot = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=1)
         self._is_over = threading.Event()
 
@@ -51,7 +51,7 @@ class Vehicle(threading.Thread):
             with contextlib.suppress(TimeoutError):
                 data, self.peer = self.socket.recvfrom(2048)
                 for frame in self.codec.feed(data, now_s):
-                    self._send(self._speech.answer(frame, now_s))
+                    self._send(self._budgets.answer(frame, now_s))
             if self.peer and now_s - told_s > 0.2:
                 told_s = now_s
                 heartbeat = mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
@@ -92,10 +92,10 @@ def test_pymavlinks_client_lists_and_reads_both_documents():
 def exchange(message, codec=None):
     """What answers a station's message, as raw frames."""
     codec, station = codec or Codec(SYSTEM), mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    speech = Speech(codec, None)
-    speech.begin(Parameters(MISSION, None))
+    budgets = SendBudgets(codec, None)
+    budgets.begin(Parameters(MISSION, None))
     (frame,) = codec.feed(message.pack(station), 1.0)
-    return speech.answer(frame, 1.5)
+    return budgets.answer(frame, 1.5)
 
 
 def test_the_message_is_packed_as_its_definition_says():

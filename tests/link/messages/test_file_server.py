@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
 from companion.config.pilot_parameters import Parameters
-from companion.flight.messages.speech import Speech
+from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec
 from companion.link.messages.file_server import BURST_MAX, DATA_MAX, SESSION_S, SESSIONS_MAX, FileServer
 from tests.support.sitl_harness import FIRST_FLIGHT
@@ -213,12 +213,12 @@ def test_whatever_is_asked_only_the_files_are_told(steps):
 @given(raw=st.binary(max_size=251))
 def test_no_bytes_raise_anywhere_between_the_wire_and_the_answer(raw):
     codec = Codec(1)
-    speech = Speech(codec, None)
-    speech.begin(Parameters(mission_from_text(FIRST_FLIGHT, "m"), None))
+    budgets = SendBudgets(codec, None)
+    budgets.begin(Parameters(mission_from_text(FIRST_FLIGHT, "m"), None))
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     message = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 195, list(raw.ljust(251, b"\0")))
     for frame in codec.feed(message.pack(station), 1.0):
-        for told in mavlink.MAVLink(None).parse_buffer(speech.answer(frame, 1.0)) or []:
+        for told in mavlink.MAVLink(None).parse_buffer(budgets.answer(frame, 1.0)) or []:
             assert (told.get_type(), told.target_system, told.target_component) == (
                 "FILE_TRANSFER_PROTOCOL", 255, 190,
             )  # fmt: skip
@@ -227,9 +227,9 @@ def test_no_bytes_raise_anywhere_between_the_wire_and_the_answer(raw):
 @pytest.mark.parametrize(("system", "component"), [(1, 1), (2, 195), (0, 0), (1, 0)])
 def test_what_is_asked_of_others_is_left_alone(system, component):
     codec = Codec(1)
-    speech = Speech(codec, None)
-    speech.begin(Parameters(mission_from_text(FIRST_FLIGHT, "m"), None))
+    budgets = SendBudgets(codec, None)
+    budgets.begin(Parameters(mission_from_text(FIRST_FLIGHT, "m"), None))
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     asked = mavlink.MAVLink_file_transfer_protocol_message(0, system, component, list(payload(LIST, b"/")))
     (frame,) = codec.feed(asked.pack(station), 1.0)
-    assert speech.answer(frame, 1.0) == b""
+    assert budgets.answer(frame, 1.0) == b""

@@ -18,7 +18,7 @@ class Listener:
     """What the report asks of the service."""
 
     def __init__(self):
-        self.hears_autopilot = False
+        self.receives_autopilot = False
         self.link = SimpleNamespace(transport=MemoryTransport())
 
 
@@ -30,7 +30,7 @@ def reported(caplog, moves):
         task = asyncio.create_task(RecordedFlight(app, None, Path(), clock).report_silence(URL))
         for seconds, hears in moves:
             await asyncio.sleep(0)
-            app.hears_autopilot = hears
+            app.receives_autopilot = hears
             clock.advance_to(clock.now_s() + seconds)
             for _ in range(3):
                 await asyncio.sleep(0)

@@ -43,7 +43,7 @@ def test_a_restart_in_flight_is_replayed_from_its_own_recording(dialect, tmp_pat
     harness = RestartedService(tmp_path, dialect).fly(70.0, kill)
     assert len(harness.apps) == 2
     assert "1 goals reached" in harness.texts("restart")[0]
-    assert ".flown.npz" in harness.checkpoint.kept
+    assert ".flown.npz" in harness.checkpoint.contents
     for number in range(2):
         recording, result = replayed(harness.log(number) / "flight.tlog", harness.flight.mission)
         assert first_difference(recording, result) is None

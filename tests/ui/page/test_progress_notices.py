@@ -62,7 +62,7 @@ def test_a_vehicle_is_told_as_it_is_heard_and_the_next_row_says_the_same(watched
     heard = [(at, message["track"]) for at, topic, message, _ in told if topic == TRACK]
     assert heard
     assert {track["identity"] for _, track in heard} == {
-        track.identity for track in harness.app.situation.tracker.tracks(UNTIL_S)
+        track.identity for track in harness.app.world_model.tracker.tracks(UNTIL_S)
     }
     row_s, row = next(
         (at, message["tracks"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.assurance.encounters import Masks, Threatening, encounter_with, standing
+from companion.assurance.encounters import Masks, ThreatHistory, encounter_with, radar_threats
 from companion.config.models import MissionConfig
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
@@ -139,8 +139,8 @@ def record(start_s=1000.0):
     )
     vehicle = np.column_stack([flown[:, 0], 1700.0 - 8.0 * line.times_s, 200.0 + 4.0 * line.times_s])
     threats = [
-        Threatening("vehicle", 250.0, np.column_stack([vehicle, np.zeros(len(vehicle))])),
-        *standing(mission().radar_list, flown),
+        ThreatHistory("vehicle", 250.0, np.column_stack([vehicle, np.zeros(len(vehicle))])),
+        *radar_threats(mission().radar_list, flown),
     ]
     masks = Masks(mission().obstacle_list)
     return FlightRecord(

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from companion.assurance.encounters import seconds_of
+from companion.assurance.encounters import total_duration_s
 from companion.ui.reports.report import write_report
 from companion.ui.reports.style import number_text
 from tests.ui.reports.flights import empty_record, mission, record, snapshot_of
@@ -103,7 +103,7 @@ def test_the_table_of_threats_tells_of_each_and_by_whose_paths(written, tmp_path
     first = cells.index("vehicle")
     assert cells[first + 1] == "250"
     vehicle = record().encounters[0]
-    seconds = [seconds_of(stretches) for stretches in (vehicle.in_reach_s, vehicle.in_sight_s)]
+    seconds = [total_duration_s(stretches) for stretches in (vehicle.in_reach_s, vehicle.in_sight_s)]
     assert cells[first + 2 : first + 4] == [number_text(value) for value in seconds]
     assert "By the true paths." in written[0]
     config, known = mission(), replace(record(), dt_paths=())

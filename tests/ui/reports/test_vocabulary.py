@@ -3,13 +3,10 @@
 import json
 import re
 
-import pytest
-
 from companion.flight.state.decision import DecisionKind
-from companion.types.mavlink_enums import Severity
 from companion.ui.page.pages import static_files
 from companion.ui.reports import report, style
-from companion.ui.reports.vocabulary import DANGER, KINDS, WATCH, as_script, decision_words
+from companion.ui.reports.vocabulary import KINDS, as_script, decision_words
 
 # Names in the page's style sheet, and what the report's drawings call the same.
 SHARED = {
@@ -28,12 +25,6 @@ def test_every_kind_of_decision_has_words():
     assert set(KINDS) == {kind.value for kind in DecisionKind}
     assert len({words.head for words in KINDS.values()}) == len(KINDS)
     assert decision_words("of another version") == ("of another version", "")
-
-
-@pytest.mark.parametrize("kind", list(DecisionKind))
-def test_what_the_pilot_is_warned_of_is_loud_here_too(kind):
-    expected = {Severity.CRITICAL: DANGER, Severity.WARNING: WATCH}.get(kind.severity, "")
-    assert decision_words(kind.value).state == expected
 
 
 def test_the_page_is_told_the_same_words():

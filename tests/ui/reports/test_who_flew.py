@@ -1,7 +1,7 @@
 """Who flew when: every state of the service's has its words, and a day is told from its decisions alone."""
 
 from companion.flight.state.modes import Mode
-from companion.flight.tasks.app import TOLD
+from companion.flight.tasks.app import MODE_ANNOUNCEMENTS
 from companion.recording.reader import load_recording
 from companion.types.record import Decision
 from companion.ui.reports.who_flew import WHO, watches, who_flew_table, who_of
@@ -14,7 +14,7 @@ from tests.support.sitl_harness import SitlHarness
 def test_every_state_says_who_flies():
     """The words that a change is told with, for each of the states."""
     for mode in Mode:
-        words = TOLD[mode][1] if mode in TOLD else mode.value
+        words = MODE_ANNOUNCEMENTS[mode][1] if mode in MODE_ANNOUNCEMENTS else mode.value
         assert who_of(f"{words} (AUTO)") in WHO.values()
 
 

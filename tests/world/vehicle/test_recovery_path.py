@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.world.vehicle.recovery_path import Surroundings, recovery_path
+from companion.world.vehicle.recovery_path import ObstacleDistances, recovery_path
 from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.support.paths import box
 
@@ -66,7 +66,7 @@ def test_it_ends_inside_and_clear_and_keeps_its_distance(east, north, direction,
     rows = recovery_path(begin, walls, PLANE)
     if rows is None:
         return
-    around = Surroundings(walls)
+    around = ObstacleDistances(walls)
     clear = around.distances(rows)
     assert (rows[-1, :2] >= 0.0).all()
     assert clear[-1].min() >= 15.0

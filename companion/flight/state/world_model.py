@@ -1,4 +1,4 @@
-"""What is known by now: ownship, tracks and the world's snapshot, kept up by events."""
+"""The known world: ownship, tracks and the snapshot, kept up to date by events."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from companion.types.threat import TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
-EYE_M = 2.0
+EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
 
 
 def _ages_of(mission: MissionConfig) -> OwnshipSettings:
-    """How old telemetry may grow by a mission file."""
+    """Return the ages up to which telemetry is used, from a mission file."""
     use_by = mission.use_by
     return OwnshipSettings(
         position_max_age_s=use_by.position_s,
@@ -39,15 +39,15 @@ def _ages_of(mission: MissionConfig) -> OwnshipSettings:
     )
 
 
-class Situation:
-    """Collects events; hands out snapshots.
+class WorldModel:
+    """Collects events and provides snapshots of the world.
 
     Parameters
     ----------
     rules : Rules
         The mission file in force, and the autopilot's fences.
     seed : int
-        From which the particle filters draw their numbers.
+        Seed of the particle filters.
     """
 
     def __init__(self, rules: Rules, seed: int) -> None:
@@ -56,10 +56,10 @@ class Situation:
         self.ownship = OwnshipEstimator(mission.frame, _ages_of(mission))
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
         self.newest_track_s = -math.inf
-        self.reports: Counter[str] = Counter()  # by the message they came in
+        self.reports: Counter[str] = Counter()  # number of track reports by message
 
     def _read(self, rules: Rules) -> None:
-        """Take the world and the threat model from a mission file."""
+        """Read the world and the threat model from a mission file."""
         mission = rules.mission
         self._rules = rules
         self._snapshot = world_of(mission)
@@ -68,12 +68,12 @@ class Situation:
         self._fence()
 
     def _fence(self) -> None:
-        """Take the autopilot's fences for obstacles; they hide nothing, and stop no moving threat."""
+        """Make the autopilot's fences obstacles; they block neither sight nor moving threats."""
         packed = packed_obstacles(self._rules.obstacles, self._snapshot.bounds)
         self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=self._rules.obstacles)
 
     def follow_mission(self, rules: Rules) -> None:
-        """Go by another mission file from now on; radars that are as they were stay sensed."""
+        """Use another mission file from now on; radars that are the same stay sensed."""
         before, known = self._rules.mission.radars, self._snapshot.threats.known
         sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
         self._read(rules)
@@ -82,12 +82,12 @@ class Situation:
         self._snapshot = self._snapshot.with_known(np.maximum(self._snapshot.threats.known, kept))
 
     def follow_fences(self, rules: Rules) -> None:
-        """Go by other fences from now on."""
+        """Use other fences from now on."""
         self._rules = rules
         self._fence()
 
     def observe(self, event: Event, now_s: float) -> None:
-        """Take one event."""
+        """Process one event."""
         if isinstance(event, TrackReport):
             if not self._rules.settings.strategies.minds_dts:
                 return
@@ -98,7 +98,7 @@ class Situation:
             self.ownship.observe(event)
 
     def snapshot(self, now_s: float) -> Snapshot:
-        """The world now: sensed static threats stay known, tracks are taken to this instant."""
+        """Return the world now: sensed radars stay known, tracks are predicted to this instant."""
         state = self.ownship.state(now_s)
         snapshot = self._snapshot
         if state is not None:
@@ -111,11 +111,11 @@ class Situation:
 
     @property
     def num_known_threats(self) -> int:
-        """How many static threats have been sensed."""
+        """Number of static threats that have been sensed."""
         return int(self._snapshot.threats.known.sum())
 
     def threat_at(self, state: Ownship, tracks: tuple[TrackState, ...]) -> float:
-        """Threat level TI the aircraft is under, from all radars of the mission and the tracked DTs."""
+        """Return the threat level TI of the aircraft, from all radars of the mission and the tracked DTs."""
         x, y, z = state.position_enu_m
         is_plane, walls = self._snapshot.dimension == 2, self._snapshot.walls
         points, reach = np.zeros((max(len(tracks), 1), 4)), np.zeros(len(tracks))

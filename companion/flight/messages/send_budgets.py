@@ -1,4 +1,4 @@
-"""What may be said over the link, and how much of it: answers to whoever asks, and words to the pilot."""
+"""Budgets for what the service sends: answers to requests, and texts to the pilot."""
 
 from __future__ import annotations
 
@@ -10,48 +10,48 @@ from companion.link.messages.file_server import FileServer
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.token_bucket import TokenBucket, get_or_create
 
-# Both are a share of what the line carries, where that is known, and never more than this.
-ANSWERED_BYTES_PER_S, TOLD_BYTES_PER_S = 2_000.0, 1_000.0
-LINE_SHARE = 0.1
-SOURCE_SHARE = 0.5  # of what is answered, to one source
-CHANGES_HZ = 2.0  # of parameters: each is told, logged and taken up
-BURST_S = 4.0
-SOURCES_MAX = 64
+# Budgets of answers and of texts: a share of the line's capacity, if that is known, and never more than this.
+ANSWER_BYTES_PER_S, TEXT_BYTES_PER_S = 2_000.0, 1_000.0
+LINE_SHARE = 0.1  # Each budget is at most this share of the line's capacity.
+SOURCE_SHARE = 0.5  # One source gets at most this share of the answers.
+CHANGES_HZ = 2.0  # Parameter changes are limited to this rate, since each is announced, logged and applied.
+BURST_S = 4.0  # A budget may be saved up for this time.
+SOURCES_MAX = 64  # Budgets of at most this many sources are kept.
 
 
-class Speech:
-    """Answers and words, within their budgets.
+class SendBudgets:
+    """Answers and texts, within their budgets.
 
     Parameters
     ----------
     codec : Codec
-        The link's; what is not said is counted in it, as ``unanswered`` and ``untold``.
+        The link's codec, which counts what is not sent as ``unanswered`` and ``untold``.
     line_bytes_per_s : float or None
-        What the line carries; None where that is not known.
+        Capacity of the line; None if not known.
     """
 
     def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
         self._codec = codec
-        carried = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
-        answered, told = min(ANSWERED_BYTES_PER_S, carried), min(TOLD_BYTES_PER_S, carried)
-        self._answers = TokenBucket(answered, BURST_S * answered)
+        share_rate = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
+        answer_rate, text_rate = min(ANSWER_BYTES_PER_S, share_rate), min(TEXT_BYTES_PER_S, share_rate)
+        self._answers = TokenBucket(answer_rate, BURST_S * answer_rate)
         self._answers_to: dict[tuple[int, int], TokenBucket] = {}
         self._changes = TokenBucket(CHANGES_HZ, BURST_S * CHANGES_HZ)
-        self._texts = TokenBucket(told, BURST_S * told)
+        self._texts = TokenBucket(text_rate, BURST_S * text_rate)
         self._parameters: ParameterStore | None = None
         self._files: FileServer | None = None
 
     def begin(self, parameters: ParameterStore) -> None:
-        """Answer for these parameters from now on."""
+        """Answer requests for these parameters from now on."""
         self._parameters = parameters
         self._files = FileServer(lambda: parameters.files, self._codec.counters)
 
     def answer(self, frame: DecodedFrame, now_s: float) -> bytes:
-        """What a frame calls for, as far as its sender's budget and that of all go."""
+        """Return the answer to a frame, within the budgets of its sender and of all."""
         if frame.request is None:
             return b""
-        asker = frame.system_id, frame.component_id
-        budget = get_or_create(self._answers_to, asker, self._share, SOURCES_MAX)
+        sender = frame.system_id, frame.component_id
+        budget = get_or_create(self._answers_to, sender, self._share, SOURCES_MAX)
         is_change = frame.request.kind == "parameter_set"
         if not (budget.has_any(now_s) and self._answers.has_any(now_s)) or (
             is_change and not self._changes.takes(now_s)
@@ -68,7 +68,7 @@ class Speech:
         return TokenBucket(rate, BURST_S * rate)
 
     def text(self, severity: int, words: str, now_s: float) -> bytes:
-        """Words to the pilot, as far as their budget goes."""
+        """Return a text to the pilot, within the budget."""
         said = self._codec.status_text(severity, words)
         if self._texts.takes(now_s, len(said)):
             return said
