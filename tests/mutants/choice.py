@@ -10,7 +10,7 @@ from coverage import CoverageData
 
 ROOT = Path(__file__).parents[2]
 KERNELS = "companion/kernels/"
-TESTS_MAX_S = 100.0  # Of the tests of a line, the shortest that take so long together are run.
+TESTS_MAX_S = 60.0  # Of the tests of a line, the shortest that take so long together are run.
 
 
 def stored_for(texts):
