@@ -51,6 +51,7 @@ class Choice:
     def tests_of(self, mutant):
         """The tests that reach a mutant, and files that are run as a whole.
 
+        Where no test reaches a line, one may do so in another process: the tests of its file are run.
         What runs when a module is imported is reached by tests that reach a line with a name that it defines.
         Compiled kernels hide their lines: they have the tests of their folder, of planning and of flights.
         Files of tests that are newer than what was measured are run as a whole.
@@ -63,7 +64,7 @@ class Choice:
             word = re.compile(rf"\b({'|'.join(mutant.names)})\b")
             for path, lines in self._lines.items():
                 wanted |= self._reaching(path, [n for n, line in enumerate(lines, 1) if word.search(line)])
-        parts = [wanted]
+        parts = [wanted or self._reaching(mutant.path, range(len(self._lines[mutant.path]) + 1))]
         if mutant.path.startswith(KERNELS):
             folders = f"tests/{inside}/", "tests/planning/", "tests/flight/"
             parts += [{test for test in self.seconds if test.startswith(folder)} for folder in folders]
