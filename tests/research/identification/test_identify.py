@@ -154,6 +154,11 @@ def test_a_tlog_alone_tells_of_sensors_only(tmp_path):
         flown_of(tmp_path)
 
 
+def test_correlated_samples_by_hand():
+    # The mean product is 1 of each with itself, (1 - 1 + 1)/3 one apart, (-1 - 1)/2 two apart, which ends it.
+    assert independent_samples([np.array([1.0, 1.0, -1.0, -1.0])], 3) == pytest.approx(4 / (1 + 2 / 3))
+
+
 def test_correlated_samples_are_worth_fewer():
     rng = np.random.default_rng(3)
     white = rng.standard_normal(20_000)
