@@ -10,6 +10,7 @@ from coverage import CoverageData
 
 ROOT = Path(__file__).parents[2]
 KERNELS = "companion/kernels/"
+WORD = re.compile(r"\w+")
 TESTS_MAX_S = 60.0  # Of the tests of a line, the shortest that take so long together are run.
 
 
@@ -41,8 +42,9 @@ class Choice:
     def __init__(self, folder, texts):
         self.seconds = json.loads((folder / "durations.json").read_text(encoding="utf-8"))
         measured_s = (folder / "durations.json").stat().st_mtime
-        tests = (ROOT / "tests").rglob("test_*.py")
-        self._newer = {t.relative_to(ROOT).as_posix() for t in tests if t.stat().st_mtime > measured_s}
+        tests = {path.relative_to(ROOT).as_posix(): path for path in (ROOT / "tests").rglob("test_*.py")}
+        self._newer = {name for name, path in tests.items() if path.stat().st_mtime > measured_s}
+        self._words = {name: set(WORD.findall(path.read_text("utf-8"))) for name, path in tests.items()}
         self._lines = {path: text.splitlines() for path, text in texts.items()}
         data = CoverageData(str(folder / "coverage"))
         data.read()
@@ -52,15 +54,18 @@ class Choice:
         """The tests that reach a mutant, and files that are run as a whole.
 
         Where no test reaches a line, one may do so in another process: the tests of its file are run.
-        What runs when a module is imported is reached by tests that reach a line with a name that it defines.
+        What runs when a module is imported is reached by tests that reach a line with a name that it defines,
+        and by the files of tests that name a constant or a class of it.
         Compiled kernels hide their lines: they have the tests of their folder, of planning and of flights.
-        Files of tests that are newer than what was measured are run as a whole.
+        Files of tests of the same room that are newer than what was measured are run as a whole.
         """
         inside = Path(*Path(mutant.path).parts[1:-1])
         mirrored = Path("tests", inside, f"test_{Path(mutant.path).name}").as_posix()
         files = {mirrored} if (ROOT / mirrored).exists() else set()
         wanted = self._reaching(mutant.path, range(mutant.lines[0], mutant.lines[1] + 1))
         if mutant.names:
+            told = {name for name in mutant.names if name[:1].isupper()}
+            files |= {name for name, words in self._words.items() if told & words}
             word = re.compile(rf"\b({'|'.join(mutant.names)})\b")
             for path, lines in self._lines.items():
                 wanted |= self._reaching(path, [n for n, line in enumerate(lines, 1) if word.search(line)])
@@ -68,7 +73,8 @@ class Choice:
         if mutant.path.startswith(KERNELS):
             folders = f"tests/{inside}/", "tests/planning/", "tests/flight/"
             parts += [{test for test in self.seconds if test.startswith(folder)} for folder in folders]
-        files |= self._newer
+        room = Path("tests", *inside.parts[:1]).as_posix()
+        files |= {name for name in self._newer if name.startswith(f"{room}/")}
         whole_s = sum(took_s for test, took_s in self.seconds.items() if _file_of(test) in files)
         return self._shortest(parts, whole_s), files
 
