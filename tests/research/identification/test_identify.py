@@ -54,6 +54,7 @@ def test_noise_that_is_known_is_found_again(closed_loop):
     # The aircraft that is identified is taken for another: nothing may come from the mission file's noise.
     found = identified([flown], vehicle_of(mission_from_text(GOOD, "other.yaml")))
     assert found.tracked_s > 0.95 * synthetic.LENGTH_S
+    assert found.tracked_s == pytest.approx(sum(np.ptp(run.times_s) for run in flown.deviations))
     for key in ("position_std_m", "altitude_std_m", "course_std_deg"):
         assert found.known[key] == pytest.approx(noise[key], rel=0.01)
     for key in MOTION:
