@@ -8,7 +8,6 @@ the last time. Everything runs in a copy of the project.
 """
 
 import argparse
-import contextlib
 import importlib
 import json
 import os
@@ -145,8 +144,6 @@ def main():
             survivors += found
             is_good &= len(found) <= (1.0 - KILLED_MIN) * len(sample)
             SURVIVORS.write_text(json.dumps(survivors, indent=0), encoding="utf-8")
-        with contextlib.suppress(OSError):
-            shutil.copy2(folder / "log", ROOT / ".mutants" / "last_tests.txt")
     sys.stdout.write(f"seed {asked.seed}, {(time.monotonic() - began_s) / 60.0:.0f} min\n")
     return 0 if is_good else 1
 
