@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -11,6 +11,8 @@ FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
 SEEDS ?= 2
+# Which mutants are drawn.
+SEED ?= 1
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
 QUICK := not slow and not bench and not real and not page and not mavproxy
@@ -100,6 +102,9 @@ campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pi
 	$(BIN)/python -m tests.torture kills -n 50
 	$(BIN)/python -m tests.torture pilots -n 50
 
+mutants: warm ## change the program at 360 random places drawn by SEED: do the tests notice 9 of 10? FLAGS=--again for survivors
+	$(BIN)/python -m tests.mutants --seed $(SEED) $(FLAGS)
+
 bench: $(STAMP) ## measure what must be fast, against the stored baseline or the checkout BESIDE
 	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
@@ -162,4 +167,4 @@ format: $(STAMP) ## put the source into its format
 	$(BIN)/ruff format .
 
 clean: ## remove what the targets made
-	rm -rf .venv .venv-* .fuzz .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-* .fuzz .mutants .coverage .coverage.* build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

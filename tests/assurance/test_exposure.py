@@ -83,6 +83,9 @@ def test_what_a_moving_threat_can_be_by_then_by_hand():
     assert levels(path, tracks=[track(500.0, 0.0, std=30.0)])[0] > 0.0  # twice 30 m nearer
     assert levels(path, tracks=[track(150.0, 0.0)])[0] == pytest.approx(CERTAIN)  # it is below by then
     assert levels(path, tracks=[track(260.0, 0.0, speed=0.0)])[0] == 0.0  # parked
+    # A wall to which it does not drive does not delay it.
+    aside = [box("aside", 2000.0, 2000.0, 2010.0, 2010.0)]
+    assert levels(path, tracks=[track(449.9, 0.0)], walls=aside)[0] == pytest.approx(at_reach, rel=1e-2)
     wall = [box("wall", 300.0, -100.0, 310.0, 100.0)]
     # Round the wall's end it is 2·√(145² + 101²)-odd metres: it does not come into sight by then.
     assert levels(path, tracks=[track(449.9, 0.0)], walls=wall)[0] == 0.0

@@ -93,6 +93,7 @@ def lines_covered(target, inputs):
             lines.add(frame.f_lineno)
         return watch
 
+    before = sys.gettrace()  # Coverage goes on where it was.
     for data in inputs:
         sys.settrace(watch)
         try:
@@ -100,7 +101,7 @@ def lines_covered(target, inputs):
         except Exception:  # as above
             continue
         finally:
-            sys.settrace(None)
+            sys.settrace(before)
     total = sum(len(_lines_in_functions(Path(file))) for file in files)
     return sum(len(files[file] & _lines_in_functions(Path(file))) for file in files), total
 

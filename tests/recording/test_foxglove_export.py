@@ -15,7 +15,7 @@ from companion.recording import foxglove_export
 from companion.recording import mcap_schema as channels
 from companion.recording import scene_update as scenes
 from companion.recording.flight_pictures import FENCES, LOG, SCENES, TRANSFORM, Pictures
-from companion.recording.foxglove_export import export_flight, layout_of
+from companion.recording.foxglove_export import export_flight, layout_of, readable
 from companion.recording.mcap_reader import utc_of
 from companion.recording.mcap_writer import plain
 from companion.types.threat import Obstacle
@@ -47,6 +47,18 @@ def entities(file):
                 found.pop(gone["id"], None)
             found |= {entry["id"]: entry for entry in message["entities"]}
     return found
+
+
+def test_a_schema_in_words_of_viewers_has_one_type_a_key_and_no_arrays_of_arrays():
+    keys = {"speed": channels.NUMBER, "row": channels.NUMBERS, "rows": channels.ROWS, "names": channels.TEXTS}
+    assert readable({"type": "object", "properties": keys}) == {
+        "type": "object",
+        "properties": {
+            "speed": {"type": "number"},
+            "row": {"type": "array", "items": {"type": "number"}},
+            "names": {"type": "array", "items": {"type": "string"}},
+        },
+    }
 
 
 def test_schemas_are_foxgloves_by_name_and_what_was_recorded_is_there_too(picture):

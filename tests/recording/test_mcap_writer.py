@@ -198,6 +198,17 @@ def test_a_clock_that_is_set_back_does_not_stop_the_writing(tmp_path):
     assert CHUNK_S <= 1.0
 
 
+def test_what_waits_is_written_every_half_second_of_the_clock_and_not_at_each_message(tmp_path):
+    # From 100 s to 102 s, eight messages a second: the first alone, then four times four.
+    log = FlightLog(tmp_path / "a.mcap", 1e9)
+    for eighth in range(17):
+        log.write(channels.THREAT, 100.0 + eighth / 8, encoded(100.0 + eighth / 8, {"level": 0.1}))
+    log.close()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        statistics = make_reader(file).get_summary().statistics
+    assert (statistics.message_count, statistics.chunk_count) == (17, 5)
+
+
 def test_what_is_not_finite_is_null():
     assert plain({"a": math.inf, "b": [math.nan, 1.0], "c": Dialect.PX4, 3: (True, None)}) == {
         "a": None, "b": [None, 1.0], "c": "px4", "3": [True, None],

@@ -15,9 +15,9 @@ from companion.tracking.threat_assigner import (
     VehicleClassSettings,
 )
 from companion.tracking.track import TrackSettings, chi_square_quantile
-from companion.tracking.tracker import Tracker, TrackerSettings
+from companion.tracking.tracker import Tracker, TrackerSettings, _is_same
 from companion.types.events import Emitter
-from companion.types.threat import DynamicThreat
+from companion.types.threat import DynamicThreat, TrackState
 from tests.tracking.reports import FRAME, report
 
 PURSUER = DynamicThreat("pursuer", (0.0, 0.0, 0.0), 25.0, 400.0, 20.0)
@@ -35,6 +35,21 @@ def drive(target, times, speed=10.0, **keywords):
 
 def test_the_gate_of_two_dimensions_has_a_closed_form():
     assert chi_square_quantile(0.99) == pytest.approx(9.2103, abs=1e-4)  # any table of chi-square
+
+
+def test_99_of_100_pairs_of_tracks_of_one_aircraft_are_taken_for_one():
+    # Of four degrees of freedom any table has 13.277. Each covariance is 50 of everything, their sum 100.
+    def at(east_m, up_m=100.0):
+        place, moving = (east_m, 0.0, up_m), (30.0, 0.0, 0.0)
+        return TrackState(
+            0.0, "icao:1", place, moving, 50.0 * np.eye(4), 60.0, 250.0, 15.0, True, 0.0, flies_on=True
+        )
+
+    limit_m = math.sqrt(13.277 * 100.0)
+    assert _is_same(at(0.0), at(0.99 * limit_m))
+    assert not _is_same(at(0.0), at(1.01 * limit_m))
+    assert _is_same(at(0.0), at(0.0, up_m=199.0))
+    assert not _is_same(at(0.0), at(0.0, up_m=201.0))
 
 
 def test_a_track_is_initiated_and_followed():

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.world.pursuer_trees import grown_trees, threat_trees
+from companion.types.threat import ThreatTree
+from companion.world.pursuer_trees import grown_trees, put_back, threat_trees
 from tests.support.paths import box
 from tests.support.worlds import packed, track
 
@@ -24,6 +25,22 @@ def test_a_vehicle_that_drove_and_stands_now_is_where_it_is():
     again = replace(driving, stamp_s=2.0)
     trees = threat_trees([again], WALLS, 100.0, BOUNDS, grown_trees(trees, [standing]))
     assert trees.count[0] > 2
+
+
+def test_of_a_tree_that_is_carried_the_earliest_half_of_what_has_room_comes_back():
+    # A chain of 1000 nodes, a second apart, stored from its end to its root; there is room for 1500.
+    driving = track(0.0, 0.0, speed=20.0)
+    later = np.arange(1000.0)[::-1]
+    chain = ThreatTree(
+        driving.identity, driving.is_airborne, np.column_stack([later, 0.0 * later, 0.0 * later]),
+        0.0 * later, np.append(np.arange(1, 1000), -1), later,
+    )  # fmt: skip
+    trees = threat_trees([driving], WALLS, 100.0, BOUNDS)
+    put_back(trees, 0, chain)
+    assert trees.count[0] == 750
+    assert trees.time[0, :750].tolist() == later[250:].tolist()
+    assert trees.position[0, :750, 0].tolist() == later[250:].tolist()
+    assert trees.parent[0, :750].tolist() == [*range(1, 750), -1]
 
 
 def test_an_aircraft_that_flies_on_is_foreseen_by_its_own_velocity():

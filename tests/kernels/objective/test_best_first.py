@@ -13,6 +13,7 @@ from companion.kernels.objective.best_first import (
     Cells,
     Nodes,
     Rules,
+    fly_on,
     grow_best_first,
     turning_share,
 )
@@ -151,3 +152,16 @@ def test_a_goal_too_high_for_the_way_is_farther_by_a_loop():
     loop = 500.0 + 2.0 * math.pi * RHO
     assert share_of_way(flat=500.0, up=1.1 * rise) == pytest.approx(loop / climbing)
     assert share_of_way(flat=500.0, up=4.0 * rise) == pytest.approx(1.0)  # it takes longer than that anyhow
+
+
+def test_after_a_turn_it_flies_straight_until_it_may_turn_the_other_way():
+    # 125 m at 25 m/s, a second a row: five rows after a left turn, then a right one may begin.
+    search = search_for()
+    nodes, limits = search.nodes, VehicleModel().limits(2, BOUNDS, 15.0, 1.0)
+    assert limits.straight_min == 125.0
+    nodes.turn[0], nodes.straight[0] = 1, 0.0
+    assert fly_on(nodes, 1, 0, -1, 0.0, limits, search.rules) == -1
+    assert fly_on(nodes, 1, 0, 0, 0.0, limits, search.rules) == 5
+    assert nodes.straight[1:6] == pytest.approx([25.0, 50.0, 75.0, 100.0, 125.0])
+    assert fly_on(nodes, 6, 4, -1, 0.0, limits, search.rules) == -1
+    assert fly_on(nodes, 6, 5, -1, 0.0, limits, search.rules) == 6

@@ -286,6 +286,15 @@ def test_remote_id():
     assert reports(started(), remote_id(geodetic=-1_000.0)) == []
 
 
+def test_each_accuracy_of_remote_id_is_a_distance_within_which_95_of_100_errors_lie():
+    # By the descriptions of MAV_ODID_HOR_ACC in common.xml: nautical miles down to 0.05, then metres.
+    bounds_m = [1852.0 * miles for miles in (10, 4, 2, 1, 0.5, 0.3, 0.1, 0.05)] + [30.0, 10.0, 3.0, 1.0]
+    for accuracy, bound_m in enumerate(bounds_m, 1):
+        (report,) = reports(started(), remote_id(accuracy=accuracy))
+        assert report.position_std_m == pytest.approx(bound_m / 2.4477)
+    assert reports(started(), remote_id(accuracy=0))[0].position_std_m is None
+
+
 def test_the_memory_for_echoes_stays_small():
     codec = started()
     for number in range(1, 1_200):

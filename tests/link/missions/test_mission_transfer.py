@@ -23,10 +23,16 @@ from companion.link.missions.mission_transfer import (
     REPEAT_MAX_S,
     REPEAT_MIN_S,
     TRANSFER_TIMEOUT_S,
+    MissionDownload,
     RoundTrip,
     Upload,
 )
-from companion.link.wire.decoded_frame import MissionAck, MissionItemRequest
+from companion.link.wire.decoded_frame import (
+    MissionAck,
+    MissionCount,
+    MissionItemReceived,
+    MissionItemRequest,
+)
 from companion.link.wire.framing import frames_in
 from companion.mission.item_difference import difference
 from sim.autopilot.arduplane.arduplane_store import MissionStore
@@ -294,6 +300,30 @@ def test_fences_and_rallies_of_others_are_no_concern():
     assert upload.failure is None
     upload.note_ack(MissionAck(0.1, 14, 0, 0), 0.1)
     assert upload.failure == "DENIED"
+
+
+def test_of_a_reading_the_first_length_of_the_own_list_counts():
+    reading = MissionDownload(RoundTrip(), 0.0, 6)
+    assert reading.due(0.0) == [-1]
+    reading.note_count(MissionCount(9, 1), 0.1)  # The fence's.
+    assert reading.due(0.1) == []
+    reading.note_count(MissionCount(2, 0), 0.2)
+    assert reading.due(0.2) == [0, 1]
+    reading.note_count(MissionCount(5, 0), 0.3)  # The answer to a question that was repeated.
+    assert reading.due(0.3) == []
+    for number in range(2):
+        assert reading.failure is None
+        reading.note_item(MissionItemReceived(ITEMS[number], 0), 0.4)
+    assert (reading.failure, reading.items) == ("", ITEMS[:2])
+    reading.note_count(MissionCount(0, 0), 0.5)
+    assert reading.items == ITEMS[:2]
+
+
+def test_a_reading_that_was_given_up_stays_given_up():
+    reading = MissionDownload(RoundTrip(), 0.0, 6)
+    reading.abandon()
+    reading.note_count(MissionCount(0, 0), 0.1)
+    assert reading.failure == "ABANDONED"
 
 
 def test_an_unanswered_item_goes_again_with_the_next():

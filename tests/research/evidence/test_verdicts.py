@@ -28,6 +28,8 @@ def test_tables_repeat_each_other():
                 for other in TABLES:
                     if name in other.measures:
                         assert other.printed[dimension]["safe-rrt"][other.measures.index(name)] == value
+    methods = "safe-rrt", "taddrrt", "nfz-ddrrt", "rrt-star"
+    assert list(TABLE_1) == [(dimension, method) for dimension in (2, 3) for method in methods]
     for (dimension, method), row in TABLE_1.items():
         shown = dict(zip(TABLES[0].measures, TABLES[0].printed[dimension][method], strict=True))
         assert (shown["PST"], shown["NCDC"], shown["ESR"]) == row[:3]

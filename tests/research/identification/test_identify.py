@@ -54,6 +54,7 @@ def test_noise_that_is_known_is_found_again(closed_loop):
     # The aircraft that is identified is taken for another: nothing may come from the mission file's noise.
     found = identified([flown], vehicle_of(mission_from_text(GOOD, "other.yaml")))
     assert found.tracked_s > 0.95 * synthetic.LENGTH_S
+    assert found.tracked_s == pytest.approx(sum(np.ptp(run.times_s) for run in flown.deviations))
     for key in ("position_std_m", "altitude_std_m", "course_std_deg"):
         assert found.known[key] == pytest.approx(noise[key], rel=0.01)
     for key in MOTION:
@@ -152,6 +153,11 @@ def test_a_tlog_alone_tells_of_sensors_only(tmp_path):
     assert flights[0].mission == load_mission(CONFIGS / "first-flight.yaml")
     with pytest.raises(RecordError, match="neither a tlog nor a folder"):
         flown_of(tmp_path)
+
+
+def test_correlated_samples_by_hand():
+    # The mean product is 1 of each with itself, (1 - 1 + 1)/3 one apart, (-1 - 1)/2 two apart, which ends it.
+    assert independent_samples([np.array([1.0, 1.0, -1.0, -1.0])], 3) == pytest.approx(4 / (1 + 2 / 3))
 
 
 def test_correlated_samples_are_worth_fewer():

@@ -176,6 +176,14 @@ def test_another_version_than_those_measured_is_a_warning():
     assert version(Dialect.PX4, None).verdict is WARN
 
 
+def test_a_version_is_told_with_its_kind_of_release():
+    # FIRMWARE_VERSION_TYPE in MAVLink's common.xml; an official release needs no word.
+    kinds = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: "", 7: "?"}
+    for number, kind in kinds.items():
+        found = version(Dialect.PX4, VersionTold((1, 17, 2), number))
+        assert (found.verdict, found.found) == (OK, f"PX4 1.17.2{kind}")
+
+
 class Round:
     """A link doctor before the simulator, with the wire in the test's hands."""
 

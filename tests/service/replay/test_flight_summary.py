@@ -1,13 +1,16 @@
 """A flight's report from its recording alone."""
 
 import shutil
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from companion.config import load_mission
 from companion.errors import RecordError
+from companion.recording import mcap_schema as channels
 from companion.recording.recorder import About, Recorder
+from companion.service.replay import flight_summary
 from companion.service.replay.flight_summary import flight_of
 from companion.service.replay.frames_record import FROM_TLOG, ON_BOARD
 from companion.types.events import Dialect
@@ -22,6 +25,15 @@ pytestmark = pytest.mark.xdist_group("recorded flights")  # they share flights t
 @pytest.fixture(scope="module")
 def flown():
     return recorded("first-flight", 3, Dialect.PX4)
+
+
+def test_of_a_flight_beyond_the_longest_the_rows_are_counted_that_are_left_out(monkeypatch):
+    monkeypatch.setattr(flight_summary, "ROWS_MAX", 3)
+    told = flight_summary._Told(Counter())
+    for second in range(5):
+        told.take(channels.THREAT, {"stamp_s": float(second), "level": 0.5})
+    assert [stamp_s for stamp_s, _ in told.threat] == [0.0, 1.0, 2.0]
+    assert told.counters == {"beyond_the_longest_flight": 2}
 
 
 def test_it_shows_what_the_service_knew(flown):

@@ -98,6 +98,16 @@ class Heard:
         return kind, [(topic.decode(), json.loads(text)) for topic, _, text in messages]
 
 
+def test_a_viewer_who_asks_again_on_the_same_line_is_not_answered_again(served):
+    with served.stream() as line:
+        heard = Heard(line)
+        assert heard.event()[0] == "snapshot"
+        line.sendall(request("/stream"))
+        assert served.get("/healthz")  # By then what was said before it has been heard.
+        served.told.recorder.decide(3.0, "keep", "cost 1.0, flown 2.0")
+        assert heard.event()[0] == "news"
+
+
 def test_a_viewer_gets_a_picture_and_then_what_is_new(served):
     with served.stream() as line:
         heard = Heard(line)

@@ -1,15 +1,23 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.image import imread
 
 from companion.ui.reports import charts, style
-from companion.ui.reports.perspective import circle, prism_faces
+from companion.ui.reports.perspective import (
+    AZIMUTH_DEG,
+    ELEVATION_DEG,
+    circle,
+    draw_perspective,
+    prism_faces,
+)
 from companion.ui.reports.plots import flight_map, plot_mission, plot_plan
 from companion.ui.reports.threats_met import encounter_table
 from tests.ui.reports.flights import empty_record, mission, path, plan, record, snapshot_of
@@ -67,6 +75,30 @@ def test_the_map_of_a_flight_has_every_upload_and_the_closest_approach():
     assert [len(collection.get_segments()) for collection in lines] == [3]
     assert any(label.startswith("closest approach: ") for label in labels_of(figure))
     assert {"00:00", "00:30", "01:00"} <= {text.get_text() for text in figure.axes[0].texts}
+
+
+def test_the_map_of_a_flight_of_72_s_marks_each_10_s_and_says_what_its_colours_are():
+    config = mission()
+    with style.drawing():
+        figure = flight_map(config, snapshot_of(config), record())
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    assert {text for text in texts if re.fullmatch(r"\d\d:\d\d", text)} == {
+        f"0{s // 60}:{s % 60:02}" for s in range(0, 72, 10)
+    }
+    titles = " ".join(axes.get_title("left") for axes in figure.findobj(Axes))
+    assert "by time of upload" in titles
+    assert "radar threat μ" in titles
+    (image,) = figure.axes[0].images
+    assert image.get_clim() == (0.0, 1.0)
+
+
+def test_a_plan_in_space_is_seen_from_above_and_aside():
+    config = mission(3)
+    with style.drawing():
+        figure = style.new_figure(8.0, 8.0)
+        draw_perspective(figure, figure.add_gridspec(1, 1)[0], config, snapshot_of(config), plan())
+    (axes,) = figure.axes
+    assert (axes.elev, axes.azim) == (ELEVATION_DEG, AZIMUTH_DEG)
 
 
 def test_the_map_of_an_empty_record_is_the_world_alone():

@@ -38,6 +38,12 @@ def test_stretches_follow_each_other():
     assert "&lt;FBWA&gt;" in page
 
 
+def test_of_a_flight_that_changes_all_the_time_the_first_thousand_stretches_are_told():
+    decisions = [Decision(float(k), "mode", "planning (AUTO)") for k in range(1100)]
+    found = watches(decisions, 2000.0)
+    assert (len(found), found[-1].from_s, found[-1].to_s) == (1000, 999.0, 2000.0)
+
+
 def test_nothing_recorded_is_said():
     assert "No change" in who_flew_table([], 0.0, 0.0)
 
