@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.types.threat import ThreatTree
-from companion.world.pursuer_trees import grown_trees, put_back, threat_trees
+from companion.world.pursuer_trees import grown_trees, restore_tree, threat_trees
 from tests.support.paths import box
 from tests.support.worlds import packed, track
 
@@ -36,7 +36,7 @@ def test_of_a_tree_that_is_carried_the_earliest_half_of_what_has_room_comes_back
         0.0 * later, np.append(np.arange(1, 1000), -1), later,
     )  # fmt: skip
     trees = threat_trees([driving], WALLS, 100.0, BOUNDS)
-    put_back(trees, 0, chain)
+    restore_tree(trees, 0, chain)
     assert trees.count[0] == 750
     assert trees.time[0, :750].tolist() == later[250:].tolist()
     assert trees.position[0, :750, 0].tolist() == later[250:].tolist()

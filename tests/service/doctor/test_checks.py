@@ -180,7 +180,7 @@ def test_a_version_is_told_with_its_kind_of_release():
     # FIRMWARE_VERSION_TYPE in MAVLink's common.xml; an official release needs no word.
     kinds = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: "", 7: "?"}
     for number, kind in kinds.items():
-        found = version(Dialect.PX4, VersionTold((1, 17, 2), number))
+        found = version(Dialect.PX4, AutopilotVersion((1, 17, 2), number))
         assert (found.verdict, found.found) == (OK, f"PX4 1.17.2{kind}")
 
 

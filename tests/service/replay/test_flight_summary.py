@@ -29,7 +29,7 @@ def flown():
 
 def test_of_a_flight_beyond_the_longest_the_rows_are_counted_that_are_left_out(monkeypatch):
     monkeypatch.setattr(flight_summary, "ROWS_MAX", 3)
-    told = flight_summary._Told(Counter())
+    told = flight_summary._ReportData(Counter())
     for second in range(5):
         told.take(channels.THREAT, {"stamp_s": float(second), "level": 0.5})
     assert [stamp_s for stamp_s, _ in told.threat] == [0.0, 1.0, 2.0]
