@@ -42,7 +42,7 @@ class VehicleClass:
     turn_radius_m: float
     flies_on: bool = False
 
-    def at_least(self, other: VehicleClass) -> VehicleClass:
+    def max_with(self, other: VehicleClass) -> VehicleClass:
         """Return an unassigned class with the larger capabilities of both."""
         return VehicleClass(
             None,
@@ -130,8 +130,8 @@ class ThreatAssigner:
         kind = self._class_of(number)
         if is_meant:
             is_second = kind.stands and self._standing.get(number, identity) != identity
-            return kind.at_least(unknown) if is_second else kind
-        return unknown if is_airborne or kind.stands else kind.at_least(unknown)
+            return kind.max_with(unknown) if is_second else kind
+        return unknown if is_airborne or kind.stands else kind.max_with(unknown)
 
     def assigned(
         self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None

@@ -27,7 +27,7 @@ SEED_CELLS = 6  # Within so many cells of a DT, its paths are straight lines.
 # A wall whose base is higher does not stand on the ground: vehicles pass under it and see through.
 STANDS_M = 1.0
 BEARING_CELLS = 1.5  # Two lines of sight are at most so many cells apart at the rim of a DT's reach.
-# Two cells are nearer to each other than the difference of their arrivals says by at most so many cells.
+# The difference of two cells' arrivals overestimates their distance by at most so many cells.
 ROUNDED_CELLS = 3.0
 # Cells along each side of a block: where a DT reaches none of them in time, no line of sight is cast.
 BLOCK = 8

@@ -153,7 +153,7 @@ class Codec:
         for raw in self._incoming.frames(data, stamp_s, address, is_peer=is_peer):
             if (raw.system_id, raw.component_id) == self.own_ids:
                 self.counters["own"] += 1
-            elif not self._is_taken(raw, stamp_s, address):
+            elif not self._is_accepted(raw, stamp_s, address):
                 continue
             elif not raw.is_verified:
                 self.counters["unknown_message"] += 1
@@ -162,7 +162,7 @@ class Codec:
                 frames.append(self._decoded(raw, stamp_s, address))
         return frames
 
-    def _is_taken(self, raw: RawFrame, stamp_s: float, address: Address | None) -> bool:
+    def _is_accepted(self, raw: RawFrame, stamp_s: float, address: Address | None) -> bool:
         """Return whether a frame is signed as required and its sender may send it."""
         if raw.message_id == SETUP_SIGNING:
             self.counters["setup_signing"] += 1  # It holds a key, so it is not forwarded or recorded either.

@@ -28,7 +28,7 @@ def read_key(path: Path) -> bytes:
     try:
         safe = _resolved(path)
         status = safe.stat()
-        if not _is_ours(status):
+        if not _is_owned_by_us(status):
             raise _refusal(path, f"a file of user {status.st_uid}'s", "one of the service's user or of root")
         if stat.S_IMODE(status.st_mode) & 0o077:
             found = f"mode {stat.S_IMODE(status.st_mode):04o}"
@@ -67,12 +67,12 @@ def _check_folders(path: Path, folder: Path) -> None:
         status = entry.stat()
         # In a folder with the sticky bit, such as /tmp, other users can replace only their own files.
         is_open = status.st_mode & 0o022 and not status.st_mode & stat.S_ISVTX
-        if is_open or not _is_ours(status):
+        if is_open or not _is_owned_by_us(status):
             found = f"{entry}, mode {stat.S_IMODE(status.st_mode):04o} of user {status.st_uid}'s, on the way"
             raise _refusal(path, found, "folders that nobody else may write to")
 
 
-def _is_ours(status: os.stat_result) -> bool:
+def _is_owned_by_us(status: os.stat_result) -> bool:
     return status.st_uid in (os.geteuid(), 0)
 
 

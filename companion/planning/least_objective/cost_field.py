@@ -152,8 +152,8 @@ def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
     )
 
 
-def _rated(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
-    """What a second costs at cruise without pursuers, at the usual spacing and at twice as much."""
+def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
+    """The cost of a second at cruise without pursuers, on grids of the usual spacing and of twice that."""
     fields = _empty(problem, objective.limits, 1.0), _empty(problem, objective.limits, 2.0)
     least_m = _least_deviation_m(objective)
     enough = max(objective.prices.wanted, objective.limits.margin + 1.0, DEVIATIONS_FREE * least_m)
@@ -166,7 +166,7 @@ def _rated(problem: Problem, objective: Objective) -> tuple[CostField, CostField
 
 def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
     """What a second costs at cruise without pursuers, kept from plan to plan."""
-    return _kept(_worlds, _world_key(problem, objective), lambda: _rated(problem, objective))
+    return _kept(_worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective))
 
 
 def _at_airspeed(world: CostField, objective: Objective) -> CostField:

@@ -37,7 +37,7 @@ class ResultTable:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
 
-    def is_figure(self, column: int) -> bool:
+    def is_numeric(self, column: int) -> bool:
         """Return whether a column has numbers, which are aligned to the right."""
         return any(isinstance(row[column].value, float) for row in self.rows)
 
@@ -117,7 +117,7 @@ def markdown(table: ResultTable) -> str:
     """A table as Markdown."""
     lines = [
         " | ".join(head for head, _ in table.columns),
-        " | ".join("---:" if table.is_figure(n) else "---" for n in range(len(table.columns))),
+        " | ".join("---:" if table.is_numeric(n) else "---" for n in range(len(table.columns))),
         *(" | ".join(cell.text for cell in row) for row in table.rows),
     ]
     body = "\n".join(f"| {line} |" for line in lines)

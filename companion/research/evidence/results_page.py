@@ -137,7 +137,7 @@ def _kind(table: ResultTable, column: int) -> str:
     """The CSS class of a column: numbers are aligned to the right, and verdicts are coloured."""
     if table.columns[column][0] == "verdict":
         return ' class="verdict"'
-    return ' class="value"' if table.is_figure(column) else ""
+    return ' class="value"' if table.is_numeric(column) else ""
 
 
 def _sorted_by(cell: Cell) -> str:

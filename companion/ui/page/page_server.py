@@ -1,8 +1,8 @@
 """The page's HTTP server: files, streams and fields to a few viewers at once, in a thread of its own.
 
-Nobody can hold it up, and it holds nobody up: what a viewer does not take in time is not kept for it, it is
-dropped, and comes back to a picture of what is then. Whatever is asked, only GET is answered, and nothing
-that is asked changes anything but what is answered.
+A slow viewer holds up nothing: news that it does not accept in time is dropped together with its connection,
+and when it connects again it gets the present state. Only GET requests are answered, and no request changes
+anything.
 
 References
 ----------
