@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from companion.clock import ManualClock
-from companion.flight.tasks.plan_maker import LOOK_S, PlanMaker, plan_request
+from companion.flight.tasks.plan_maker import LOOK_INTERVAL_S, PlanMaker, plan_request
 from companion.planning.plan_runner import (
     InlineRunner,
     PlanBrokenOffError,
@@ -83,7 +83,7 @@ def made(runner, monkeypatch, *, may_break_off, broken_off_s=None):
 def test_a_plan_is_broken_off_only_where_that_was_allowed(monkeypatch):
     found, at_s, is_reported = made(InlineRunner(), monkeypatch, may_break_off=True, broken_off_s=0.4)
     assert (found, is_reported) == ("a fence", True)
-    assert at_s <= 0.4 + LOOK_S + 0.1
+    assert at_s <= 0.4 + LOOK_INTERVAL_S + 0.1
     found, at_s, is_reported = made(InlineRunner(), monkeypatch, may_break_off=False, broken_off_s=0.4)
     assert (found, is_reported) == ("A PLAN", False)
     assert at_s >= 1.0

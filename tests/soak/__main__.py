@@ -111,12 +111,12 @@ def main():
     began, readings, ends, simulated_s = time.time(), [], Counter(), 0.0
     while time.time() - began < 60.0 * chosen.minutes:
         with tempfile.TemporaryDirectory() as folder:
-            how, durations_s = flight(len(readings), chosen.first_seed, Path(folder))
+            how, lasted_s = flight(len(readings), chosen.first_seed, Path(folder))
         ends[how] += 1
         if how == "collision":
             seed = chosen.first_seed + len(readings)
-            say(f"flight {len(readings)}, seed {seed}: collision after {durations_s:.1f} s")
-        simulated_s += durations_s
+            say(f"flight {len(readings)}, seed {seed}: collision after {lasted_s:.1f} s")
+        simulated_s += lasted_s
         readings.append(reading(len(readings), began))
         if len(readings) % 10 == 1:
             now = readings[-1]

@@ -36,9 +36,9 @@ def test_the_slope_is_that_of_most_pairs():
 
 
 def test_a_flight_of_the_soak_ends(tmp_path):
-    how, durations_s = flight(0, 1, tmp_path)
+    how, lasted_s = flight(0, 1, tmp_path)
     assert how in ("goal", "flying")
-    assert durations_s > 30.0
+    assert lasted_s > 30.0
 
 
 # Flights of earlier versions that met an obstacle: paper-2d, the last two on PX4.
