@@ -43,7 +43,7 @@ from companion.assurance.exposure import Exposure
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.return_to_bounds import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
-from companion.assurance.violation import Violation, where_broken, where_outside
+from companion.assurance.violation import Violation, outside, violated
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, ThreatPicture
@@ -184,9 +184,7 @@ class Checker:
         levels = self._exposure.levels(path, picture)
         rows = np.arange(len(levels))
         above = (rows >= first) & ~(levels <= limit + 1e-9)
-        yield from where_broken(
-            "threat", rows, above, levels, limit, "threat level, by the check's own count"
-        )
+        yield from violated("threat", rows, above, levels, limit, "threat level, by the check's own count")
 
     def _row_violations(self, path: Path, usable: BoolArray, first: int) -> Iterator[Violation]:
         """Check bounds, speeds, climb angles of ``usable`` (N,) rows; threat levels, quality of all."""
@@ -196,10 +194,10 @@ class Checker:
         speed, climb, level = path.speeds_m_s, path.climb_angles_rad, path.threat_levels
         rows = np.arange(len(usable))
         airspeeds = (limits.airspeed_min_m_s, limits.airspeed_max_m_s)
-        yield from where_outside(
+        yield from outside(
             "speed", rows, ready, speed, airspeeds, tolerance=SPEED_TOLERANCE_M_S, detail="airspeed [m/s]"
         )
-        yield from where_outside(
+        yield from outside(
             "climb",
             rows,
             ready,
@@ -210,10 +208,10 @@ class Checker:
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
-        yield from where_broken("threat", rows, too_high, level, limits.threat_level_max, "threat level")
+        yield from violated("threat", rows, too_high, level, limits.threat_level_max, "threat level")
         free = path.collision_free
         is_share = (free >= 0.0) & (free <= 1.0)
-        yield from where_broken("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
+        yield from violated("quality", rows, ahead & ~is_share, free, 1.0, "p_c is no probability")
         quality = float(np.prod(free[first:]))
         if not quality >= limits.quality_min:
             yield Violation("quality", len(rows) - 1, quality, limits.quality_min, "product of p_c")
@@ -224,12 +222,12 @@ class Checker:
         """Check times, speeds, courses against positions, radii and climb of edges ``ahead`` (N - 1,)."""
         limits, rows = self.limits, edges.rows
         backwards = ahead & ~(edges.steps_s > 0.0)
-        yield from where_broken("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
+        yield from violated("time", rows, backwards, edges.steps_s, 0.0, "time does not go on [s]")
         timed = ahead & (edges.steps_s > 0.0)
         flown = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * edges.steps_s
         farthest = flown * speeds.most
         too_far = timed & (edges.chords_m > farthest * (1.0 + RATIO_TOLERANCE) + LENGTH_TOLERANCE_M)
-        yield from where_broken(
+        yield from violated(
             "pace", rows, too_far, edges.chords_m, farthest, "farther than speed and time allow [m]"
         )
         # A curve's chord is not shorter than the chord of an arc of the smallest radius (Schur's theorem).
@@ -237,19 +235,19 @@ class Checker:
         arc = np.minimum(0.5 * nearest / limits.turn_radius_min_m, 0.5 * math.pi)
         least = nearest * np.sinc(arc / math.pi)
         too_near = timed & (edges.chords_m < least * (1.0 - RATIO_TOLERANCE) - LENGTH_TOLERANCE_M)
-        yield from where_broken(
+        yield from violated(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
         turns = np.abs(edges.turns_rad)
         allowed = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
         disagrees = ahead & (np.abs(edges.offsets_rad) > allowed)
-        yield from where_broken("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
+        yield from violated("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
                            "courses do not agree with positions [rad]")  # fmt: skip
         radii = edges.lengths_m / np.maximum(turns, 1e-12)
         banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
         smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
         tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
-        yield from where_broken("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        yield from violated("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
         gained = speeds.fastest_m_s - speeds.level_m_s
@@ -270,7 +268,7 @@ class Checker:
             limit = slope_over_ground(most, airspeeds_m_s, gained_m_s)
             steep = flown & ~(sign * angles_rad <= limit + CLIMB_TOLERANCE_RAD)
             detail = f"climb angle between rows [rad], {name}"
-            yield from where_broken("climb", rows, steep, angles_rad, sign * limit, detail)
+            yield from violated("climb", rows, steep, angles_rad, sign * limit, detail)
 
     def _bulge_violations(self, path: Path, edges: Edges, ahead: BoolArray) -> Iterator[Violation]:
         """Check the bounds at the middles of the arcs of edges ``ahead`` (N - 1,)."""
@@ -293,7 +291,7 @@ class Checker:
         rows = np.arange(len(points)) if row is None else np.full(len(points), row)
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
-            yield from where_outside(
+            yield from outside(
                 "bounds",
                 rows,
                 ready,
@@ -444,7 +442,7 @@ class Checker:
         reach = self.limits.turn_radius_min_m * np.tan(0.5 * np.abs(turns))
         needed = np.append(reach, 0.0) + np.append(0.0, reach)
         short = needed > lengths * (1.0 + CORNER_TOLERANCE) + POINT_TOLERANCE_M
-        yield from where_broken(
+        yield from violated(
             "corner", rows[1:], short, lengths, needed, "leg too short for the turns at its ends [m]"
         )
         for corner in np.flatnonzero(np.abs(turns) > CORNER_MIN_RAD):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from companion.assurance import curves
 from companion.assurance.prisms import LENGTH_TOLERANCE_M
-from companion.assurance.violation import Violation, where_broken
+from companion.assurance.violation import Violation, violated
 from companion.frames import FloatArray
 from companion.types.path import Path
 
@@ -101,8 +101,8 @@ def acceleration_violations(
     slowing = max(most_m_s2, SLOWING_M_S2)
     slowest = np.sqrt(np.maximum(before**2 - 2.0 * slowing * lengths, 0.0)) - SPEED_JOIN_M_S
     detail = "airspeed over one edge [m/s]"
-    yield from where_broken("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
-    yield from where_broken("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
+    yield from violated("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
+    yield from violated("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
 
 
 def bulges(edges: Edges, radius_m: float) -> FloatArray:

@@ -37,7 +37,7 @@ class Violation:
         return f"{words} {value}" if name == words else f"{value} from {name}"
 
 
-def where_broken(
+def violated(
     rule: str,
     rows: NDArray[np.int64],
     broken: BoolArray,
@@ -67,7 +67,7 @@ def where_broken(
         yield Violation(rule, int(rows[index]), float(values[index]), float(limits[index]), detail)
 
 
-def where_outside(
+def outside(
     rule: str,
     rows: NDArray[np.int64],
     ready: BoolArray,
@@ -97,10 +97,8 @@ def where_outside(
         Description of the values, with their unit.
     """
     low, high = limits
-    yield from where_broken(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
-    yield from where_broken(
-        rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper"
-    )
+    yield from violated(rule, rows, ready & ~(values >= low - tolerance), values, low, f"{detail}, lower")
+    yield from violated(rule, rows, ready & ~(values <= high + tolerance), values, high, f"{detail}, upper")
 
 
 def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:

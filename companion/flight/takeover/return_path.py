@@ -101,9 +101,7 @@ def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[
     guidance, radius = guidance_of(state), _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
-    tracks = (
-        _track_to(guidance, begun, end, radius).positions_enu_m for begun in _start_headings(ownship, end)
-    )
+    tracks = (_track_to(guidance, begun, end, radius).positions_enu_m for begun in _headings(ownship, end))
     return [_with_glide(track, end) for track in tracks]
 
 
@@ -118,7 +116,7 @@ def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -
         if ownship.position_enu_m[2] >= up_m - guidance.height_acceptance_m:
             tracks += [
                 _track_to(guidance, begun, place, radius).positions_enu_m
-                for begun in _start_headings(ownship, place)
+                for begun in _headings(ownship, place)
             ]
         else:
             tracks += _climbed_first(guidance, ownship, up_m, place, radius)
@@ -179,7 +177,7 @@ def _track_to(guidance: Guidance, ownship: Ownship, end: Place, radius_m: float)
     return track_of_circle(guidance, ownship, np.asarray(end), radius_m, duration_s, STEP_S)
 
 
-def _start_headings(ownship: Ownship, end: Place) -> list[Ownship]:
+def _headings(ownship: Ownship, end: Place) -> list[Ownship]:
     """Return the aircraft; if the end lies behind it, also with its course changed to either side."""
     east, north, _ = ownship.position_enu_m
     bearing = math.atan2(end[0] - east, end[1] - north)
