@@ -46,6 +46,16 @@ def test_on_the_circle_its_own_acceleration_is_asked_for(side):
     assert circle_acceleration(-900.0, 0.0, 25.0, 0.0, circle, LAW) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_straight_out_of_the_middle_it_turns_away_so_as_to_come_onto_the_circle_along_it(side):
+    # 75 m within the circle at 10 m/s outwards, by the spring and damper of ArduPilot's L1 loiter: the
+    # frequency is 2π/17, the spring pulls by 75 m times its square, the damper by 2 · 0.75 · 10 m/s times it.
+    circle, frequency = CIRCLE * (1.0, 1.0, 1.0, side), 2.0 * math.pi / 17.0
+    expected = -75.0 * frequency**2 + 15.0 * frequency
+    assert expected == pytest.approx(-4.70, abs=0.01)
+    assert side * circle_acceleration(0.0, 50.0, 0.0, 10.0, circle, LAW) == pytest.approx(expected)
+
+
 def test_a_step_rolls_no_faster_than_allowed_and_the_wind_carries():
     state = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 20.0])
     moved(state, (3.0, 0.0), 9.0, LAW)
