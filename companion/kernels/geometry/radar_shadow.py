@@ -16,6 +16,7 @@ from companion.kernels.native.kernel import kernel
 
 NO_SHADOW = -1.0e9
 NEARLY_NORTH_M = 1e-6
+STANDS_M = 1.0  # A prism whose base is higher does not stand on the ground.
 
 
 @kernel
@@ -61,10 +62,9 @@ def shadow_behind(rx: float, ry: float, rz: float, x: float, y: float, obstacles
 
 
 @kernel
-def casts_shadow(rz: float, obstacles: Obstacles, o: int) -> bool:
-    """Return whether prism ``o`` stands on the ground, or on that of a radar at height ``rz`` [m]."""
-    base = obstacles.heights[o, 0]
-    return base <= min(rz, 0.0) + 1.0 or base <= 1.0
+def casts_shadow(obstacles: Obstacles, o: int) -> bool:
+    """Return whether prism ``o`` stands on the ground, so that it casts a shadow in the field."""
+    return obstacles.heights[o, 0] <= STANDS_M
 
 
 @kernel
@@ -99,7 +99,7 @@ def fill_shadows(shadows: Float2D, grid: Float1D, radar: Float1D, obstacles: Obs
     rx, ry, rz, spacing = radar[0], radar[1], radar[2], grid[2]
     shadows[:] = NO_SHADOW
     for o in range(obstacles.heights.shape[0]):
-        if not casts_shadow(rz, obstacles, o):
+        if not casts_shadow(obstacles, o):
             continue
         ax, ay, bx, by = sector_behind(rx, ry, obstacles, o)
         for i in range(shadows.shape[0]):

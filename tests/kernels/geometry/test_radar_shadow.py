@@ -32,7 +32,7 @@ COORDINATE = st.floats(-500.0, 500.0)
 
 def shadow_height(rx, ry, rz, x, y, obstacles):
     """Below which a point over (x, y) is hidden from a radar, by looking behind every prism."""
-    casting = [o for o in range(len(obstacles.heights)) if casts_shadow(rz, obstacles, o)]
+    casting = [o for o in range(len(obstacles.heights)) if casts_shadow(obstacles, o)]
     return max([NO_SHADOW, *(shadow_behind(rx, ry, rz, x, y, obstacles, o) for o in casting)])
 
 
