@@ -67,6 +67,12 @@ class Waypoints:
     airspeed_again: int = 0
 
     @property
+    def circle(self) -> tuple[FloatArray, float]:
+        """Centre (3,) [m] and signed radius [m] of the circle at the end."""
+        centre = self.positions_enu_m[-1] if self.loiter_centre_enu_m is None else self.loiter_centre_enu_m
+        return centre, self.loiter_radius_m
+
+    @property
     def num_items(self) -> int:
         """Number of items in the autopilot's list, including the operator's actions."""
         again = self.airspeed_again > 0
@@ -345,9 +351,9 @@ def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
 
 def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
     """Return the item of the circle at the end."""
-    centre = waypoints.loiter_centre_enu_m
-    last = _item(Command.NAV_LOITER_UNLIM, waypoints.positions_enu_m[-1] if centre is None else centre, frame)
-    return replace(last, parameters=(0.0, 0.0, waypoints.loiter_radius_m, None))
+    centre, radius_m = waypoints.circle
+    last = _item(Command.NAV_LOITER_UNLIM, centre, frame)
+    return replace(last, parameters=(0.0, 0.0, radius_m, None))
 
 
 def sequence_of_waypoint(mission: Mission, number: int) -> int:

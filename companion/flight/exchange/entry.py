@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import at_row, guidance_over
+from companion.flight.state.mission_simulation import at_start, guidance_over
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints
@@ -132,7 +132,7 @@ def _predicted(ownship: Ownship, path: Path, in_s: float) -> Ownship:
 
 def _at_start(ownship: Ownship, path: Path, before_s: float) -> Ownship:
     """Return the aircraft at a path's start, or a time before it [s], with the present wind and bank."""
-    begin = at_row(path, ownship.wind_enu_m_s)
+    begin = at_start(path, ownship.wind_enu_m_s)
     (east, north, up), back = begin.position_enu_m, before_s * begin.ground_speed_m_s
     return replace(
         begin,
@@ -169,11 +169,10 @@ def _entry_track(
     guidance: Guidance, ownship: Ownship, waypoints: Waypoints, number: int, ends_s: float
 ) -> Track:
     """Simulate the direct flight to a waypoint, and on over the following waypoints."""
-    loiter = waypoints.loiter_centre_enu_m
-    circle = (waypoints.positions_enu_m[-1] if loiter is None else loiter, waypoints.loiter_radius_m)
     return track_of_legs(
-        guidance, ownship, waypoints.positions_enu_m[number:], loiter=circle, ends_s=ends_s, step_s=STEP_S
-    )
+        guidance, ownship, waypoints.positions_enu_m[number:], loiter=waypoints.circle, ends_s=ends_s,
+        step_s=STEP_S,
+    )  # fmt: skip
 
 
 def _variations(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance, Ownship]]:

@@ -31,6 +31,7 @@ from companion.flight.state.mission_simulation import (
     circle_stretch,
     commanded_airspeed_m_s,
     faults_of,
+    is_circle_exposed,
     lacking_in_other_winds,
     simulated,
 )
@@ -196,10 +197,8 @@ def _best_of(
 
 def _airspeeds(state: FlightState, part: Path) -> list[float]:
     """Airspeeds to command for a part of a path, the wanted one first [m/s]."""
-    wanted, cruise = (
-        commanded_airspeed_m_s(part, state.rules.vehicle),
-        state.rules.vehicle.airspeed_cruise_m_s,
-    )
+    cruise = state.rules.vehicle.airspeed_cruise_m_s
+    wanted = commanded_airspeed_m_s(part, state.rules.vehicle)
     return [wanted, cruise] if wanted > cruise + FASTER_M_S else [wanted]
 
 
@@ -251,7 +250,7 @@ def _fitted(
 ) -> Candidate:
     """The mission over a part of a path, its waypoints moved until the simulated track follows the part."""
     actions = _actions_along(state, part)
-    tried: list[Candidate] = []
+    tried: list[tuple[Candidate, Track | None]] = []
     for spacing in SPACINGS:
         waypoints = waypoints_from_path(
             part, airspeed_m_s, flies_by=state.flies_by, marked_m=[length for length, _ in actions],
@@ -259,16 +258,17 @@ def _fitted(
         )  # fmt: skip
         for _ in range(CORRECTIONS + 1):
             candidate, track = _judged(state, part, waypoints, circle)
-            tried.append(candidate)
+            tried.append((candidate, track))
             if track is None or not candidate.faults.before_circle:
                 break
             waypoints = _corrected(part, candidate.waypoints, track)
-        best = min(tried, key=_rank)
+        best, track = min(tried, key=lambda made: _rank(made[0]))
         if not best.violations and not best.faults.short_m:
             break
-    if not best.violations:
-        lacking = lacking_in_other_winds(state, part, best.waypoints)
-        best = best._replace(faults=best.faults.worst(NO_FAULTS._replace(on_circle_m=lacking)))
+    if track is not None and not best.violations:
+        lacking = lacking_in_other_winds(state, best.waypoints, track)
+        is_exposed = is_circle_exposed(state, best.waypoints, float(part.times_s[-1]))
+        best = best._replace(faults=best.faults.worst(Faults(lacking, is_exposed, 0.0, 0.0, 0.0)))
     finished = replace(
         best.waypoints,
         continues_with_operator_items=is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1]),
@@ -358,9 +358,8 @@ def _actions_along(state: FlightState, part: Path) -> list[tuple[float, Actions]
         if not away.min() <= goal.acceptance_radius_m:
             break
         row += int(np.argmin(away))
-        steps = np.linalg.norm(np.diff(part.positions_enu_m[: row + 1, :2], axis=0), axis=1)
         if items:
-            found.append((float(steps.sum()), items))
+            found.append((float(part.travelled_m[row]), items))
     return found
 
 

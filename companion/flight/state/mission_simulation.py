@@ -10,7 +10,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
-from companion.frames import FloatArray, speed_made_good
+from companion.frames import speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
@@ -135,25 +135,23 @@ def circle_stretch(state: FlightState) -> float:
     return 1.0 / density_ratio(altitude) if state.flies_by else 1.0
 
 
-def at_row(path: Path, wind_enu_m_s: tuple[float, float], row: int = 0) -> Ownship:
-    """The aircraft at a row of a path with its wings level, by default at the first row.
+def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
+    """The aircraft at the start of a path, with its wings level.
 
     Parameters
     ----------
     path : Path
-        What is to be flown.
+        The path to be flown.
     wind_enu_m_s : tuple of float
         Velocity of the air, east and north [m/s].
-    row : int
-        Which row.
     """
-    course, airspeed = float(path.courses_rad[row]), max(float(path.speeds_m_s[row]), 1.0)
-    east, north, up = (float(value) for value in path.positions_enu_m[row])
+    course, airspeed = float(path.courses_rad[0]), max(float(path.speeds_m_s[0]), 1.0)
+    east, north, up = (float(value) for value in path.positions_enu_m[0])
     return Ownship(
-        stamp_s=float(path.times_s[row]),
+        stamp_s=float(path.times_s[0]),
         position_enu_m=(east, north, up),
         course_rad=course,
-        flight_path_angle_rad=float(path.climb_angles_rad[row]),
+        flight_path_angle_rad=float(path.climb_angles_rad[0]),
         airspeed_m_s=airspeed,
         ground_speed_m_s=speed_made_good(course, airspeed, wind_enu_m_s),
         wind_enu_m_s=wind_enu_m_s,
@@ -240,8 +238,8 @@ def simulated(state: FlightState, path: Path, waypoints: Waypoints, *, at_once: 
     lap_s = 2.0 * math.pi * radius / max(waypoints.airspeed_m_s - wind, SLOWEST_M_S)
     slowest = max(min(waypoints.airspeed_m_s, float(path.speeds_m_s[0])) - wind, SLOWEST_M_S)
     track = track_of_legs(
-        guidance, at_row(path, state.wind_enu_m_s), waypoints.positions_enu_m,
-        loiter=_circle_of(waypoints),
+        guidance, at_start(path, state.wind_enu_m_s), waypoints.positions_enu_m,
+        loiter=waypoints.circle,
         ends_s=(float(waypoints.distances_m[-1]) + DETOUR_MAX_M) / slowest + lap_s, step_s=STEP_S,
     )  # fmt: skip
     at_circle = int(np.searchsorted(track.reached, len(waypoints.positions_enu_m)))
@@ -256,7 +254,7 @@ def faults_of(
     Parameters
     ----------
     state : FlightState
-        Rules and threats.
+        The rules.
     part : Path
         The part of the path that the mission covers.
     waypoints : Waypoints
@@ -267,7 +265,7 @@ def faults_of(
     Returns
     -------
     Faults
-        By how much wanted distances are missed.
+        By how much wanted distances are missed. The threat level of the circle is not looked up.
     tuple of Violation
         Where the track touches something, or its circle lacks the hard margin.
     """
@@ -287,7 +285,7 @@ def faults_of(
     deviation = float(np.linalg.norm(between, axis=2).min(axis=1).max())
     faults = Faults(
         on_circle_m=max(lacking[True], beyond[True]),
-        is_exposed=is_circle_exposed(state, waypoints, float(part.times_s[-1])),
+        is_exposed=False,
         before_m=max(0.0, lacking[False] - (wanted - margin), beyond[False]),
         short_m=lacking[False],
         deviation_m=max(0.0, deviation - DEVIATION_TOLERANCE_M),
@@ -295,7 +293,7 @@ def faults_of(
     return faults, tuple(forbidden)
 
 
-def lacking_in_other_winds(state: FlightState, part: Path, waypoints: Waypoints) -> float:
+def lacking_in_other_winds(state: FlightState, waypoints: Waypoints, track: Track) -> float:
     """By how much the circle at a mission's end lacks the hard margin in winds like the present one [m].
 
     A circle that the last leg does not touch is entered in a turn that the wind changes much.
@@ -304,14 +302,13 @@ def lacking_in_other_winds(state: FlightState, part: Path, waypoints: Waypoints)
     ----------
     state : FlightState
         The autopilot's guidance, and the wind now.
-    part : Path
-        The part of the path that the mission covers.
     waypoints : Waypoints
         The mission.
+    track : Track
+        The simulated flight over the mission in the wind now.
     """
     checker, num = state.rules.checker, len(waypoints.positions_enu_m)
     margin, lacking = checker.limits.margin_m, 0.0
-    track = simulated(state, part, waypoints)
     begin = max(int(np.searchsorted(track.reached, num)) - round(LAST_S / STEP_S), 0)
     number, lap = int(track.reached[begin]), len(track) - begin
     (east, north, up), course = track.positions_enu_m[begin].tolist(), float(track.courses_rad[begin])
@@ -325,15 +322,9 @@ def lacking_in_other_winds(state: FlightState, part: Path, waypoints: Waypoints)
         other = track_of_legs(
             guidance_of(state), own, waypoints.positions_enu_m[number:],
             before_enu_m=waypoints.positions_enu_m[number - 1] if number > 0 else None,
-            loiter=_circle_of(waypoints), ends_s=lap * STEP_S, step_s=STEP_S,
+            loiter=waypoints.circle, ends_s=lap * STEP_S, step_s=STEP_S,
         )  # fmt: skip
         found = checker.check_track(other.positions_enu_m, margin, may_come_back=True)
         near = [entry.value for entry in found if entry.rule == "clearance"]
         lacking = max(lacking, margin - min(near, default=margin))
     return lacking
-
-
-def _circle_of(waypoints: Waypoints) -> tuple[FloatArray, float] | None:
-    """Centre (3,) [m] and signed radius [m] of the circle at a mission's end, if it has one."""
-    centre = waypoints.loiter_centre_enu_m
-    return None if centre is None else (centre, waypoints.loiter_radius_m)

@@ -15,7 +15,7 @@ from companion.flight.state.mission_construction import construct, construct_unt
 from companion.flight.state.mission_simulation import (
     BOUNDS_TOLERANCE_M,
     airspeed_at_end,
-    at_row,
+    at_start,
     guidance_of,
     simulated,
 )
@@ -134,7 +134,7 @@ def corner_at(wind=(0.0, 0.0), *, flies_by):
 def room_of(made, path, waypoints):
     """How near the track that the autopilot flies over waypoints comes to the wall [m]."""
     track = track_of_legs(
-        guidance_of(made), at_row(path, made.wind_enu_m_s), waypoints.positions_enu_m, ends_s=50.0
+        guidance_of(made), at_start(path, made.wind_enu_m_s), waypoints.positions_enu_m, ends_s=50.0
     )
     return shapely.LineString(track.positions_enu_m[:, :2]).distance(shapely.box(692, -400, 740, 50))
 
