@@ -73,3 +73,6 @@ _._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local
 
 # Columns of docs/pilot-messages.md, which tests/docs writes.
 _.cause, _.action
+
+# A failsafe of the simulated autopilot, which tests trigger.
+_.fail_safe

@@ -64,6 +64,19 @@ class Dialect(Enum):
         return self is Dialect.PX4
 
 
+class Motion(Enum):
+    """What an autopilot does by itself in a flight mode.
+
+    ``MISSION``: it flies its mission. ``RETURN``: it returns to launch. ``CIRCLE``: it flies to the position
+    that it reports as its target, and round it. ``STEERED``: a pilot steers, or the mode is not known.
+    """
+
+    MISSION = "mission"
+    RETURN = "return"
+    CIRCLE = "circle"
+    STEERED = "steered"
+
+
 _PARAMETER_NAMES = {
     Dialect.ARDUPILOT: {
         "fence_enable": "FENCE_ENABLE",  # Requested first: the other fence parameters depend on it.
@@ -78,6 +91,7 @@ _PARAMETER_NAMES = {
         "airspeed_cruise_m_s": "AIRSPEED_CRUISE",
         "climb_max_m_s": "TECS_CLMB_MAX",
         "sink_max_m_s": "TECS_SINK_MAX",
+        "throttle_max": "THR_MAX",
         "fence_height_m": "FENCE_ALT_MAX",
         "fence_radius_m": "FENCE_RADIUS",
         "return_height_m": "RTL_ALTITUDE",
@@ -98,6 +112,7 @@ _PARAMETER_NAMES = {
         "airspeed_cruise_m_s": "FW_AIRSPD_TRIM",
         "climb_max_m_s": "FW_T_CLMB_MAX",
         "sink_max_m_s": "FW_T_SINK_MAX",
+        "throttle_max": "FW_THR_MAX",
         "fence_height_m": "GF_MAX_VER_DIST",
         "fence_radius_m": "GF_MAX_HOR_DIST",
         "return_height_m": "RTL_RETURN_ALT",
@@ -118,10 +133,10 @@ class Emitter(Enum):
 class Heartbeat:
     """HEARTBEAT of the autopilot.
 
-    ``mode`` is the autopilot's name of the flight mode (``AUTO``, ``RTL``, ``MISSION``…). ``is_mission_mode``
-    is true in the mode that flies missions. ``is_contradicted`` is true if heartbeats under the vehicle's ids
-    contradict each other; then ``is_mission_mode`` is false, and dialect and ``is_armed`` are the last
-    accepted.
+    ``mode`` is the autopilot's name of the flight mode (``AUTO``, ``RTL``, ``MISSION``…), and ``motion`` what
+    it does in that mode. ``is_failsafe`` is true while it reports a failsafe. ``is_mission_mode`` is true in
+    the mode that flies missions. ``is_contradicted`` is true if heartbeats under the vehicle's ids contradict
+    each other; then ``is_mission_mode`` is false, and dialect and ``is_armed`` are the last accepted.
     """
 
     stamp_s: float
@@ -132,6 +147,8 @@ class Heartbeat:
     is_mission_mode: bool
     is_armed: bool
     is_contradicted: bool = False
+    motion: Motion = Motion.STEERED
+    is_failsafe: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +166,31 @@ class GlobalPosition:
 
 @dataclass(frozen=True, slots=True)
 class AirData:
-    """VFR_HUD: airspeed and ground speed."""
+    """VFR_HUD: airspeed, ground speed, and the throttle as a share of 1."""
 
     stamp_s: float
     airspeed_m_s: float
     ground_speed_m_s: float
+    throttle: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class EngineSpeed:
+    """ESC_TELEMETRY_1_TO_4, RPM or EFI_STATUS: the speed of the fastest engine [1/min]."""
+
+    stamp_s: float
+    source: str
+    speed_rpm: float
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringTarget:
+    """POSITION_TARGET_GLOBAL_INT: the position that the autopilot flies to, or circles about."""
+
+    stamp_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,6 +335,8 @@ Event = (
     Heartbeat
     | GlobalPosition
     | AirData
+    | EngineSpeed
+    | SteeringTarget
     | Attitude
     | WindEstimate
     | EstimatorAccuracy

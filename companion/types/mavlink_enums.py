@@ -44,6 +44,7 @@ class MessageId(IntEnum):
     VFR_HUD = 74
     COMMAND_LONG = 76
     COMMAND_ACK = 77
+    POSITION_TARGET_GLOBAL_INT = 87
     AUTOPILOT_VERSION = 148
     WIND = 168
     EKF_STATUS_REPORT = 193
@@ -55,6 +56,7 @@ class MessageId(IntEnum):
     STATUSTEXT = 253
     SETUP_SIGNING = 256
     COMPONENT_METADATA = 397
+    ESC_TELEMETRY_1_TO_4 = 11030
 
 
 class Command(IntEnum):

@@ -163,6 +163,44 @@ TEXTS = {
         "The flight mode is another one: by the pilot, by a failsafe or after a reboot.",
         "Select the mission mode to have the planner fly on.",
     ),
+    "failsafe": PilotText(
+        "suspended", Severity.WARNING,
+        "Failsafe: autopilot flies {mode}. {back}",
+        "The autopilot has changed its flight mode and reports a failsafe. The planner waits.",
+        "Read the autopilot's own text. Select the mission mode only if the cause is gone.",
+    ),
+    "meets": PilotText(
+        "ahead", Severity.CRITICAL,
+        "{mode} meets {what} in {time} s: {advice}",
+        "The planner does not fly. What the aircraft does next in this flight mode leads too near to an "
+        "obstacle or a fence. The ways out keep clear for 20 s.",
+        "Do what the text says, at once.",
+    ),
+    "meets nothing": PilotText(
+        "ahead", Severity.NOTICE,
+        "{mode} keeps clear again",
+        "What the aircraft does next keeps clear for 20 s.",
+        NOTHING,
+    ),
+    "no thrust": PilotText(
+        "engine", Severity.CRITICAL,
+        "NO THRUST: {ends}",
+        "The throttle is open and the aircraft loses height or airspeed, or the engine reports no speed. The "
+        "time is that to the height of home at the present sink.",
+        "Fly to a place where the aircraft can land, or restart the engine.",
+    ),
+    "thrust": PilotText(
+        "engine", Severity.NOTICE,
+        "Thrust again",
+        "The aircraft gains energy again.",
+        NOTHING,
+    ),
+    "off path": PilotText(
+        "off path", Severity.WARNING,
+        "Aircraft {what}",
+        "The aircraft has not followed its path for 3 s. The planner plans from where it is.",
+        "Look for the cause: engine, wind, icing, limits of the autopilot.",
+    ),
     "other item": PilotText(
         "suspended", Severity.WARNING,
         "Planner paused: other mission chosen. {back}",
@@ -195,14 +233,16 @@ TEXTS = {
     ),
     "handback safe": PilotText(
         "handback", Severity.NOTICE,
-        "{mode} from here is safe",
-        "The pilot flies. The way that the autopilot would take keeps clear for 45 s.",
-        "Select the mission mode when you like.",
+        "{mode} from here is safe for 10 s",
+        "The planner does not fly. For the next 10 s of what is flown now, the mission mode may be selected "
+        "at any moment: the way that the autopilot would take keeps clear for 45 s.",
+        "Select the mission mode when you like. The text is taken back at once when it is no longer true.",
     ),
     "handback unsafe": PilotText(
         "handback", Severity.WARNING,
         "{mode} from here is NOT safe: {what}",
-        "The pilot flies. The way that the autopilot would take does not keep clear.",
+        "The planner does not fly. Now, or within the next 10 s of what is flown now, the way that the "
+        "autopilot would take does not keep clear.",
         "Fly somewhere else before you select the mission mode.",
     ),
     "restarted": PilotText(
@@ -315,6 +355,7 @@ TEXTS = {
     ),
 }  # fmt: skip
 SUBJECTS = {
+    "failsafe": "mode", "meets": "ahead", "meets nothing": "ahead", "no thrust": "engine", "thrust": "engine",
     "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
     "arrived": "mode", "handback safe": "handback", "handback unsafe": "handback",

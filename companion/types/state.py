@@ -72,6 +72,8 @@ class AutopilotSettings:
         Equivalent airspeeds [m/s].
     climb_max_m_s, sink_max_m_s : float or None
         Largest rates of climb and descent [m/s].
+    throttle_max : float or None
+        Largest throttle: in percent on an ArduPlane, as a share of 1 on a PX4.
     fence_height_m : float or None
         Height limit of the fence above home, 0 without one [m].
     fence_radius_m : float or None
@@ -104,6 +106,7 @@ class AutopilotSettings:
     airspeed_cruise_m_s: float | None = None
     climb_max_m_s: float | None = None
     sink_max_m_s: float | None = None
+    throttle_max: float | None = None
     fence_height_m: float | None = None
     fence_radius_m: float | None = None
     fence_enable: float | None = None
@@ -114,6 +117,12 @@ class AutopilotSettings:
     num_rally_points: float | None = None
     rally_limit_km: float | None = None
     rally_includes_home: float | None = None
+
+    @property
+    def throttle_max_share(self) -> float:
+        """Largest throttle as a share of 1; 1 if it is not known."""
+        value = self.throttle_max or 1.0
+        return min(value if value <= 1.0 else 1e-2 * value, 1.0)
 
     def fence_limit_m(self, value_m: float | None, kind: int) -> float | None:
         """Return the limit of an enabled fence [m]; None without one.

@@ -51,6 +51,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "SYSID_THISMAV": (1, _INT16),
     "TECS_CLMB_MAX": (7, _REAL),
     "TECS_SINK_MAX": (7, _REAL),
+    "THR_MAX": (100, _INT8),
     "WP_LOITER_RAD": (80, _INT16),
     "WP_RADIUS": (50, _INT16),
 }
@@ -64,6 +65,7 @@ _PX4: dict[str, tuple[float, int]] = {
     "FW_P_LIM_MIN": (-20, _REAL),
     "FW_R_LIM": (50, _REAL),
     "FW_T_CLMB_MAX": (7, _REAL),
+    "FW_THR_MAX": (1, _REAL),
     "FW_T_SINK_MAX": (7, _REAL),
     "GF_MAX_HOR_DIST": (0, _REAL),
     "GF_MAX_VER_DIST": (0, _REAL),

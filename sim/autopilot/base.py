@@ -100,6 +100,7 @@ class Autopilot(ABC):
         self.channels: list[Channel] = []
         self.now_us = 0
         self.is_armed = True
+        self.is_failsafe = False
         self._grounded_us = 0
         self._wanted_parameters: dict[Channel, list[str]] = {}
         self._handlers: dict[str, Callable[[Channel, Message], None]] = {
@@ -149,6 +150,16 @@ class Autopilot(ABC):
     @abstractmethod
     def mission_revision(self) -> int:
         """Changes whenever the stored mission does."""
+
+    @property
+    def system_status(self) -> int:
+        """MAV_STATE of a heartbeat: critical during a failsafe."""
+        return int(mavlink.MAV_STATE_CRITICAL if self.is_failsafe else mavlink.MAV_STATE_ACTIVE)
+
+    def fail_safe(self, mode: str) -> None:
+        """Enter a mode by a failsafe."""
+        self.is_failsafe = True
+        self.set_mode(mode)
 
     @abstractmethod
     def heartbeat(self) -> Message:

@@ -75,6 +75,7 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._filter,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
+            mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: self._motor,
         }
 
     def amsl_m(self, up_m: float) -> float:
@@ -100,6 +101,13 @@ class Telemetry:
 
     def _system_time(self) -> Message:
         return mavlink.MAVLink_system_time_message(EPOCH_S * 1_000_000 + self.now_us, self._boot_ms())
+
+    def _motor(self) -> Message:
+        nothing = (0, 0, 0, 0)
+        speeds = (round(self._flight.motor_rpm), 0, 0, 0)
+        return mavlink.MAVLink_esc_telemetry_1_to_4_message(
+            bytes(4), nothing, nothing, nothing, speeds, nothing
+        )
 
     def _gps(self) -> Message:
         state = self._flight.estimate

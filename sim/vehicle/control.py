@@ -16,6 +16,7 @@ TICK_S = FDM_STEPS_A_TICK * STEP_S
 _TICKS_A_GUIDANCE = 3
 CATAPULT_M = 2.0
 _LOAD_MARGIN = 0.8
+_RPM_FULL = 7_000.0  # Speed of the motor at full throttle.
 _BANK_LIMIT_MIN = math.radians(15.0)
 
 
@@ -31,12 +32,16 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Round a centre; direction 1 is clockwise."""
+    """Round a centre; direction 1 is clockwise.
+
+    From ``begins``, east, north, up [m], the change of height is spread over the way to the centre.
+    """
 
     centre: Point
     radius_m: float
     direction: int
     height_m: float
+    begins: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +93,8 @@ class Flight:
         Change of height from which a leg is flown as a slope; a lesser one is made at once.
     is_standing : bool
         Whether the aircraft stands on the ground.
+    has_thrust : bool
+        Whether the engine runs; without thrust the throttle has no effect.
     """
 
     def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
@@ -105,12 +112,18 @@ class Flight:
         self.goes_beyond = False
         self.slope_min_m = 0.0
         self.is_standing = False
+        self.has_thrust = True
         self._ticks = 0
 
     @property
     def position(self) -> Point:
         """Estimated east and north [m]."""
         return self.estimate.east_m, self.estimate.north_m
+
+    @property
+    def motor_rpm(self) -> float:
+        """Speed of the motor [1/min]."""
+        return _RPM_FULL * self.output.throttle**0.5 if self.has_thrust and not self.is_standing else 0.0
 
     def tick(self) -> None:
         """Sense, guide (every third time), move the servos, and fly for one tick; on the ground, nothing."""
@@ -122,7 +135,8 @@ class Flight:
         self._ticks += 1
         output = self.output
         servos = self._attitude.update(estimate, output.bank_rad, output.pitch_rad, output.throttle)
-        self.dynamics.command(servos.aileron_rad, servos.elevator_rad, servos.rudder_rad, servos.throttle)
+        throttle = servos.throttle if self.has_thrust else 0.0
+        self.dynamics.command(servos.aileron_rad, servos.elevator_rad, servos.rudder_rad, throttle)
         self.dynamics.run(FDM_STEPS_A_TICK)
 
     def stand(self, up_m: float) -> None:
@@ -150,6 +164,9 @@ class Flight:
     def target_height_m(self) -> float:
         """Height to fly at now: along a leg that climbs or descends more than a little, a slope."""
         steering = self.steering
+        if isinstance(steering, Circle) and steering.begins is not None:
+            *begin, height = steering.begins
+            steering = Leg((begin[0], begin[1]), steering.centre, height, steering.height_m)
         if not isinstance(steering, Leg):
             return steering.height_m
         change = steering.height_m - steering.start_height_m

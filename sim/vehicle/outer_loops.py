@@ -202,7 +202,8 @@ class EnergyControl:
         wanted += airframe.mass_kg * acceleration_m_s2
         energy_error = true_speed * speed_error / GRAVITY_M_S2 + 0.3 * (self._height_m - estimate.up_m)
         energy_error = max(-15.0, min(15.0, energy_error))
-        throttle = wanted / available + 0.004 * energy_error + self._throttle_integral
+        large = energy_error - max(-4.0, min(4.0, energy_error))
+        throttle = wanted / available + 0.004 * energy_error + 0.06 * large + self._throttle_integral
         if 0.0 < throttle < 1.0:
             integral = self._throttle_integral + 0.001 * energy_error * self._period_s
             self._throttle_integral = max(-0.2, min(0.2, integral))

@@ -11,6 +11,7 @@ event                       function
 pilot takes over            :func:`after_mode_event`, and when the pilot hands back
 armed, disarmed             :func:`after_armed_reported`
 autopilot's parameters      :func:`after_settings_reported`
+its kind, mode, target      :func:`after_heartbeat`, :func:`after_target_reported`
 taken off, landed           :func:`after_landed_reported`, :func:`after_movement_reported`
 mission file reloaded       :func:`after_reload`
 restart in flight           :func:`after_restart`, once the flown mission is known
@@ -56,7 +57,7 @@ from companion.mission.list_layout import Layout
 from companion.mission.operator import OperatorGoal
 from companion.mission.path_progress import progress_on
 from companion.planning.problem import GoalRegion
-from companion.types.events import HomePosition, MissionCurrent
+from companion.types.events import Heartbeat, HomePosition, MissionCurrent, Motion, SteeringTarget
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
@@ -105,6 +106,14 @@ class FlightState:
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     settings : AutopilotSettings
         The autopilot's parameters of its guidance.
+    autopilot_mode : str
+        The autopilot's name of its flight mode; '' before the first heartbeat.
+    motion : Motion
+        What the autopilot does in that mode.
+    is_failsafe : bool
+        Whether it reported a failsafe when it entered that mode.
+    target_enu_m : tuple of float, or None
+        Position that it has reported in that mode as its target [m].
     home_enu_m : tuple of float, or None
         Home, to which the autopilot returns; None until it is reported [m].
     rally_points : tuple of tuple of float
@@ -129,6 +138,10 @@ class FlightState:
     picture: ThreatPicture = field(default_factory=ThreatPicture)
     flies_by: bool = True
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
+    autopilot_mode: str = ""
+    motion: Motion = Motion.STEERED
+    is_failsafe: bool = False
+    target_enu_m: tuple[float, float, float] | None = None
     home_enu_m: tuple[float, float, float] | None = None
     rally_points: tuple[tuple[float, float, float], ...] = ()
     holds_rally_points: bool = False
@@ -325,9 +338,27 @@ def after_movement_reported(
     return state if phase is state.phase else replace(state, phase=phase)
 
 
-def after_autopilot_reported(state: FlightState, *, flies_by: bool) -> FlightState:
-    """Return the state after a heartbeat showed the kind of autopilot."""
-    return state if state.flies_by is flies_by else replace(state, flies_by=flies_by)
+def after_heartbeat(state: FlightState, heartbeat: Heartbeat) -> FlightState:
+    """Return the state after a heartbeat: kind of autopilot and flight mode; a new mode has no target."""
+    flies_by = heartbeat.dialect.flies_by
+    if state.flies_by is flies_by and state.autopilot_mode == heartbeat.mode:
+        return state
+    return replace(
+        state,
+        flies_by=flies_by,
+        autopilot_mode=heartbeat.mode,
+        motion=heartbeat.motion,
+        is_failsafe=heartbeat.is_failsafe,
+        target_enu_m=None,
+    )
+
+
+def after_target_reported(state: FlightState, target: SteeringTarget) -> FlightState:
+    """Return the state after the autopilot reported the position that it flies to."""
+    place = state.mission.frame.local_from_global(
+        target.latitude_deg, target.longitude_deg, target.altitude_amsl_m
+    )
+    return replace(state, target_enu_m=place)
 
 
 def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:

@@ -19,6 +19,7 @@ from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
 
 OFF_TRACK_MAX_M = 80.0  # An aircraft farther from the flown path is off it.
+OFF_HEIGHT_MAX_M = 25.0  # So is an aircraft that is this far above or below it.
 LAST_LEG_S = 10.0  # A new plan is useless if less than this is left of the flown path when it takes effect.
 # Largest budget and exchange margin of a plan that answers a surprise.
 URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3
@@ -119,7 +120,10 @@ def _rest_after(state: FlightState, ownship: Ownship, ahead_s: float) -> Path | 
         return None
     path = state.flown.path
     progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)
-    if progress.off_track_m > OFF_TRACK_MAX_M:
+    here, after = path.positions_enu_m[progress.row], path.positions_enu_m[progress.row + 1]
+    height_m = float(here[2] + progress.share * (after[2] - here[2]))
+    off_m = abs(ownship.position_enu_m[2] - height_m) if state.mission.dimension == 3 else 0.0
+    if progress.off_track_m > OFF_TRACK_MAX_M or off_m > OFF_HEIGHT_MAX_M:
         return None
     share = ownship.ground_speed_m_s / max(float(path.speeds_m_s[progress.row]), 1.0)
     return rest_of_path(path, time_at(path, progress) + ahead_s * share, ownship.stamp_s + ahead_s)

@@ -17,7 +17,7 @@ from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import (
     FlightState,
     after_armed_reported,
-    after_autopilot_reported,
+    after_heartbeat,
     after_home_reported,
     after_landed_reported,
     after_mode_event,
@@ -25,6 +25,7 @@ from companion.flight.state.flight_state import (
     after_position,
     after_reload,
     after_settings_reported,
+    after_target_reported,
 )
 from companion.flight.state.list_state import MissionPosition
 from companion.flight.state.modes import Mode, ModeEvent
@@ -40,6 +41,7 @@ from companion.types.events import (
     LandedReported,
     MissionCurrent,
     StatusText,
+    SteeringTarget,
 )
 from companion.types.mavlink_enums import SystemState
 from companion.types.state import Ownship
@@ -48,9 +50,11 @@ SILENT_S = 5.0  # The autopilot counts as lost after this time without a heartbe
 HOUSEKEEPING_S = 1.0  # Period of the housekeeping task.
 FENCES_S = 0.2  # Period of the task that decides whether fences are read.
 STATE_S = 0.2  # Period of the task that records the state.
+OTHER_MODES_S = 0.5  # Period of the task that predicts what somebody else flies.
 RELEASE_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
 LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # Limits for logging the autopilot's texts; a boot sends about forty.
 FRESH_AGAIN = "all is heard again"  # The recorded occasion of a plan after an input was stale.
+DEVIATES = "the aircraft does not do what its plan says"  # The recorded occasion of such a plan.
 LAST_TEXT_S = 0.2  # Time for the last texts to be sent before the link is closed.
 MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
     Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
@@ -75,7 +79,6 @@ class App:
     """
 
     def __init__(self, parts: Composition, *, is_warm: bool = True) -> None:
-        self.autopilot_mode = ""
         self.world_model, self.recorder, self.link = parts.world_model, parts.recorder, parts.link
         self.replanning, self.announcer = parts.replanning, parts.announcer
         self._departure = parts.departure
@@ -108,7 +111,8 @@ class App:
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks_by_name = {
-                    "housekeeping": self._housekeeping, "states": self._states, "fences": self._keep_up_fences
+                    "housekeeping": self._housekeeping, "states": self._states,
+                    "fences": self._keep_up_fences, "other modes": self._watch_other_modes,
                 }  # fmt: skip
                 for name, task in tasks_by_name.items():
                     tasks.create_task(_guarded(name, task), name=name)
@@ -138,6 +142,11 @@ class App:
     def mode(self) -> Mode:
         """What the service may do."""
         return self._flight.state.mode
+
+    @property
+    def autopilot_mode(self) -> str:
+        """The autopilot's name of its flight mode; '' before the first heartbeat."""
+        return self._flight.state.autopilot_mode
 
     @property
     def is_warm(self) -> bool:
@@ -183,8 +192,7 @@ class App:
             if event.is_contradicted:
                 self.change(ModeEvent.MISSION_NOT_FLOWN)
                 return
-            self.autopilot_mode = event.mode
-            self._flight.apply(after_autopilot_reported, flies_by=event.dialect.flies_by)
+            self._flight.apply(after_heartbeat, event)
             self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
@@ -197,12 +205,15 @@ class App:
             self._follow(self.replanning.handover.reader.position)
             if isinstance(event, StatusText) and self._logged.takes(now):
                 _log.info("autopilot: %s", event.text)
+        elif isinstance(event, SteeringTarget):
+            self._flight.apply(after_target_reported, event)
         else:
             if isinstance(event, GlobalPosition):
                 self._note_boot(event.boot_s)
                 speed_m_s = math.hypot(*event.velocity_enu_m_s[:2])
                 self._flight.apply(after_movement_reported, event.height_above_home_m, speed_m_s)
             self.world_model.observe(event, now)
+            self.replanning.performance.observe(event)
             self._progress_notices.note(event, now)
 
     def _note_boot(self, boot_s: float) -> None:
@@ -239,10 +250,8 @@ class App:
         else:
             self.replanning.break_off()
         kind, words, tell = MODE_ANNOUNCEMENTS.get(mode, (DecisionKind.MODE, mode.value, ""))
-        if mode is Mode.SUSPENDED and self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
-            words = "return to launch"
-        elif mode is Mode.SUSPENDED and self._link_watch.is_contradicted:
-            words, tell = "heartbeats contradict", "contradiction"
+        if mode is Mode.SUSPENDED:
+            words, tell = self._why_suspended(words, tell)
         mission, resumes = self.link.autopilot.mission_mode, self.state.mission.authority.resume == "auto"
         back = f"{mission} resumes" if mode is Mode.SUSPENDED else f"Leave {mission} and return to resume"
         self.announcer.decide(
@@ -253,6 +262,16 @@ class App:
             text = f"replanning is switched off by {ENABLE}"
             self.announcer.decide(DecisionKind.PARAMETERS, text, tell="off", parameter=ENABLE)
         self._record_status()
+
+    def _why_suspended(self, words: str, tell: str) -> tuple[str, str]:
+        """Return why the service is suspended: the recorded words, and the key of the pilot's text."""
+        if self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
+            return "return to launch", tell
+        if self._link_watch.is_contradicted:
+            return "heartbeats contradict", "contradiction"
+        if self.state.is_failsafe:
+            return "a failsafe of the autopilot", "failsafe"
+        return words, tell
 
     # --- changes of the mission file and the parameters
 
@@ -339,11 +358,16 @@ class App:
             settings = self.link.streams.settings
             if settings != self.state.settings:
                 self._flight.apply(after_settings_reported, settings)
-            self._departure.handback.look()
             self._link_watch.look(now)
             self._parameters.keep()
             self._note_link(now)
             await self._clock.sleep_until(now + HOUSEKEEPING_S)
+
+    async def _watch_other_modes(self) -> None:
+        """Predict what is flown while somebody else flies, twice a second."""
+        while True:
+            self._departure.other_modes.look()
+            await self._clock.sleep_until(self._clock.now_s() + OTHER_MODES_S)
 
     async def _keep_up_fences(self) -> None:
         """Read the fences repeatedly, besides planning, from the first plan to the landing."""
@@ -377,9 +401,7 @@ class App:
 
     def _record_status(self) -> None:
         """Record the status of the service."""
-        status = self._pilot_status.message(
-            self.autopilot_mode, is_received=self.receives_autopilot, is_warm=self._is_warm
-        )
+        status = self._pilot_status.message(is_received=self.receives_autopilot, is_warm=self._is_warm)
         self.recorder.standing(self._clock.now_s(), status)
 
     async def _states(self) -> None:
@@ -388,6 +410,8 @@ class App:
             now = self._clock.now_s()
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
+            if self.replanning.performance.look(now):
+                self.replanning.plan_at_once(DEVIATES)
             ownship = self.world_model.ownship.state(now)
             if ownship is not None:
                 tracks = self.world_model.tracker.tracks(now)

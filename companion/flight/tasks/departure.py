@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
+from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import after_takeover
 from companion.flight.state.list_state import after_suspicion
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.operator_summary import operator_summary_of
 from companion.flight.takeover.takeover import is_due
-from companion.flight.tasks.handback import Handback
+from companion.flight.tasks.other_modes import OtherModes
 from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
@@ -30,15 +30,15 @@ class Departure:
 
     Attributes
     ----------
-    handback : Handback
-        Informs the pilot, while flying, whether a handback is safe.
+    other_modes : OtherModes
+        Informs the pilot, while somebody else flies, of what lies ahead.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._rally_points = parts.announcer, parts.rally_points
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
-        self.handback = Handback(parts)
+        self.other_modes = OtherModes(parts)
         self._read_s = -math.inf
         self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 

@@ -24,20 +24,18 @@ class PilotStatus:
         self._operator: Operator | None = None
         self._places: list[list[float]] = []
 
-    def message(self, autopilot_mode: str, *, is_received: bool, is_warm: bool) -> dict[str, object]:
+    def message(self, *, is_received: bool, is_warm: bool) -> dict[str, object]:
         """Return the message ``/standing``.
 
         Parameters
         ----------
-        autopilot_mode : str
-            The autopilot's name of the flight mode.
         is_received : bool
             Whether a heartbeat was received recently.
         is_warm : bool
             Whether every kernel is compiled.
         """
         parts, state = self._parts, self._parts.flight.state
-        replanning, found = parts.replanning, parts.departure.handback.found
+        replanning, found = parts.replanning, parts.departure.other_modes.resume
         current, emergency = replanning.handover.reader.current, replanning.emergency
         handback: dict[str, object] = {}
         if found is not None:
@@ -45,7 +43,7 @@ class PilotStatus:
             handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": places}
         return {
             "mode": state.mode.name.lower(),
-            "autopilot_mode": autopilot_mode,
+            "autopilot_mode": state.autopilot_mode,
             "is_heard": is_received,
             "is_warm": is_warm,
             "is_armed": state.phase.is_armed,

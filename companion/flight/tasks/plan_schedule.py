@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from companion.flight.state.world_model import WorldModel
+
 SUSPICION_S = 1.0  # Signs of another uploader cause a plan at the earliest this long after the last.
 RETRY_S = 3.0  # Time between plans while no safe path is flown.
 EARLY_REPLAN_S = 5.0  # New threats cause a plan at the earliest this long after the last.
@@ -130,3 +132,8 @@ class PlanSchedule:
 def _first(occasions: Iterable[tuple[float, str]], since_s: float) -> str:
     """Return the first occasion whose time [s] since the last plan has passed; '' if there is none."""
     return next((occasion for after_s, occasion in occasions if occasion and since_s >= after_s), "")
+
+
+def known_threats(world_model: WorldModel, now_s: float) -> KnownThreats:
+    """Return the threats that are known now."""
+    return KnownThreats(world_model.num_known_threats, tuple(world_model.tracker.received_s(now_s)))

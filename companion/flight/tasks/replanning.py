@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
+from companion.flight.prediction.return_path import return_path
 from companion.flight.state.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
@@ -21,7 +22,6 @@ from companion.flight.state.decision import DecisionKind, Verdict
 from companion.flight.state.mission_construction import ConstructedMission
 from companion.flight.state.modes import ModeEvent
 from companion.flight.state.progress import as_of_now, lead_s
-from companion.flight.takeover.return_path import return_path
 from companion.flight.takeover.start_prediction import begin
 from companion.flight.tasks.look_ahead import LookAhead
 from companion.flight.tasks.plan_maker import (
@@ -32,8 +32,8 @@ from companion.flight.tasks.plan_maker import (
     plan_request,
     rally_request,
 )
-from companion.flight.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S
-from companion.flight.tasks.replanning_parts import ReplanningParts, known_threats
+from companion.flight.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S, known_threats
+from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.flight.tasks.surprise_watch import SurpriseWatch
 from companion.mission.swap import SwapOutcome
 from companion.world.snapshot import Snapshot
@@ -72,6 +72,8 @@ class Replanning:
         Plans for the moment at which the aircraft is left to the service.
     freshness : FreshnessWatch
         Detects stale inputs; without the vital ones nothing is planned or handed over.
+    performance : PerformanceWatch
+        Notices when the aircraft does not do what its plan says.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -83,7 +85,7 @@ class Replanning:
         self._rally_points = parts.rally_points
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
-        self.freshness = parts.freshness
+        self.freshness, self.performance = parts.freshness, parts.performance
         self._surprises = SurpriseWatch(parts.flight, parts.world_model, parts.handover.reader)
 
     @property

@@ -11,12 +11,12 @@ from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.monitors.freshness_watch import FreshnessWatch
 from companion.flight.monitors.geofences import Geofences
+from companion.flight.monitors.performance_watch import PerformanceWatch
 from companion.flight.monitors.rally_points import RallyPoints
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.plan_maker import PlanMaker, PlanRunner
-from companion.flight.tasks.plan_schedule import KnownThreats
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.recording.recorder import Recorder
 
@@ -41,6 +41,8 @@ class ReplanningParts:
         Reads the rally points.
     freshness : FreshnessWatch
         Detects stale inputs.
+    performance : PerformanceWatch
+        Notices when the aircraft does not do what its plan says.
     announcer : Announcer
         Announces decisions.
     clock : Clock
@@ -54,6 +56,7 @@ class ReplanningParts:
     geofences: Geofences
     rally_points: RallyPoints
     freshness: FreshnessWatch
+    performance: PerformanceWatch
     announcer: Announcer
     clock: Clock
 
@@ -81,11 +84,7 @@ def parts_for(
         geofences=Geofences(flight, world_model, link, announcer, clock),
         rally_points=RallyPoints(flight, link, announcer, clock),
         freshness=FreshnessWatch(flight, world_model, link, announcer),
+        performance=PerformanceWatch(flight, world_model, announcer),
         announcer=announcer,
         clock=clock,
     )
-
-
-def known_threats(world_model: WorldModel, now_s: float) -> KnownThreats:
-    """Return the threats that are known now."""
-    return KnownThreats(world_model.num_known_threats, tuple(world_model.tracker.received_s(now_s)))

@@ -8,7 +8,7 @@ ArduPlane ``mode.h`` (custom_mode is the number); PX4 ``px4_custom_mode.h`` (mai
 
 from __future__ import annotations
 
-from companion.types.events import Dialect
+from companion.types.events import Dialect, Motion
 from companion.types.mavlink_enums import Autopilot, ModeFlag, VehicleType
 
 ARDUPLANE_MODES = {
@@ -67,6 +67,16 @@ _PLANE_TYPES = frozenset(
 )
 DIALECTS = {Autopilot.ARDUPILOTMEGA: Dialect.ARDUPILOT, Autopilot.PX4: Dialect.PX4}
 MISSION_MODES = {Dialect.ARDUPILOT: "AUTO", Dialect.PX4: "MISSION"}
+# What each autopilot does by itself; in all other modes a pilot steers. A PX4 that lands flies to its target.
+_MOTIONS = {
+    Dialect.ARDUPILOT: {
+        "AUTO": Motion.MISSION, "RTL": Motion.RETURN, "LOITER": Motion.CIRCLE, "GUIDED": Motion.CIRCLE,
+        "AVOID_ADSB": Motion.CIRCLE,
+    },
+    Dialect.PX4: {
+        "MISSION": Motion.MISSION, "RTL": Motion.RETURN, "LOITER": Motion.CIRCLE, "LAND": Motion.CIRCLE,
+    },
+}  # fmt: skip
 
 
 def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode: int) -> tuple[str, bool]:
@@ -81,6 +91,11 @@ def flight_mode(dialect: Dialect, vehicle_type: int, base_mode: int, custom_mode
         elif vehicle_type in _PLANE_TYPES:
             name = ARDUPLANE_MODES.get(custom_mode)
     return (name or f"MODE_{custom_mode}"), name is not None and name == MISSION_MODES[dialect]
+
+
+def motion_of(dialect: Dialect, mode: str) -> Motion:
+    """Return what an autopilot does by itself in a mode of this name."""
+    return _MOTIONS[dialect].get(mode, Motion.STEERED)
 
 
 def custom_mode_of(dialect: Dialect, mode: str) -> int | None:

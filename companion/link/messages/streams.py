@@ -115,6 +115,7 @@ class Streams:
             MessageId.MISSION_CURRENT: (min(fast, 5.0), True),
             wind: (slow, False),
             MessageId.EXTENDED_SYS_STATE: (slow, False),
+            MessageId.POSITION_TARGET_GLOBAL_INT: (min(fast, 2.0), False),
             MessageId.GPS_RAW_INT: (slow, False),
             MessageId.SCALED_PRESSURE: (0.2, False),
             MessageId.HOME_POSITION: (0.5, False),
@@ -122,4 +123,6 @@ class Streams:
         }
         health = MessageId.ESTIMATOR_STATUS if dialect.sends_covariances else MessageId.EKF_STATUS_REPORT
         rates[health] = (slow, False)
+        if not dialect.sends_covariances:
+            rates[MessageId.ESC_TELEMETRY_1_TO_4] = (min(fast, 2.0), False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from companion.link.messages.flight_modes import DIALECTS, flight_mode
+from companion.link.messages.flight_modes import DIALECTS, flight_mode, motion_of
 from companion.link.messages.heights import Heights
 from companion.link.messages.vehicle_identity import VehicleIdentity
 from companion.link.wire.framing import RawFrame
@@ -14,6 +14,7 @@ from companion.types.events import (
     WIND_STD_M_S,
     AirData,
     Attitude,
+    EngineSpeed,
     EstimatorAccuracy,
     EstimatorHealth,
     Event,
@@ -25,9 +26,17 @@ from companion.types.events import (
     MissionItemReached,
     Rebooted,
     StatusText,
+    SteeringTarget,
     WindEstimate,
 )
-from companion.types.mavlink_enums import EkfStatusFlag, EstimatorStatusFlag, GpsFix, MessageId, ModeFlag
+from companion.types.mavlink_enums import (
+    EkfStatusFlag,
+    EstimatorStatusFlag,
+    GpsFix,
+    MessageId,
+    ModeFlag,
+    SystemState,
+)
 
 SPEED_MAX_M_S = 340.0
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
@@ -36,6 +45,7 @@ NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, w
 _NO_MISSION = 0xFFFF
 _REORDERED_MS = 2_000  # A frame that is older than this shows a restarted clock, not a late frame.
 _STD_MAX_M = 10_000.0
+_RPM_MAX = 1e6
 
 Message = Any  # A pymavlink message, whose fields are set at run time.
 
@@ -109,6 +119,10 @@ class Telemetry:
             "EXTENDED_SYS_STATE": lambda m, _frame, stamp_s: LandedReported(stamp_s, m.landed_state),
             "HOME_POSITION": self._home,
             "STATUSTEXT": self._text,
+            "POSITION_TARGET_GLOBAL_INT": self._target,
+            "ESC_TELEMETRY_1_TO_4": _engine_speeds,
+            "RPM": lambda m, _frame, stamp_s: _engine_speed(stamp_s, "RPM", m.rpm1),
+            "EFI_STATUS": lambda m, _frame, stamp_s: _engine_speed(stamp_s, "EFI_STATUS", m.rpm),
         }
 
     @property
@@ -157,6 +171,8 @@ class Telemetry:
                 is_mission_mode=is_mission and not is_contradicted,
                 is_armed=is_armed,
                 is_contradicted=is_contradicted,
+                motion=motion_of(dialect, mode),
+                is_failsafe=message.system_status == SystemState.CRITICAL,
             )
         ]
 
@@ -207,7 +223,8 @@ class Telemetry:
 
     def _air_data(self, message: Message, _frame: RawFrame, stamp_s: float) -> AirData:
         airspeed = finite(message.airspeed, SPEED_MAX_M_S, "airspeed")
-        return AirData(stamp_s, airspeed, finite(message.groundspeed, SPEED_MAX_M_S, "ground_speed"))
+        over_ground = finite(message.groundspeed, SPEED_MAX_M_S, "ground_speed")
+        return AirData(stamp_s, airspeed, over_ground, min(max(message.throttle, 0), 100) * 1e-2)
 
     def _wind(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
         """Decode WIND of ArduPilot, which gives the direction that the wind comes from."""
@@ -266,6 +283,21 @@ class Telemetry:
         self.home_altitude_amsl_m = above_sea
         return HomePosition(stamp_s, latitude, longitude, above_sea)
 
+    def _target(self, message: Message, _frame: RawFrame, stamp_s: float) -> SteeringTarget:
+        latitude, longitude = place(message.lat_int, message.lon_int, "target")
+        return SteeringTarget(stamp_s, latitude, longitude, altitude(message.alt, "target"))
+
     def _text(self, message: Message, _frame: RawFrame, stamp_s: float) -> StatusText:
         text = "".join(character for character in message.text if character.isprintable())
         return StatusText(stamp_s, message.severity, text)
+
+
+def _engine_speed(stamp_s: float, source: str, speed_rpm: float) -> EngineSpeed:
+    """Return the event of an engine's speed [1/min]; raise RefusedError if impossible."""
+    return EngineSpeed(stamp_s, source, max(finite(speed_rpm, _RPM_MAX, "rpm"), 0.0))
+
+
+def _engine_speeds(message: Message, _frame: RawFrame, stamp_s: float) -> EngineSpeed:
+    """Decode the speeds of up to four engines; the fastest one counts."""
+    speeds = [abs(finite(float(value), _RPM_MAX, "rpm")) for value in message.rpm]
+    return _engine_speed(stamp_s, message.get_type(), max(speeds))

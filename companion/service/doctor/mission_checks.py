@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.clock import Clock
 from companion.config import MissionConfig
 from companion.errors import CompanionError
 from companion.flight.exchange.list_reader import adopt
 from companion.flight.exchange.protocols import protocols_for
+from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.state.flight_state import (
     StateOwner,
-    after_autopilot_reported,
     after_settings_reported,
     first_state,
 )
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.operator_summary import operator_summary_of
 from companion.link.messages.codec import Codec
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.decoded_frame import DecodedFrame
@@ -70,7 +70,7 @@ class MissionDoctor:
         mission, now = self._mission, self._clock.now_s()
         flight = StateOwner(first_state(mission, now))
         protocols = protocols_for(flight, self._link, self._ownship, self._clock)
-        flight.apply(after_autopilot_reported, flies_by=protocols.dialect.flies_by)
+        flight.apply(replace, flies_by=protocols.dialect.flies_by)
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
         told = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)

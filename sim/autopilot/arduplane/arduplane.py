@@ -7,6 +7,7 @@ each peculiarity.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -21,7 +22,7 @@ from sim.autopilot.mission_pilot import MissionPilot
 from sim.autopilot.telemetry import Home, Target
 from sim.mission_types import MissionKind, Verdict
 from sim.projection import FastProjection
-from sim.vehicle.control import Flight, Leg, Level
+from sim.vehicle.control import Circle, Flight, Leg, Level
 
 MODES = {
     "MANUAL": 0,
@@ -156,7 +157,7 @@ class ArduPlane(MissionPilot):
             mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
             base,
             MODES[self._mode],
-            mavlink.MAV_STATE_ACTIVE,
+            self.system_status,
             3,
         )
 
@@ -252,6 +253,9 @@ class ArduPlane(MissionPilot):
             east, north, up = self._return_end(height)
             radius = self.parameters["RTL_RADIUS"] or self.parameters["WP_LOITER_RAD"]
             self._steer_circle((east, north), radius, up)
+            circle = self.flight.steering
+            if isinstance(circle, Circle) and up < height:  # It climbs at once, and descends on the way.
+                flight.steering = replace(circle, begins=(*here, height))
         elif name in ("LOITER", "GUIDED"):
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
             self._has_told_guided = True

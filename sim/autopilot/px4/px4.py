@@ -67,6 +67,7 @@ class Px4(MissionPilot):
         for absent in (
             mavlink.MAVLINK_MSG_ID_WIND,
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+            mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4,
             mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,  # Sent once a second, whatever rate is requested.
         ):
@@ -171,7 +172,7 @@ class Px4(MissionPilot):
             mavlink.MAV_AUTOPILOT_PX4,
             base,
             MODES[self._mode],
-            mavlink.MAV_STATE_ACTIVE,
+            self.system_status,
             3,
         )
 

@@ -107,4 +107,4 @@ def test_the_last_word_on_a_subject_is_the_true_one():
         )
     assert [now for now, _ in listener.read] == [0.0, 5.0, 10.0, 15.0 + REPEAT_S]
     assert [bool(text) for text in listener.told] == [True, True, True, False, True]
-    assert listener.read[1][1] == "AUTO from here is safe"
+    assert listener.read[1][1] == "AUTO from here is safe for 10 s"

@@ -45,7 +45,7 @@ def test_how_to_hand_back_and_whether_it_is_safe_is_said_at_once(dialect):
     (whether,) = said(harness, "handback", TOOK_S, TOOK_S + 2.0)
     assert whether.startswith("safe, to item ")
     told = [message.text for stamp, message in harness.said("STATUSTEXT") if TOOK_S < stamp < TOOK_S + 2.0]
-    assert f"{MISSION_MODE[dialect]} from here is safe" in told
+    assert f"{MISSION_MODE[dialect]} from here is safe for 10 s" in told
     assert any(text.endswith(f"{MISSION_MODE[dialect]} resumes") for text in told)
 
 
@@ -82,7 +82,8 @@ def test_a_way_back_through_a_wall_is_told_and_its_mission_replaced():
         harness.fly(72.0 if authority == "{}" else 100.0, both(at(14.0, away), mode))
         blocked[authority] = harness
     told = said(blocked["{}"], "handback", 14.0, 70.0)
-    assert any(text.startswith("NOT safe: distance to block") for text in told)
+    assert any(text.startswith("NOT safe") and "distance to block" in text for text in told)
+    assert not told[-1].startswith("safe")
     kept = blocked["{keep_ready: true}"]
     assert not kept.simulator.truth.collision
     rows = np.array(kept.simulator.truth.path)

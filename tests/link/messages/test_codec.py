@@ -18,6 +18,7 @@ from companion.types.events import (
     Attitude,
     Dialect,
     Emitter,
+    EngineSpeed,
     EstimatorAccuracy,
     EstimatorHealth,
     GlobalPosition,
@@ -25,8 +26,10 @@ from companion.types.events import (
     HomePosition,
     MissionCurrent,
     MissionItemReached,
+    Motion,
     Rebooted,
     StatusText,
+    SteeringTarget,
     TrackReport,
     WindEstimate,
 )
@@ -52,7 +55,16 @@ def test_heartbeat_tells_the_mode():
     assert events(codec, heartbeat(system=7) + position(system=7), 9.0) == []
     assert codec.vehicle_system_id is None
     assert events(codec, heartbeat(system=7)) == [
-        Heartbeat(10.0, 7, 1, Dialect.ARDUPILOT, mode="AUTO", is_mission_mode=True, is_armed=True)
+        Heartbeat(
+            10.0,
+            7,
+            1,
+            Dialect.ARDUPILOT,
+            mode="AUTO",
+            is_mission_mode=True,
+            is_armed=True,
+            motion=Motion.MISSION,
+        )
     ]
     assert codec.vehicle_system_id == 7
     assert codec.own_ids == (7, 195)
@@ -119,7 +131,7 @@ def test_position():
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        (mavlink.MAVLink_vfr_hud_message(22.5, 24.0, 90, 50, 600.0, 0.0), AirData(10.0, 22.5, 24.0)),
+        (mavlink.MAVLink_vfr_hud_message(22.5, 24.0, 90, 50, 600.0, 0.0), AirData(10.0, 22.5, 24.0, 0.5)),
         (mavlink.MAVLink_attitude_message(5, 0.5, -0.25, 1.5, 0, 0, 0), Attitude(10.0, 0.5, -0.25, 1.5)),
         (mavlink.MAVLink_mission_item_reached_message(4), MissionItemReached(10.0, 4)),
         (mavlink.MAVLink_statustext_message(4, b"Reached\x07 1"), StatusText(10.0, 4, "Reached 1")),
@@ -129,6 +141,19 @@ def test_position():
             ),
             HomePosition(10.0, pytest.approx(-35.363261), pytest.approx(149.16523), 584.0),
         ),
+        (
+            mavlink.MAVLink_position_target_global_int_message(
+                5, 0, 0, -353_632_610, 1_491_652_300, 684.5, *[0.0] * 8
+            ),
+            SteeringTarget(10.0, pytest.approx(-35.363261), pytest.approx(149.16523), 684.5),
+        ),
+        (
+            mavlink.MAVLink_esc_telemetry_1_to_4_message(
+                bytes(4), (0,) * 4, (0,) * 4, (0,) * 4, (0, 6_999, 5_000, 0), (0,) * 4
+            ),
+            EngineSpeed(10.0, "ESC_TELEMETRY_1_TO_4", 6_999.0),
+        ),
+        (mavlink.MAVLink_rpm_message(4_500.0, 0.0), EngineSpeed(10.0, "RPM", 4_500.0)),
         (
             mavlink.MAVLink_wind_message(270.0, 8.0, 0.0),
             WindEstimate(10.0, pytest.approx(8.0), pytest.approx(0.0, abs=1e-9)),

@@ -23,7 +23,6 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_simulation import guidance_of
-from companion.flight.takeover.resume_path import MARGIN_SHARE
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
 from companion.types.mission import Command
@@ -32,6 +31,7 @@ from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
 RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
+MARGIN_SHARE = 0.5  # Predicted tracks keep this share of clearance_min_m.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
@@ -98,10 +98,33 @@ def is_unpredictable(state: FlightState) -> bool:
 
 def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
     """Return positions (K, 3) on an ArduPlane's paths to the end, or directly to the landing sequence [m]."""
-    guidance, radius = guidance_of(state), _radius(state)
+    radius = _radius(state)
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
-    tracks = (_track_to(guidance, begun, end, radius).positions_enu_m for begun in _headings(ownship, end))
+    return circling_tracks(state, ownship, end, radius)
+
+
+def circling_tracks(state: FlightState, ownship: Ownship, end: Place, radius_m: float) -> list[FloatArray]:
+    """Return positions on the paths straight to a circle and round it, one or, if it lies behind, three.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's parameters.
+    ownship : Ownship
+        The aircraft now.
+    end : tuple of float
+        Centre of the circle [m]. A descent is spread over the way there.
+    radius_m : float
+        Radius, positive clockwise; 0 for the usual loiter radius [m].
+
+    Returns
+    -------
+    list of ndarray, shape (K, 3)
+        East, north, up along each path [m]; the most likely first.
+    """
+    guidance = guidance_of(state)
+    tracks = (_track_to(guidance, begun, end, radius_m).positions_enu_m for begun in _headings(ownship, end))
     return [_with_glide(track, end) for track in tracks]
 
 

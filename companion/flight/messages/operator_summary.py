@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.flight.prediction.return_path import is_unpredictable
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
-from companion.flight.takeover.return_path import is_unpredictable
 from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
 from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
 from companion.types.mission import Command, MissionItem

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
+from companion.flight.prediction.return_path import return_path, return_tracks
 from companion.flight.state.flight_state import (
     after_home_reported,
     after_rally_points,
     after_rally_reported,
     after_settings_reported,
 )
-from companion.flight.takeover.return_path import return_path, return_tracks
 from companion.mission.operator import Operator
 from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem

@@ -1,0 +1,126 @@
+"""Notice when the aircraft does not do what its plan says: no thrust, too low or high, beside, or slow.
+
+The pilot is informed, and the next plan begins where the aircraft is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.flight.messages.announcer import Announcer
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import SEARCH_ROWS, FlightState, StateOwner
+from companion.flight.state.modes import Mode
+from companion.flight.state.progress import OFF_HEIGHT_MAX_M
+from companion.flight.state.world_model import WorldModel
+from companion.mission.path_progress import progress_on
+from companion.tracking.thrust import ThrustMonitor
+from companion.types.events import Event
+from companion.types.state import Ownship
+
+OFF_TRACK_M = 60.0  # An aircraft this far beside its path does not follow it.
+SLOW_SHARE = 0.7  # An aircraft slower than this share of the path's speed over ground is slow.
+LASTS_S = 3.0  # A deviation counts after this time.
+THRUST_AGAIN_S = 5.0  # Thrust is back once energy was gained for this time.
+SINK_MIN_M_S = 0.3  # The time to the ground is told of faster sinks.
+
+
+class PerformanceWatch:
+    """Compares the aircraft with the flown path, and its energy with the throttle.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flown path.
+    world_model : WorldModel
+        The aircraft.
+    announcer : Announcer
+        Informs the pilot.
+    """
+
+    def __init__(self, flight: StateOwner, world_model: WorldModel, announcer: Announcer) -> None:
+        self._flight, self._world_model, self._announcer = flight, world_model, announcer
+        self._thrust = ThrustMonitor()
+        self._deviation = ""
+        self._since_s = self._thrust_s = -math.inf
+        self._announced = ""
+        self.has_thrust = True
+
+    def observe(self, event: Event) -> None:
+        """Take an event of the aircraft."""
+        self._thrust.observe(event)
+
+    def look(self, now_s: float) -> bool:
+        """Inform the pilot of what has changed.
+
+        Parameters
+        ----------
+        now_s : float
+            The clock's reading [s].
+
+        Returns
+        -------
+        bool
+            Whether the aircraft has begun to deviate, so that a plan is due.
+        """
+        state, ownship = self._flight.state, self._world_model.ownship.state(now_s)
+        if not state.phase.is_airborne or ownship is None:
+            self._thrust.forget()
+            self._deviation, self._announced, self.has_thrust = "", "", True
+            return False
+        had_thrust = self.has_thrust
+        self._look_at_thrust(state, ownship, now_s)
+        deviation, words = _deviation(state, ownship) if state.mode is Mode.ACTIVE else ("", "")
+        if deviation != self._deviation:
+            self._deviation, self._since_s = deviation, now_s
+        is_new = deviation != self._announced and (not deviation or now_s - self._since_s >= LASTS_S)
+        if is_new:
+            self._announced = deviation
+            if deviation:
+                self._announcer.decide(DecisionKind.OFF_PATH, words, tell="off path", what=words)
+        return (is_new and bool(deviation)) or self.has_thrust is not had_thrust
+
+    def _look_at_thrust(self, state: FlightState, ownship: Ownship, now_s: float) -> None:
+        """Announce that the engine gives no thrust, and that it does again."""
+        fault = self._thrust.fault(now_s, state.settings.throttle_max_share)
+        if fault or not self._thrust.gains(now_s):
+            self._thrust_s = now_s
+            if fault and self.has_thrust:
+                self.has_thrust = False
+                ends = _ground_in_words(state, ownship)
+                self._announcer.decide(
+                    DecisionKind.ENGINE, f"no thrust: {fault}", tell="no thrust", ends=ends
+                )
+        elif not self.has_thrust and now_s - self._thrust_s >= THRUST_AGAIN_S:
+            self.has_thrust = True
+            self._announcer.decide(DecisionKind.ENGINE, "thrust again", tell="thrust")
+
+
+def _ground_in_words(state: FlightState, ownship: Ownship) -> str:
+    """Return how high the aircraft is, and when it is on the ground if it sinks on as now."""
+    height = ownship.position_enu_m[2] - (0.0 if state.home_enu_m is None else state.home_enu_m[2])
+    sink = -ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
+    down = f", down in {height / sink:.0f} s" if sink > SINK_MIN_M_S else ""
+    return f"{height:.0f} m high{down}"
+
+
+def _deviation(state: FlightState, ownship: Ownship) -> tuple[str, str]:
+    """Return the kind of the aircraft's deviation from its path, and how it deviates; '' if it follows."""
+    if state.flown is None:
+        return "", ""
+    path = state.flown.path
+    progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)
+    here = slice(progress.row, progress.row + 2)
+    (begin, end), (begin_s, end_s) = path.positions_enu_m[here], path.times_s[here]
+    east, north, up = np.subtract(ownship.position_enu_m, begin + progress.share * (end - begin))
+    if state.mission.dimension == 3 and abs(up) > OFF_HEIGHT_MAX_M:
+        side = "above" if up > 0.0 else "below"
+        return side, f"{abs(up):.0f} m {side} its path"
+    if math.hypot(east, north) > OFF_TRACK_M:
+        return "beside", f"{math.hypot(east, north):.0f} m beside its path"
+    expected = math.hypot(*(end - begin)[:2]) / max(float(end_s - begin_s), 1e-3)
+    if ownship.ground_speed_m_s < SLOW_SHARE * expected:
+        return "slow", f"{ownship.ground_speed_m_s:.0f} m/s over ground, not {expected:.0f}"
+    return "", ""

@@ -1,0 +1,156 @@
+"""Whether the engine gives thrust, from throttle, height and airspeed, and from its reported speed.
+
+An engine adds energy. Two observations of the specific energy ``h + v²/2g`` show that it does not: the
+energy falls although the throttle is open, or it falls much faster than a few seconds ago although the
+throttle is no lower than then. An engine that reports its speed is seen to stand still.
+
+References
+----------
+J. D. Anderson, *Aircraft Performance and Design*, 1999, eq. (6.30): specific energy (energy height), and its
+rate, the specific excess power.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from companion.tracking.ownship import GRAVITY_M_S2
+from companion.types.events import AirData, EngineSpeed, Event, GlobalPosition
+
+WINDOW_S = 2.0  # A rate is observed for this time: a gust of 1 m/s changes it by about 1 m/s.
+SAMPLES_MIN = 4  # Fewer samples in a window say nothing.
+SPAN_SHARE = 0.7  # So do samples that span a smaller share of the window.
+OPEN_SHARE = 0.85  # A throttle above this share of its largest value counts as open.
+LOSS_M_S = 1.0  # Energy that falls faster than this is lost.
+REFERENCE_S = (4.0, 14.0)  # The rate is compared with the rates of this age.
+# A rate that is lower than those by more than this has dropped. Without thrust a small aircraft loses 1.5 to
+# 3 m/s; a steep turn costs about 1 m/s.
+DROP_M_S = 2.0
+DROP_DEVIATIONS = 4.0  # In gusts it must be lower by this many of their standard deviations.
+MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
+LASTS_S = 1.0  # A lack of thrust is a fault after this time.
+WORKING_SHARE = 0.15  # With less throttle little thrust is expected.
+SAME_THROTTLE = 0.03  # A throttle that is lower by less counts as the same.
+STILL_S = 1.0  # An engine that reported a speed stands still after this time without any.
+STILL_RPM = 100.0  # Slower engines stand still.
+IDLE_SHARE = 0.3  # Below this throttle an electric motor may stand still.
+
+
+class _Sample(NamedTuple):
+    """Time [s], specific energy [m], and throttle as a share of 1."""
+
+    stamp_s: float
+    energy: float
+    throttle: float
+
+
+class _Rate(NamedTuple):
+    """Rate of the energy [m/s] in a window that ends at a time [s]; the lowest throttle in its last half."""
+
+    stamp_s: float
+    energy_m_s: float
+    throttle: float
+
+
+class ThrustMonitor:
+    """Observes telemetry; :meth:`fault` says whether thrust is missing, :meth:`gains` whether not."""
+
+    def __init__(self) -> None:
+        self._up_m: float | None = None
+        self._samples: deque[_Sample] = deque()
+        self._rates: deque[_Rate] = deque()
+        self._ran = False
+        self._still_since_s: float | None = None
+        self._lost_since_s: float | None = None
+
+    def forget(self) -> None:
+        """Begin again, with the next flight."""
+        self._samples.clear()
+        self._rates.clear()
+        self._ran, self._still_since_s, self._lost_since_s = False, None, None
+
+    def observe(self, event: Event) -> None:
+        """Take an event; others than height, airspeed and engine speed are ignored."""
+        if isinstance(event, GlobalPosition):
+            self._up_m = event.altitude_amsl_m
+        elif isinstance(event, AirData) and self._up_m is not None:
+            energy = self._up_m + event.airspeed_m_s**2 / (2.0 * GRAVITY_M_S2)
+            self._note_energy(_Sample(event.stamp_s, energy, event.throttle))
+        elif isinstance(event, EngineSpeed):
+            self._note_engine(event)
+
+    def _note_energy(self, sample: _Sample) -> None:
+        self._samples.append(sample)
+        while sample.stamp_s - self._samples[0].stamp_s > WINDOW_S:
+            self._samples.popleft()
+        times, energies, throttles = np.array(self._samples).T
+        if len(times) < SAMPLES_MIN or times[-1] - times[0] < SPAN_SHARE * WINDOW_S:
+            return
+        centred = times - times.mean()
+        slope = float((centred * energies).sum() / (centred**2).sum())
+        late = float(throttles[len(throttles) // 2 :].min())
+        self._rates.append(_Rate(sample.stamp_s, slope, late))
+        while sample.stamp_s - self._rates[0].stamp_s > REFERENCE_S[1]:
+            self._rates.popleft()
+
+    def _note_engine(self, event: EngineSpeed) -> None:
+        if event.speed_rpm > STILL_RPM:
+            self._ran, self._still_since_s = True, None
+        elif self._ran and self._still_since_s is None:
+            self._still_since_s = event.stamp_s
+
+    def fault(self, now_s: float, throttle_max: float = 1.0) -> str:
+        """Return how the lack of thrust shows, in words; '' if it does not.
+
+        Parameters
+        ----------
+        now_s : float
+            The clock's reading [s].
+        throttle_max : float
+            Largest throttle that the autopilot may command, as a share of 1.
+        """
+        throttle = self._samples[-1].throttle if self._samples else 0.0
+        if self._is_still(now_s) and throttle >= IDLE_SHARE:
+            return "the engine stands still"
+        loss = self._loss(now_s, throttle_max)
+        if not loss:
+            self._lost_since_s = None
+            return ""
+        if self._lost_since_s is None:
+            self._lost_since_s = now_s
+        return loss if now_s - self._lost_since_s >= LASTS_S else ""
+
+    def _loss(self, now_s: float, throttle_max: float) -> str:
+        """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
+        now, (young, old) = self._rate(now_s), REFERENCE_S
+        before = [rate for rate in self._rates if young <= now_s - rate.stamp_s <= old]
+        if now is None or not before:
+            return ""
+        _, usual, throttle = np.median(np.array(before), axis=0)
+        spread = float(np.median([abs(rate.energy_m_s - usual) for rate in before]))
+        deviation = MAD_TO_DEVIATION * spread
+        if now.energy_m_s > -max(LOSS_M_S, 2.0 * deviation):
+            return ""
+        lost = f"{-now.energy_m_s:.1f} m/s of height are lost"
+        if now.throttle >= OPEN_SHARE * throttle_max:
+            return f"{lost} with the throttle open"
+        has_dropped = now.energy_m_s < usual - max(DROP_M_S, DROP_DEVIATIONS * deviation)
+        is_same = now.throttle >= max(throttle - SAME_THROTTLE, WORKING_SHARE)
+        return f"{lost} with the throttle as before" if has_dropped and is_same else ""
+
+    def gains(self, now_s: float) -> bool:
+        """Return whether the aircraft gains energy, or its engine runs."""
+        now = self._rate(now_s)
+        return now is not None and now.energy_m_s > 0.0 and not self._is_still(now_s)
+
+    def _is_still(self, now_s: float) -> bool:
+        """Return whether an engine that ran stands still."""
+        return self._still_since_s is not None and now_s - self._still_since_s >= STILL_S
+
+    def _rate(self, now_s: float) -> _Rate | None:
+        """Return the present rate; None without fresh samples."""
+        last = self._rates[-1] if self._rates else None
+        return last if last is not None and now_s - last.stamp_s <= WINDOW_S else None
