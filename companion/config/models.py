@@ -356,6 +356,9 @@ class Authority(Section):
     """If true, the last emergency step may select return to launch, if the way home is clear."""
     keep_ready: bool = False
     """If true, the autopilot always holds a checked mission for the return to AUTO while the pilot flies."""
+    keep_return_path: bool = True
+    """If true, the service keeps a checked return path in the list of an ArduPlane whose RTL_AUTOLAND is 4.
+    A return to launch then joins it, whoever begins the return."""
 
 
 class Takeover(Section):

@@ -4,7 +4,8 @@ ArduPlane overwrites a mission list in place while it flies it, so a new path ne
 The list consists of home, the operator's own items, bank A and bank B. The flown bank is sent again
 unchanged, and the other bank receives the new path. Each bank ends in a loiter, or jumps to the operator's
 items that follow the goal. The list never gets shorter. An upload that stops at any item leaves the flown
-bank intact.
+bank intact. Behind the banks lie two return banks, once there is a return path
+(:mod:`companion.mission.return_bank`).
 
 PX4 replaces its list in one step. The list consists of the operator's items up to the goal, the service's
 items, and the operator's items that follow the goal. The service's items end in a loiter, or continue with
@@ -24,6 +25,7 @@ from companion.mission.operator import (
     banks_in,
     shifted_jumps,
 )
+from companion.mission.return_bank import RETURN_ITEMS, num_return_items
 from companion.mission.waypoints import MissionPart
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
@@ -53,6 +55,8 @@ class TwoBankLayout:
         Which bank is flown, 0 or 1.
     tail : int or None
         Index of the operator's item that follows the goal; the prefix's length if there is none.
+    returns : tuple of MissionItem
+        Both return banks as sent; empty before the first return path.
     """
 
     prefix: tuple[MissionItem, ...]
@@ -60,6 +64,7 @@ class TwoBankLayout:
     flown: tuple[MissionItem, ...] | None = None
     flown_index: int = 1
     tail: int | None = None
+    returns: tuple[MissionItem, ...] = ()
 
     @property
     def max_waypoints(self) -> int:
@@ -69,7 +74,7 @@ class TwoBankLayout:
     @property
     def num_items(self) -> int:
         """Length of the list after the next swap; the first mission may omit the idle bank."""
-        return len(self.prefix) + (1 if self.flown is None else 2) * self.size
+        return self.return_span[1]
 
     @property
     def flown_span(self) -> tuple[int, int]:
@@ -82,6 +87,12 @@ class TwoBankLayout:
         """Sequence of the operator's first item after the goal, and the sequence after the last."""
         end = len(self.prefix)
         return end if self.tail is None else self.tail, end
+
+    @property
+    def return_span(self) -> tuple[int, int]:
+        """Sequence of the first item of the return banks, and the sequence after their last."""
+        first = len(self.prefix) + (1 if self.flown is None else 2) * self.size
+        return first, first + len(self.returns)
 
     def first_of(self, index: int) -> int:
         """Return the sequence of a bank's first item."""
@@ -99,7 +110,7 @@ class TwoBankLayout:
         banks: list[tuple[MissionItem, ...] | None] = [None, None]
         banks[index], banks[self.flown_index] = bank, self.flown
         items = list(self.prefix)
-        for content in banks:
+        for content in (*banks, self.returns):
             items += content or ()
         numbered = tuple(
             replace(item, sequence=n, is_current=n == self.first_of(index)) for n, item in enumerate(items)
@@ -151,6 +162,11 @@ class SingleListLayout:
         """Sequence of the operator's first item after the goal, and the sequence after the last."""
         first = self.flown_span[1]
         return first, first + len(self.tail)
+
+    @property
+    def return_span(self) -> tuple[int, int]:
+        """The list has no return banks: the same sequence twice."""
+        return self.num_items, self.num_items
 
     def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
         """Return the service's items for a part: they end in a loiter, or in the airspeed twice."""
@@ -219,18 +235,26 @@ def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current:
     current : int
         Sequence of the item being flown. The bank that contains it is not written to.
     """
-    banks = banks_in(read)
+    ours = without_returns(read)
+    banks = banks_in(ours)
     if banks is None:
         return new_banks(operator.items, 0, operator.tail)
     first, size = banks
-    kept = [tuple(read[begin : begin + size]) for begin in range(first, len(read), size)]
+    kept = [tuple(read[begin : begin + size]) for begin in range(first, len(ours), size)]
     index = 1 if len(kept) == 2 and current >= first + size else 0
     if current < first:
         index = len(kept) - 1  # The first bank is written next; a second bank keeps the list's length.
     flown = tuple(replace(item, sequence=1, is_current=False) for item in kept[index])
+    has_returns = len(read) - len(ours) == 2 * RETURN_ITEMS
     return TwoBankLayout(
-        with_stable_height(operator.items), size, with_stable_height(flown), index, operator.tail
-    )
+        with_stable_height(operator.items), size, with_stable_height(flown), index, operator.tail,
+        with_stable_height(read[len(ours) :]) if has_returns else (),
+    )  # fmt: skip
+
+
+def without_returns(items: Sequence[MissionItem]) -> Sequence[MissionItem]:
+    """Return a list as read, without the return banks at its end."""
+    return items[: len(items) - num_return_items(items)]
 
 
 def single_list_layout_of(operator: Operator) -> SingleListLayout:

@@ -169,6 +169,26 @@ TEXTS = {
         "The autopilot has changed its flight mode and reports a failsafe. The planner waits.",
         "Read the autopilot's own text. Select the mission mode only if the cause is gone.",
     ),
+    "returning": PilotText(
+        "suspended", Severity.WARNING,
+        "Autopilot returns by the checked path",
+        "A return to launch, begun by anybody, has joined the return path in the autopilot's list. The "
+        "planner does not interfere.",
+        "Watch the return. To end it, leave the mission mode and select it again.",
+    ),
+    "return path": PilotText(
+        "return", Severity.INFO,
+        "RTL returns by a checked path of {length} km",
+        "The first return path was stored in the autopilot, or there is one again. It is kept up to date "
+        "without further texts.",
+        NOTHING,
+    ),
+    "no return path": PilotText(
+        "return", Severity.WARNING,
+        "RTL has no checked path: it flies straight",
+        "For 15 s no return path could be made or stored that keeps clear.",
+        "Do not select RTL unless the way straight home is free.",
+    ),
     "meets": PilotText(
         "ahead", Severity.CRITICAL,
         "{mode} meets {what} in {time} s: {advice}",
@@ -355,10 +375,12 @@ TEXTS = {
     ),
 }  # fmt: skip
 SUBJECTS = {
-    "failsafe": "mode", "meets": "ahead", "meets nothing": "ahead", "no thrust": "engine", "thrust": "engine",
     "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
-    "arrived": "mode", "handback safe": "handback", "handback unsafe": "handback",
+    "failsafe": "mode", "returning": "mode", "arrived": "mode",
+    "return path": "return", "no return path": "return", "meets": "ahead", "meets nothing": "ahead",
+    "no thrust": "engine", "thrust": "engine",
+    "handback safe": "handback", "handback unsafe": "handback",
     "flood": "flood", "calm": "flood", "fences": "fences", "bad fence": "fences",
 }  # fmt: skip
 

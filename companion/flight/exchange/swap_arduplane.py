@@ -19,7 +19,7 @@ from companion.flight.state.list_state import (
     after_writing_begun,
 )
 from companion.mission.item_difference import difference
-from companion.mission.list_layout import Layout, two_bank_layout_of
+from companion.mission.list_layout import Layout, TwoBankLayout, two_bank_layout_of, without_returns
 from companion.mission.operator import Operator, banks_in, without_banks
 from companion.mission.swap import NO_SAFE_ENTRY, MissionLink, SwapOutcome, enter
 from companion.types.mission import Mission, MissionItem
@@ -35,7 +35,7 @@ class ArduPlaneSwap(SwapProtocol):
 
     def without_ours(self, read: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
         """Return the operator's items in a list as read."""
-        return without_banks(read)
+        return without_banks(without_returns(read))
 
     def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
         """Return the layout: two banks behind the operator's items."""
@@ -43,7 +43,7 @@ class ArduPlaneSwap(SwapProtocol):
 
     def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
         """Return the bank that is not written next."""
-        return None if banks_in(read) is None else layout.flown_span
+        return None if banks_in(without_returns(read)) is None else layout.flown_span
 
     def layout_as_flown(self, layout: Layout, _ours: tuple[MissionItem, ...], /) -> Layout:
         """Return the same layout, because it was read with the flown bank in it."""
@@ -68,7 +68,8 @@ class ArduPlaneSwap(SwapProtocol):
                 return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         part = _part_to_write(flight.listed, mission, slice(first, end))
         flight.apply_to_list(after_writing_begun)
-        outcome, reason = await store(link, mission, part)
+        num_returns = len(order.layout.returns) if isinstance(order.layout, TwoBankLayout) else 0
+        outcome, reason = await store(link, mission, part, num_returns=num_returns)
         if outcome is not None:
             return outcome, reason
         flight.apply_to_list(after_stored, mission.items, clock.now_s() - begun_s)
@@ -96,7 +97,7 @@ def _part_to_write(listed: ListState, mission: Mission, bank: slice) -> slice | 
 
 
 async def store(
-    link: MissionLink, mission: Mission, part: slice | None = None
+    link: MissionLink, mission: Mission, part: slice | None = None, *, num_returns: int = 0
 ) -> tuple[SwapOutcome | None, str]:
     """Send a list to an ArduPlane and read it back; return None and '' if it is stored correctly.
 
@@ -108,6 +109,8 @@ async def store(
         The whole list.
     part : slice, optional
         The items that are sent, the others being stored already; all if omitted.
+    num_returns : int
+        Number of items of return banks, at the end: they are not compared, since no mission leads there.
     """
     reason = ""
     try:
@@ -118,7 +121,10 @@ async def store(
     except LinkError as error:
         reason = str(error)  # The last acknowledgement may be lost: reading back decides what is stored.
     try:
-        differs = difference(mission.items, await link.read_back())
+        read = await link.read_back()
+        kept = len(mission.items) - num_returns
+        is_as_long = len(read) == len(mission.items)
+        differs = difference(mission.items[:kept], read[:kept] if is_as_long else read)
     except LinkError as error:
         return SwapOutcome.REFUSED, "; ".join(filter(None, (reason, str(error))))
     if not differs:

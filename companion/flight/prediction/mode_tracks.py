@@ -20,6 +20,7 @@ import numpy as np
 
 from companion.flight.prediction.return_path import STEP_S, circling_tracks, return_tracks
 from companion.flight.state.flight_state import FlightState
+from companion.flight.state.list_state import MissionPosition
 from companion.flight.takeover.start_prediction import list_track
 from companion.frames import FloatArray, wrapped_angle
 from companion.tracking.ownship import GRAVITY_M_S2, predicted
@@ -111,7 +112,10 @@ def _tracks_by_autopilot(
     """Return positions (K, 3) on the tracks of an autopilot that flies by itself [m]; none if not known."""
     target, motion = state.target_enu_m, state.motion
     if motion is Motion.MISSION:
-        track = None if current is None else list_track(state, current, ownship)
+        if current is None:
+            return []
+        is_returning = state.mission_list.position(current) is MissionPosition.RETURNING
+        track = list_track(state, current, ownship, is_direct=is_returning)
         return [] if track is None else [track.positions_enu_m]
     if motion is Motion.RETURN and (target is None or not state.flies_by):
         known = return_tracks(state, ownship)

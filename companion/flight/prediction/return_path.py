@@ -4,7 +4,8 @@ References
 ----------
 ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
 circle about the nearest rally point within RALLY_LIMIT_KM, else about home. It climbs at once and descends
-along the way. With RTL_AUTOLAND 2 it flies to the mission's landing sequence instead.
+along the way. With RTL_AUTOLAND 2 it flies to the mission's landing sequence instead, with 4 it joins the
+closest leg of a return path (:mod:`companion.mission.return_bank`).
 
 PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
 RTL_RETURN_ALT above the destination, then flies straight there. With RTL_TYPE 0 the destination is home; with
@@ -16,6 +17,7 @@ that are not in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,11 +25,13 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_simulation import guidance_of
+from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
-from companion.types.mission import Command
+from companion.mission.return_bank import followed, joined_item
+from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
-from companion.world.vehicle.guidance import Guidance, Track, track_of_circle
+from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, track_of_legs
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
 RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
@@ -38,8 +42,9 @@ SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # which is simulated by changing the course by the second angle.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
 CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
-LANDING_AT_ONCE, BY_MISSION_PATH = 2.0, 3.0  # RTL_AUTOLAND; larger values follow the mission's path.
+LANDING_AT_ONCE, BY_RETURN_PATH = 2.0, 4.0  # RTL_AUTOLAND: to the landing, or by a return path.
 HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE.
+LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH})
 
 Place = tuple[float, float, float]
 
@@ -92,16 +97,70 @@ def is_unpredictable(state: FlightState) -> bool:
     kind = state.settings.return_kind
     if state.flies_by:
         is_unread = state.holds_rally_points and not state.rally_points
-        return is_unread or kind is None or kind > BY_MISSION_PATH
+        return is_unread or kind is None or kind > BY_RETURN_PATH
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
 def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
-    """Return positions (K, 3) on an ArduPlane's paths to the end, or directly to the landing sequence [m]."""
+    """Return positions (K, 3) on an ArduPlane's paths to the end, the landing, or by a return path [m]."""
     radius = _radius(state)
+    if state.settings.return_kind == BY_RETURN_PATH:
+        joined = tracks_by_return_path(state, ownship, state.mission_list.stored)
+        if joined:
+            return joined
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         end, radius = state.tail_enu_m, 0.0
     return circling_tracks(state, ownship, end, radius)
+
+
+def tracks_by_return_path(
+    state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
+) -> list[FloatArray]:
+    """Return positions on the tracks by the closest return path in a list, to a circle or a landing.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's parameters, and home's height.
+    ownship : Ownship
+        The aircraft now.
+    items : sequence of MissionItem
+        The whole list.
+
+    Returns
+    -------
+    list of ndarray, shape (K, 3)
+        East, north, up along each track [m], the most likely first; empty without a return path.
+    """
+    frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
+    joined = joined_item(items, frame, home_amsl_m, ownship.position_enu_m)
+    if joined is None:
+        return []
+    legs, circle = list[FloatArray](), None
+    for item in followed(items, joined):
+        circle = circle_of(state, item, ownship.position_enu_m[2])
+        if circle is not None or item.command in LANDINGS:
+            break
+        place = position_of(item, frame, home_amsl_m)
+        if place is not None:
+            legs.append(np.asarray(place))
+    if not legs:
+        return [] if circle is None else circling_tracks(state, ownship, *circle)
+    guidance = guidance_of(state)
+    loiter = None if circle is None else (np.asarray(circle[0]), circle[1])
+    route = np.vstack([ownship.position_enu_m, *legs])
+    length_m = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
+    circle_m = 0.0 if circle is None else 2.0 * math.pi * guidance.circle_stretch * abs(circle[1])
+    speed = max(ownship.airspeed_m_s - math.hypot(*ownship.wind_enu_m_s), SLOWEST_M_S)
+    ends_s = min((length_m + circle_m) / speed + JOINED_S, RETURN_MAX_S)
+    first = (float(legs[0][0]), float(legs[0][1]), float(legs[0][2]))
+    tracks = (
+        track_of_legs(guidance, begun, np.array(legs), loiter=loiter, ends_s=ends_s, step_s=STEP_S)
+        for begun in _headings(ownship, first)
+    )
+    if circle is not None:
+        return [track.positions_enu_m for track in tracks]
+    return [track.positions_enu_m[track.reached < len(legs)] for track in tracks]  # Up to the landing.
 
 
 def circling_tracks(state: FlightState, ownship: Ownship, end: Place, radius_m: float) -> list[FloatArray]:

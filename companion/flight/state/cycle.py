@@ -213,10 +213,9 @@ def conclude_rally(
     return _emergency_mission(state, start, response, plan.cost)
 
 
-def rally_points_near(state: FlightState, start: Start) -> list[GoalRegion]:
-    """Return the rally points for which a plan is made, the nearest first."""
-    here = start.state.position_enu_m
-    nearest = sorted(state.rally_points, key=lambda place: math.dist(place[:2], here[:2]))
+def rally_points_near(state: FlightState, from_enu_m: tuple[float, float, float]) -> list[GoalRegion]:
+    """Return the rally points for which a plan is made, the nearest to a place [m] first."""
+    nearest = sorted(state.rally_points, key=lambda place: math.dist(place[:2], from_enu_m[:2]))
     return [state.region_at(place) for place in nearest[:RALLY_POINTS_TRIED]]
 
 

@@ -47,6 +47,7 @@ class DecisionKind(Enum):
     AHEAD = "ahead"
     ENGINE = "engine"
     OFF_PATH = "off path"
+    RETURN = "return"
     RESTART = "restart"
     LINK = "link"
     STALE = "stale"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from companion.mission.item_difference import difference
-from companion.mission.list_layout import BANK_EXTRAS, BANK_ITEMS_MAX, Layout
+from companion.mission.list_layout import BANK_EXTRAS, BANK_ITEMS_MAX, Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.waypoints import Waypoints
@@ -38,6 +38,7 @@ class MissionPosition(Enum):
     OURS = "in ours, or not known to be elsewhere"
     PAST_GOAL = "in the operator's items that follow the goal"
     ELSEWHERE = "at an item that we did not choose"
+    RETURNING = "on the return path"
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +181,12 @@ class ListState:
 
     def position(self, current: MissionCurrent | None) -> MissionPosition:
         """Return where in its list the autopilot is, once it has reported so for a while."""
-        if self.layout is None or current is None or self.outside_s is None or self.suspected:
+        if self.layout is None or current is None:
+            return MissionPosition.OURS
+        first, end = self.layout.return_span
+        if first <= current.sequence < end:  # No late report of a swap leads there.
+            return MissionPosition.RETURNING
+        if self.outside_s is None or self.suspected:
             return MissionPosition.OURS
         if current.stamp_s - self.outside_s < OUTSIDE_MIN_S:
             return MissionPosition.OURS
@@ -194,7 +200,8 @@ class ListState:
         if layout is None:
             return False
         if not self.is_mixed:
-            return not difference(self.stored, read)
+            kept = layout.return_span[0] if len(self.stored) == layout.num_items else len(self.stored)
+            return len(read) == len(self.stored) and not difference(self.stored[:kept], read[:kept])
         first, end = layout.flown_span
         kept = len(self.operator.items) if self.operator is not None else 0
         is_whole = not difference(self.stored[:kept], read[:kept])
@@ -347,6 +354,16 @@ def after_stored(listed: ListState, items: tuple[MissionItem, ...], durations_s:
     return replace(
         after_exchange(listed, durations_s), stored=items, is_mixed=False, suspected="", num_read=len(items)
     )
+
+
+def after_written(listed: ListState, items: tuple[MissionItem, ...]) -> ListState:
+    """Return the list after items of the return banks were written, or added at its end."""
+    first = items[0].sequence
+    stored = (*listed.stored[:first], *items, *listed.stored[first + len(items) :])
+    layout = listed.layout
+    if isinstance(layout, TwoBankLayout):
+        layout = replace(layout, returns=stored[layout.return_span[0] :])
+    return replace(listed, stored=stored, layout=layout, num_read=len(stored))
 
 
 def after_exchange(listed: ListState, durations_s: float) -> ListState:

@@ -81,7 +81,7 @@ class App:
     def __init__(self, parts: Composition, *, is_warm: bool = True) -> None:
         self.world_model, self.recorder, self.link = parts.world_model, parts.recorder, parts.link
         self.replanning, self.announcer = parts.replanning, parts.announcer
-        self._departure = parts.departure
+        self._departure, self._way_home = parts.departure, parts.way_home
         self._flight, self._clock = parts.flight, parts.clock
         self._parameters, self._checkpoint, self._observer = (
             parts.parameters, parts.checkpoint, parts.observer,
@@ -196,6 +196,8 @@ class App:
             self._note_armed(now, is_armed=event.is_armed)
             flown = event.is_mission_mode and event.is_armed
             self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
+            if flown:
+                self._follow(self.replanning.handover.reader.position)
         elif isinstance(event, LandedReported):
             self._flight.apply(after_landed_reported, event.landed_state)
         elif isinstance(event, HomePosition):
@@ -236,7 +238,7 @@ class App:
         """Leave a mission alone that continues after the goal, or at another station's item."""
         if position is MissionPosition.PAST_GOAL:
             self.change(ModeEvent.GOAL_REACHED)
-        elif position is MissionPosition.ELSEWHERE:
+        elif position in (MissionPosition.ELSEWHERE, MissionPosition.RETURNING):
             self.change(ModeEvent.OTHER_MISSION)
 
     def change(self, event: ModeEvent) -> None:
@@ -249,8 +251,9 @@ class App:
             self.replanning.plan_at_once()
         else:
             self.replanning.break_off()
+            self._way_home.break_off()
         kind, words, tell = MODE_ANNOUNCEMENTS.get(mode, (DecisionKind.MODE, mode.value, ""))
-        if mode is Mode.SUSPENDED:
+        if mode in (Mode.SUSPENDED, Mode.YIELDED):
             words, tell = self._why_suspended(words, tell)
         mission, resumes = self.link.autopilot.mission_mode, self.state.mission.authority.resume == "auto"
         back = f"{mission} resumes" if mode is Mode.SUSPENDED else f"Leave {mission} and return to resume"
@@ -265,6 +268,8 @@ class App:
 
     def _why_suspended(self, words: str, tell: str) -> tuple[str, str]:
         """Return why the service is suspended: the recorded words, and the key of the pilot's text."""
+        if self.replanning.handover.reader.position is MissionPosition.RETURNING:
+            return "on the return path", "returning"
         if self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
             return "return to launch", tell
         if self._link_watch.is_contradicted:
@@ -328,6 +333,9 @@ class App:
                 self._begin_round()
                 await self._keep_up_list()
                 is_due = self.replanning.is_due()
+                if not is_due and self._may_plan() and not self.replanning.freshness.is_blind:
+                    is_due = await self.replanning.unless_surprised(self._way_home.keep_up())
+            await self._way_home.stop()
 
     async def _keep_up_list(self) -> None:
         """Read the list whenever it changes, before the takeover, while it belongs to the operator."""

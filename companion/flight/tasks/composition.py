@@ -18,6 +18,7 @@ from companion.flight.tasks.departure import Departure
 from companion.flight.tasks.plan_maker import PlanRunner
 from companion.flight.tasks.replanning import Replanning
 from companion.flight.tasks.replanning_parts import parts_for
+from companion.flight.tasks.way_home import WayHome
 from companion.recording.recorder import Recorder
 
 
@@ -41,6 +42,8 @@ class Composition:
         Reads the operator's list until the takeover.
     replanning : Replanning
         Plans, and hands missions over.
+    way_home : WayHome
+        Keeps a return path in the autopilot's list.
     checkpoint : Checkpoint
         What a restart in flight needs to know.
     recorder : Recorder
@@ -58,6 +61,7 @@ class Composition:
     announcer: Announcer
     departure: Departure
     replanning: Replanning
+    way_home: WayHome
     checkpoint: Checkpoint
     recorder: Recorder
     observer: Observer
@@ -116,6 +120,7 @@ def composed(
         announcer=announcer,
         departure=Departure(parts),
         replanning=Replanning(parts),
+        way_home=WayHome(parts),
         checkpoint=checkpoint,
         recorder=recorder,
         observer=observer,

@@ -28,7 +28,7 @@ Conclusion = TypeVar("Conclusion")
 
 __all__ = ["PlanBrokenOffError", "PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
-PLAN, LEAST_THREAT, RALLY_POINT = "plan", "least threat", "rally point"
+PLAN, LEAST_THREAT, RALLY_POINT, RETURN = "plan", "least threat", "rally point", "return"
 STALLED_S = 5.0  # A plan that exceeds its budget by this time is stalled.
 LOOK_INTERVAL_S = 0.1  # With simulated time, a waiting plan is checked at this interval for being unwanted.
 SEEDS_A_FLIGHT = 100_003  # After this many plans the seeds of a flight would repeat those of the next seed.
@@ -41,7 +41,7 @@ class PlanRequest:
     Parameters
     ----------
     purpose : str
-        ``plan``, or in an emergency ``least threat``, ``rally point``.
+        ``plan``; in an emergency ``least threat``, ``rally point``; for a return path ``return``.
     rules : Rules
         The rules for the plan.
     goals : tuple of GoalRegion
@@ -96,6 +96,11 @@ def _request(
 def rally_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:
     """Return the request for a plan to a rally point."""
     return PlanRequest(RALLY_POINT, state.rules, (place,), start, False, snapshot)
+
+
+def return_request(state: FlightState, start: Start, snapshot: Snapshot, place: GoalRegion) -> PlanRequest:
+    """Return the request for the plan of a return path; it takes as little time as one for a surprise."""
+    return PlanRequest(RETURN, state.rules, (place,), start, False, snapshot, is_urgent=True)
 
 
 @dataclass(frozen=True, slots=True)

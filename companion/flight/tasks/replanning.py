@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Coroutine
 from dataclasses import replace
 from functools import partial
 
@@ -146,6 +147,15 @@ class Replanning:
         except PlanBrokenOffError as surprise:
             self._schedule.plan_urgently(str(surprise))
             return await self.plan_once()
+
+    async def unless_surprised(self, work: Coroutine[object, object, None]) -> bool:
+        """Wait for work that may make a plan; return whether a surprise broke it off: a plan is due."""
+        try:
+            await work
+        except PlanBrokenOffError as surprise:
+            self._schedule.plan_urgently(str(surprise))
+            return True
+        return False
 
     async def plan_once(self) -> ModeEvent | None:
         """Carry out one cycle: plan, judge, and swap if it is worthwhile; returns the same as :meth:`plan`.
@@ -317,7 +327,7 @@ class Replanning:
             if ownship is None or not state.may_act:
                 break
             start = begin(state, ownship, self.handover.reader.current)
-            places = rally_points_near(state, start)
+            places = rally_points_near(state, start.state.position_enu_m)
             if number >= len(places):
                 break
             conclude_it = partial(conclude_rally, state, found, place=places[number], start=start)

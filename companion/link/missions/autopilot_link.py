@@ -82,6 +82,7 @@ class AutopilotLink:
         self._round_trip = RoundTrip()
         self._transfer: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._transfer_ended = asyncio.Event()
+        self._gives_way = False
 
     @property
     def mission_mode(self) -> str:
@@ -139,7 +140,13 @@ class AutopilotLink:
                 self._cancel_on_autopilot()
         self._mavsdk.receive(frame)
 
-    async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
+    async def upload(
+        self,
+        items: Sequence[MissionItem],
+        may_finish: Callable[[], bool] | None = None,
+        *,
+        gives_way: bool = False,
+    ) -> int:
         """Replace the autopilot's mission.
 
         Parameters
@@ -149,6 +156,8 @@ class AutopilotLink:
         may_finish : callable, optional
             Called before the last item is sent, with which PX4 changes to the new mission. If it returns
             false, the upload is cancelled, and the autopilot keeps its mission.
+        gives_way : bool
+            Whether the transfer is abandoned if another one is to begin.
 
         Returns
         -------
@@ -162,7 +171,7 @@ class AutopilotLink:
             If the upload was not acknowledged. The content of the autopilot's list is then unknown.
         """
         check_upload(items)
-        return await self._upload(items, may_finish, is_part=False)
+        return await self._upload(items, may_finish, is_part=False, gives_way=gives_way)
 
     async def write(self, items: Sequence[MissionItem]) -> None:
         """Overwrite a part of an ArduPlane's list; the other items and the length do not change.
@@ -180,9 +189,14 @@ class AutopilotLink:
         await self._upload(items, None, is_part=True)
 
     async def _upload(
-        self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None, *, is_part: bool
+        self,
+        items: Sequence[MissionItem],
+        may_finish: Callable[[], bool] | None,
+        *,
+        is_part: bool,
+        gives_way: bool = False,
     ) -> int:
-        async with self._exchange():
+        async with self._exchange(gives_way=gives_way):
             upload = Upload(items, self._round_trip, self._clock.now_s(), may_finish)
             first = items[0].sequence
 
@@ -194,15 +208,20 @@ class AutopilotLink:
             await self._run_transfer(upload, frame_of, "upload")
             return upload.opaque_id
 
-    async def read_back(self) -> tuple[MissionItem, ...]:
+    async def read_back(self, *, gives_way: bool = False) -> tuple[MissionItem, ...]:
         """Read an ArduPlane's mission, several items at a time; item 0 is the home item.
+
+        Parameters
+        ----------
+        gives_way : bool
+            Whether the transfer is abandoned if another one is to begin.
 
         Raises
         ------
         TransferError
             If it could not be read completely.
         """
-        async with self._exchange():
+        async with self._exchange(gives_way=gives_way):
             return await self._read_list("download", _WINDOW, MissionType.MISSION)
 
     async def _read_list(self, operation: str, window: int, kind: MissionType) -> tuple[MissionItem, ...]:
@@ -420,15 +439,20 @@ class AutopilotLink:
         return self.dialect
 
     @contextlib.asynccontextmanager
-    async def _exchange(self) -> AsyncIterator[None]:
-        """Wait for the turn of a transfer; a fence download that is under way is abandoned for it."""
+    async def _exchange(self, *, gives_way: bool = False) -> AsyncIterator[None]:
+        """Wait for the turn of a transfer; one that gives way, or reads a fence, is abandoned for it."""
         transfer = None if self._transfer is None else self._transfer[0]
-        if isinstance(transfer, MissionDownload) and transfer.mission_type == MissionType.FENCE:
+        is_fence = isinstance(transfer, MissionDownload) and transfer.mission_type == MissionType.FENCE
+        if transfer is not None and (is_fence or self._gives_way):
             transfer.abandon()
             self._transfer_ended.set()
         async with self._transfer_lock:
             self._require_autopilot()
-            yield
+            self._gives_way = gives_way
+            try:
+                yield
+            finally:
+                self._gives_way = False
 
     def _cancel_on_autopilot(self, mission_type: int = MissionType.MISSION) -> None:
         """Tell a PX4 that a transfer is over; it would stay busy for 5 s, and longer at each new attempt."""

@@ -98,11 +98,17 @@ class ReplayLink(AutopilotLink):
         self._is_closing = False
         super().end_mavsdk_turn()
 
-    async def upload(self, items: Sequence[MissionItem], may_finish: Callable[[], bool] | None = None) -> int:
+    async def upload(
+        self,
+        items: Sequence[MissionItem],
+        may_finish: Callable[[], bool] | None = None,
+        *,
+        gives_way: bool = False,
+    ) -> int:
         """Replace the mission; after the divergence in the model."""
         if not self.has_diverged:
             with self._unless_diverged():
-                return await super().upload(items, may_finish)
+                return await super().upload(items, may_finish, gives_way=gives_way)
         await self._wait_for_transfer(len(items))
         if may_finish is not None and not may_finish():
             raise TransferError("upload", "TRANSFER_CANCELLED")
@@ -125,11 +131,11 @@ class ReplayLink(AutopilotLink):
         self._items = (*stored[:first], *items, *stored[first + len(items) :])
         self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
 
-    async def read_back(self) -> Items:
+    async def read_back(self, *, gives_way: bool = False) -> Items:
         """Read the list that was written; after the divergence from the model."""
         if not self.has_diverged:
             with self._unless_diverged():
-                return await super().read_back()
+                return await super().read_back(gives_way=gives_way)
         await self._wait_for_transfer(len(self._stored()))
         return self._stored()
 

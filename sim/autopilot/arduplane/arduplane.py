@@ -15,6 +15,7 @@ from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.arduplane.arduplane_runner import MissionRunner, MissionState
 from sim.autopilot.arduplane.arduplane_store import MissionStore
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer, item_from_message
+from sim.autopilot.arduplane.return_leg import closest_leg
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
 from sim.autopilot.channel import Channel, Message
@@ -37,7 +38,7 @@ MODES = {
     "GUIDED": 15,
 }
 _NAMES = {number: name for name, number in MODES.items()}
-_LAND_AT_ONCE = 2  # RTL_AUTOLAND
+_LAND_AT_ONCE, _BY_RETURN_PATH = 2, 4  # RTL_AUTOLAND
 _LABELS = {16: "WP", 17: "LoitUnlim", 18: "LoitTurns", 19: "LoitTime", 20: "RTL", 21: "Land", 22: "Takeoff"}
 _LABELS |= {31: "LoitAltitude", 178: "SetSpeed", 189: "DoLandStart"}
 _CIRCLE_BANK = math.radians(20.0)
@@ -196,7 +197,7 @@ class ArduPlane(MissionPilot):
         self._transfer.update(self.now_us)
         self._tell_total()
         if self._mode == "RTL":
-            self._land_at_once()
+            self._leave_return()
         if self._mode == "AUTO":
             is_landing = self.active_command == Command.NAV_LAND
             self.flight.goes_beyond = is_landing or not self.store.mission
@@ -276,11 +277,18 @@ class ArduPlane(MissionPilot):
         is_near = limit_m == 0.0 or away <= limit_m
         return rally if is_near and (is_nearer or not self.parameters["RALLY_INCL_HOME"]) else end
 
-    def _land_at_once(self) -> None:
-        """Go on to the mission's landing sequence, as RTL_AUTOLAND 2 has it."""
-        starts = [item.sequence for item in self.store.mission if item.command == Command.DO_LAND_START]
-        if starts and self.parameters["RTL_AUTOLAND"] == _LAND_AT_ONCE:
-            self.runner.set_current(starts[0])
+    def _leave_return(self) -> None:
+        """Go on in AUTO: with RTL_AUTOLAND 2 to the landing sequence, with 4 by the closest return path."""
+        choice, items = self.parameters["RTL_AUTOLAND"], self.store.mission
+        starts = [item.sequence for item in items if item.command == Command.DO_LAND_START]
+        target = starts[0] if starts and choice == _LAND_AT_ONCE else None
+        if choice == _BY_RETURN_PATH:
+            here = (*self.flight.position, self.flight.estimate.up_m)
+            target = closest_leg(items, self._position, here)
+            if target is not None:
+                self.say(mavlink.MAV_SEVERITY_INFO, "Return path started")
+        if target is not None:
+            self.runner.set_current(target)
             self.set_mode("AUTO")
 
     def _flies_mission(self) -> bool:

@@ -1,0 +1,146 @@
+"""Make a return path for an ArduPlane's list, and judge how long it covers the flown path.
+
+A return to launch may begin at any place of the flown path. From each of them, some seconds apart, the flight
+to the return path and along it is simulated by the autopilot's guidance and checked. The return path covers
+the flown path up to the first place from which this flight comes too near to something.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.flight.prediction.mode_tracks import state_on
+from companion.flight.prediction.obstacle_ahead import is_clear
+from companion.flight.prediction.return_path import STEP_S, circling_tracks, tracks_by_return_path
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.mission_construction import construct
+from companion.flight.takeover.takeover import circle_of
+from companion.frames import FloatArray
+from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, return_bank
+from companion.mission.waypoints import loiter_item, path_items, speed_item
+from companion.planning.problem import GoalRegion
+from companion.types.mission import Command, MissionItem
+from companion.types.path import Path
+from companion.types.state import Ownship
+
+PLACES_S = 3.0  # Places of the flown path from which a return is simulated are this far apart in time.
+COVERED_MAX_S = 90.0  # The flown path is looked at this far ahead.
+LANDING_NEAR_M = 60.0  # A waypoint this near to the operator's first item of the landing is left out.
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnMission:
+    """A return path as items.
+
+    Parameters
+    ----------
+    bank : tuple of MissionItem
+        The return bank, not armed.
+    path : Path
+        The planned path.
+    covered_s : float
+        For how long a return from the flown path keeps clear, from now on [s]; infinite if to its end.
+    """
+
+    bank: tuple[MissionItem, ...]
+    path: Path
+    covered_s: float
+
+
+def return_mission(
+    state: FlightState, ownship: Ownship, path: Path, place: GoalRegion, *, is_landing: bool
+) -> ReturnMission | None:
+    """Return a path to a place as a return path; None if no mission carries it.
+
+    Parameters
+    ----------
+    state : FlightState
+        The flown mission, the list and the rules.
+    ownship : Ownship
+        The aircraft now.
+    path : Path
+        A path to the place.
+    place : GoalRegion
+        Where the return path ends.
+    is_landing : bool
+        Whether the operator's landing follows; otherwise the path ends in a circle.
+    """
+    alone = replace(state, goals=(place,), actions=((),), next_goal=0, flown=None, tail_enu_m=None)
+    found = construct(alone, path, RETURN_WAYPOINTS_MAX, is_whole=True)
+    if found.violations or found.covered_until_s < float(path.times_s[-1]):
+        return None
+    frame = state.mission.frame
+    items = tuple(item for item in path_items(found.waypoints, frame) if item.command == Command.NAV_WAYPOINT)
+    operator, landing = state.mission_list.operator, None
+    if is_landing and operator is not None:
+        landing = operator.tail
+        if math.dist(found.waypoints.positions_enu_m[-1][:2], place.position_enu_m[:2]) < LANDING_NEAR_M:
+            items = items[: max(len(items) - 1, 1)]
+    end = None if landing is not None else loiter_item(found.waypoints, frame)
+    bank = return_bank(items, end, landing, speed=speed_item(found.waypoints, frame))
+    return ReturnMission(bank, path, covered_s(state, ownship, _with_bank(state, bank)))
+
+
+def _with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
+    """Return the list with a return bank in the place of those that it has."""
+    layout = state.mission_list.layout
+    first = len(state.mission_list.stored) if layout is None else layout.return_span[0]
+    kept = state.mission_list.stored[:first]
+    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(armed(bank))))
+
+
+def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> float:
+    """Return for how long a return from the flown path keeps clear, from now on [s].
+
+    Parameters
+    ----------
+    state : FlightState
+        The flown path and the rules.
+    ownship : Ownship
+        The aircraft now.
+    items : sequence of MissionItem
+        The list with a return path.
+
+    Returns
+    -------
+    float
+        0 if a return from here does not keep clear; infinite if each one up to the mission's end does.
+    """
+    if not _returns_clear(state, ownship, items):
+        return 0.0
+    track = _track_ahead(state, ownship)
+    every = round(PLACES_S / STEP_S)
+    for row in range(every, len(track) - 1, every):
+        if not _returns_clear(state, state_on(track, row, ownship), items):
+            return STEP_S * (row - every)
+    return math.inf if len(track) * STEP_S < COVERED_MAX_S else COVERED_MAX_S
+
+
+def _returns_clear(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> bool:
+    """Return whether a return that begins here keeps clear on each track that it may take."""
+    tracks = tracks_by_return_path(state, ownship, items)
+    return bool(tracks) and all(is_clear(state, track[::2]) for track in tracks)
+
+
+def _track_ahead(state: FlightState, ownship: Ownship) -> FloatArray:
+    """Return positions (K, 3) on the flown path from here, and once round the circle at its end [m]."""
+    here = np.array([ownship.position_enu_m])
+    flown, layout = state.flown, state.mission_list.layout
+    if flown is None or layout is None:
+        return here
+    row = min(flown.row, len(flown.path) - 2)
+    begin_s = float(flown.path.times_s[row])
+    ahead_s = min(flown.covered_until_s - begin_s, COVERED_MAX_S)
+    at = begin_s + np.arange(0.0, max(ahead_s, STEP_S), STEP_S)
+    places = np.column_stack(
+        [np.interp(at, flown.path.times_s, flown.path.positions_enu_m[:, axis]) for axis in range(3)]
+    )
+    circle = circle_of(state, (layout.flown or flown.mission.items)[-1], ownship.position_enu_m[2])
+    if circle is None or ahead_s >= COVERED_MAX_S or len(places) < 3:
+        return places
+    entered = state_on(places, len(places) - 2, ownship)
+    return np.vstack([places, *(track[1:] for track in circling_tracks(state, entered, *circle)[:1])])

@@ -1,0 +1,207 @@
+"""Keep a checked return path in the autopilot's list while the service flies.
+
+An ArduPlane with RTL_AUTOLAND 4 joins it in a return to launch, whoever begins that and whether or not the
+service still runs. The return path is planned like any path, from a place that the aircraft is about to pass,
+to the operator's landing, else to a circle over home, else to a rally point. It is planned again before a
+return from the flown path would no longer keep clear.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Iterator
+from functools import partial
+
+from companion.flight.exchange.return_exchange import ReturnExchange
+from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission
+from companion.flight.prediction.return_path import BY_RETURN_PATH
+from companion.flight.state.cycle import rally_points_near
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.list_state import FlownPath
+from companion.flight.state.progress import start_after
+from companion.flight.tasks.plan_maker import return_request
+from companion.flight.tasks.replanning_parts import ReplanningParts
+from companion.mission.list_layout import TwoBankLayout
+from companion.planning.problem import GoalRegion
+from companion.types.mission import Command
+from companion.types.plan import Plan
+from companion.types.state import Ownship
+
+LOOK_S = 2.0  # Period with which the return path is judged.
+AHEAD_S = 10.0  # A return path begins where the aircraft will be in this time.
+RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time.
+AGAIN_S = 6.0  # After a return path could not be made or stored, it is tried again after this time.
+STOP_S = 1.0  # An exchange that should end is cancelled after this time.
+GONE_S = 15.0  # The pilot is informed if there has been no return path for this time.
+
+
+class WayHome:
+    """Keeps the return path up to date.
+
+    Parameters
+    ----------
+    parts : ReplanningParts
+        The parts of replanning.
+
+    Attributes
+    ----------
+    stored : ReturnMission or None
+        The return path in the autopilot's list.
+    """
+
+    def __init__(self, parts: ReplanningParts) -> None:
+        self._parts = parts
+        self._exchange = ReturnExchange(parts.handover.protocols.parts)
+        self._storing: asyncio.Task[None] | None = None
+        self._next_s = -math.inf
+        self._judged: FlownPath | None = None
+        self._since_s: float | None = None
+        self._is_announced: bool | None = None
+        self.stored: ReturnMission | None = None
+
+    async def keep_up(self) -> None:
+        """Judge the return path, and renew it if that is due; nothing is done while one is being stored.
+
+        Raises
+        ------
+        PlanBrokenOffError
+            If a surprise broke off the plan of a return path.
+        """
+        parts, now = self._parts, self._parts.clock.now_s()
+        state, ownship = parts.flight.state, parts.world_model.ownship.state(now)
+        if self._storing is not None and not self._storing.done():
+            return
+        is_other = state.flown is not self._judged and (
+            self._judged is None or state.flown is None or state.flown.path is not self._judged.path
+        )
+        if ownship is None or not is_wanted(state) or (now < self._next_s and not is_other):
+            return
+        self._next_s, self._judged = now + LOOK_S, state.flown
+        if covered_s(state, ownship, state.mission_list.stored) >= RENEWED_S:
+            self._note(now, is_there=True)
+            return
+        self._note(now, is_there=False)
+        found = await self._planned(state, ownship)
+        self._next_s = self._parts.clock.now_s() + AGAIN_S
+        if found is not None and self._parts.flight.state.may_act:
+            self._storing = asyncio.create_task(self._store(found))
+
+    async def stop(self) -> None:
+        """End the exchange of a return path, because a mission may be handed over."""
+        storing = self._storing
+        if storing is None or storing.done():
+            return
+        self._exchange.is_stopped = True
+        alarm = asyncio.create_task(self._parts.clock.sleep_until(self._parts.clock.now_s() + STOP_S))
+        await asyncio.wait({storing, alarm}, return_when=asyncio.FIRST_COMPLETED)
+        alarm.cancel()
+        self.break_off()
+        with contextlib.suppress(asyncio.CancelledError):
+            await storing
+
+    def break_off(self) -> None:
+        """Cancel the exchange of a return path."""
+        if self._storing is not None:
+            self._storing.cancel()
+
+    async def _planned(self, state: FlightState, ownship: Ownship) -> ReturnMission | None:
+        """Plan to the places where a return may end, in their order, until one can be reached."""
+        parts = self._parts
+        start = start_after(state, ownship, AHEAD_S)
+        if start.rest is None:
+            return None
+        snapshot = parts.world_model.snapshot(parts.clock.now_s())
+        for place, is_landing in places_of(state, start.state.position_enu_m):
+            conclude = partial(_concluded, state, ownship, place, is_landing=is_landing)
+            request = return_request(state, start, snapshot, place)
+            _, found = await parts.maker.make(request, conclude, may_break_off=True)
+            if found is not None and found.covered_s > 0.0:
+                return found
+        return None
+
+    async def _store(self, found: ReturnMission) -> None:
+        """Store a return path, and record how that ended."""
+        self._exchange.is_stopped = False
+        failure = await self._exchange.store(found.bank)
+        now, length_m = self._parts.clock.now_s(), float(found.path.travelled_m[-1])
+        if failure:
+            self._parts.announcer.decide(DecisionKind.RETURN, f"not stored: {failure}")
+            return
+        self.stored = found
+        why = {"covered_s": found.covered_s, "length_m": length_m}
+        self._parts.announcer.decide(DecisionKind.RETURN, f"stored, {1e-3 * length_m:.1f} km", why=why)
+        self._note(now, is_there=True)
+
+    def _note(self, now_s: float, *, is_there: bool) -> None:
+        """Inform the pilot that there is a return path, or that there has been none for a while."""
+        if is_there:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        is_gone = self._since_s is not None and now_s - self._since_s >= GONE_S
+        if is_there and self._is_announced is not True and self.stored is not None:
+            self._is_announced = True
+            length = f"{1e-3 * float(self.stored.path.travelled_m[-1]):.1f}"
+            self._parts.announcer.decide(
+                DecisionKind.RETURN, "there is a return path", tell="return path", length=length
+            )
+        elif is_gone and self._is_announced is not False:
+            self._is_announced = False
+            self._parts.announcer.decide(
+                DecisionKind.RETURN, "no return path that keeps clear", tell="no return path"
+            )
+
+
+def _concluded(
+    state: FlightState, ownship: Ownship, place: GoalRegion, plan: Plan, *, is_landing: bool
+) -> ReturnMission | None:
+    """Return a plan as a return path; None if it does not reach its end."""
+    if plan.path is None or not plan.reaches_goal:
+        return None
+    return return_mission(state, ownship, plan.path, place, is_landing=is_landing)
+
+
+def is_wanted(state: FlightState) -> bool:
+    """Return whether a return path is to be kept: an ArduPlane would join it, and no other one.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mode, the autopilot's parameters and list, and the mission file.
+    """
+    listed, operator = state.mission_list, state.mission_list.operator
+    if not (state.may_act and state.flies_by and state.mission.authority.keep_return_path):
+        return False
+    if state.settings.return_kind != BY_RETURN_PATH or listed.pending is not None or listed.is_mixed:
+        return False
+    if operator is None or not isinstance(listed.layout, TwoBankLayout) or state.flown is None:
+        return False
+    return all(item.command != Command.DO_RETURN_PATH_START for item in operator.items)
+
+
+def places_of(
+    state: FlightState, from_enu_m: tuple[float, float, float]
+) -> Iterator[tuple[GoalRegion, bool]]:
+    """Yield where a return may end, the preferred place first, and whether it is the operator's landing.
+
+    Parameters
+    ----------
+    state : FlightState
+        The operator's landing, home and rally points.
+    from_enu_m : tuple of float
+        Where the return begins [m].
+    """
+    operator = state.mission_list.operator
+    if operator is not None and operator.has_landing and state.tail_enu_m is not None:
+        yield state.region_at(state.tail_enu_m), True
+    if state.home_enu_m is not None:
+        east, north, up = state.home_enu_m
+        height = state.settings.return_height_m
+        above = from_enu_m[2] if height is None or height < 0.0 else up + height
+        low, high = state.rules.checker.limits.bounds[4:6]
+        yield state.region_at((east, north, min(max(above, low), high))), False
+    for place in rally_points_near(state, from_enu_m):
+        yield place, False

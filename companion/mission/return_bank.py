@@ -1,0 +1,184 @@
+"""Return paths in an ArduPlane's list, and the item at which a return to launch joins them.
+
+With RTL_AUTOLAND 4 a return to launch joins the closest leg behind any DO_RETURN_PATH_START: the autopilot
+flies directly to the item at which that leg ends, and on from there. The list therefore has two return banks
+behind the banks of missions. One holds the return path; the other is written, and only then takes its place.
+A bank is armed if its first item is DO_RETURN_PATH_START. Otherwise the first item commands an airspeed and
+nothing joins the bank, whatever else is in it.
+
+A bank's last item is a jump: to the operator's landing, or to item 0. ArduPlane's search ends at a jump to
+item 0. It would otherwise take the way from the end of one bank to the next for a leg.
+
+References
+----------
+ArduPlane 4.7 ``AP_Mission::jump_to_closest_mission_leg``, ``distance_to_mission_leg``, ``get_next_cmd``;
+MAVLink ``common.xml``, MAV_CMD_DO_RETURN_PATH_START.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from companion.frames import FloatArray, LocalFrame
+from companion.mission.operator import is_service_speed, position_of
+from companion.types.mission import Command, MavFrame, MissionItem
+
+RETURN_ITEMS = 32  # Items of a return bank.
+RETURN_WAYPOINTS_MAX = RETURN_ITEMS - 3  # The start, the end and the last jump need an item each.
+NOWHERE = 0.0  # The target of a jump at which ArduPlane's search ends.
+FOR_EVER = -1.0  # The repeat count of a DO_JUMP that repeats without end.
+LOOPS_MAX = 64  # ArduPlane follows at most this many jumps in a row.
+_LANDINGS = frozenset({Command.NAV_LAND, Command.DO_LAND_START})
+
+
+def _jump(target: float) -> MissionItem:
+    """Return a jump that repeats for ever."""
+    return MissionItem(0, Command.DO_JUMP, MavFrame.MISSION, (target, FOR_EVER, 0.0, 0.0), 0, 0, 0.0)
+
+
+def _command(command: Command) -> MissionItem:
+    """Return a command without parameters."""
+    return MissionItem(0, command, MavFrame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
+
+
+def return_bank(
+    waypoints: Sequence[MissionItem], end: MissionItem | None, landing: int | None, *, speed: MissionItem
+) -> tuple[MissionItem, ...]:
+    """Return a bank that is not armed yet.
+
+    Parameters
+    ----------
+    waypoints : sequence of MissionItem
+        Waypoints of the return path, at most :data:`RETURN_WAYPOINTS_MAX`.
+    end : MissionItem or None
+        The circle at its end; None if it ends at the operator's landing.
+    landing : int or None
+        Sequence of the operator's first item of the landing.
+    speed : MissionItem
+        The item that commands the airspeed, in the place of the start.
+    """
+    last = _jump(NOWHERE if landing is None or end is not None else float(landing))
+    filling = last if end is None else end
+    items = (speed, *waypoints, *((end,) if end is not None else ()))
+    return items + (filling,) * (RETURN_ITEMS - 1 - len(items)) + (last,)
+
+
+def blank_bank(speed: MissionItem) -> tuple[MissionItem, ...]:
+    """Return a bank without a return path, of items that command the airspeed."""
+    return (speed,) * (RETURN_ITEMS - 1) + (_jump(NOWHERE),)
+
+
+def armed(bank: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+    """Return a bank that a return joins."""
+    return (_command(Command.DO_RETURN_PATH_START), *bank[1:])
+
+
+def is_armed(bank: Sequence[MissionItem]) -> bool:
+    """Return whether a return joins a bank."""
+    return bool(bank) and bank[0].command == Command.DO_RETURN_PATH_START
+
+
+def num_return_items(items: Sequence[MissionItem]) -> int:
+    """Return how many items at the end of a list belong to return banks: two, or a part of blank ones."""
+    banks = [items[end - RETURN_ITEMS : end] for end in (len(items) - RETURN_ITEMS, len(items))]
+    if len(items) > 2 * RETURN_ITEMS and all(map(_is_bank, banks)):
+        return 2 * RETURN_ITEMS
+    blank = 0  # An upload of the first, blank banks may have been broken off.
+    while blank < len(items) and _is_blank(items[len(items) - 1 - blank]):
+        blank += 1
+    behind_circle = blank < len(items) and items[len(items) - 1 - blank].command == Command.NAV_LOITER_UNLIM
+    return blank if behind_circle else 0
+
+
+def _is_bank(bank: Sequence[MissionItem]) -> bool:
+    """Return whether items have the shape of a return bank."""
+    return (is_armed(bank) or _is_blank(bank[0])) and bank[-1].command == Command.DO_JUMP
+
+
+def _is_blank(item: MissionItem) -> bool:
+    """Return whether an item is one of a blank bank: an airspeed, or the jump to item 0."""
+    return is_service_speed(item) or (item.command == Command.DO_JUMP and item.parameters[0] == NOWHERE)
+
+
+def joined_item(
+    items: Sequence[MissionItem],
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    place_enu_m: tuple[float, float, float],
+) -> int | None:
+    """Return the sequence of the item that a return to launch flies to; None if there is no return path.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        The whole list.
+    frame : LocalFrame
+        The mission file's frame.
+    home_amsl_m : float or None
+        Height of home, from which relative altitudes count [m].
+    place_enu_m : tuple of float
+        The aircraft's position [m].
+    """
+    best, nearest = None, math.inf
+    for item in items[1:]:
+        if item.command != Command.DO_RETURN_PATH_START:
+            continue
+        found = _closest_on(items, item.sequence, frame, home_amsl_m, np.array(place_enu_m))
+        if found is not None and found[1] <= nearest:  # The last of equally near paths is joined.
+            best, nearest = found
+    return best
+
+
+def _closest_on(
+    items: Sequence[MissionItem], start: int, frame: LocalFrame, home_amsl_m: float | None, here: FloatArray
+) -> tuple[int, float] | None:
+    """Return the end of the closest leg of one return path, and its distance [m] from ``here`` (3,) [m]."""
+    best, before = None, None
+    for item in followed(items, start):
+        position = position_of(item, frame, home_amsl_m)
+        if position is not None:
+            place = np.array(position)
+            along = place if before is None else place - before
+            if before is None or along.any():
+                away = float(np.linalg.norm(here - _nearest_on(before, place, here)))
+                if best is None or away < best[1]:
+                    best = item.sequence, away
+                before = place
+        if item.command in _LANDINGS:
+            break
+    return best
+
+
+def _nearest_on(begin: FloatArray | None, end: FloatArray, here: FloatArray) -> FloatArray:
+    """Return the point nearest to ``here`` (3,) of a leg from (3,) to (3,) [m]; without a begin, its end."""
+    if begin is None:
+        return end
+    along = end - begin
+    share = float(np.clip((here - begin) @ along / (along @ along), 0.0, 1.0))
+    nearest: FloatArray = begin + share * along
+    return nearest
+
+
+def followed(items: Sequence[MissionItem], start: int) -> list[MissionItem]:
+    """Return the items from a sequence on in the order in which they are flown, jumps followed.
+
+    They end with the list, at a jump that leads nowhere, or where an item would be flown again.
+    """
+    found: list[MissionItem] = []
+    seen: set[int] = set()
+    sequence, loops = start, 0
+    while 0 <= sequence < len(items) and sequence not in seen:
+        item = items[sequence]
+        seen.add(sequence)
+        if item.command == Command.DO_JUMP:
+            loops += 1
+            sequence = int(item.parameters[0] or 0)
+            if sequence == 0 or loops > LOOPS_MAX:
+                break
+            continue
+        found.append(item)
+        sequence += 1
+    return found

@@ -1,0 +1,75 @@
+"""The leg of a return path that a return to launch joins, as ArduPlane 4.7 chooses it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+from companion.types.mission import Command, MissionItem
+from sim.autopilot.telemetry import Target
+from sim.mission_types import is_navigation
+
+_SEARCHED_MAX = 1_000  # Items that are looked at, over all return paths.
+_JUMPS_MAX = 64
+
+
+def closest_leg(
+    items: Sequence[MissionItem], position_of: Callable[[MissionItem], Target], here: Target
+) -> int | None:
+    """Sequence of the item at which the closest leg behind a DO_RETURN_PATH_START ends; None without one.
+
+    Parameters
+    ----------
+    items : sequence of MissionItem
+        The stored mission.
+    position_of : callable
+        Returns an item's east, north, up [m].
+    here : tuple of float
+        The aircraft's position [m].
+    """
+    left, found, least = _SEARCHED_MAX, None, math.inf
+    for start in items[1:]:
+        if start.command != Command.DO_RETURN_PATH_START:
+            continue
+        end, away, before = None, math.inf, None
+        for item in _walk(items, start.sequence):
+            left -= 1
+            if left <= 0:
+                return found
+            if is_navigation(item.command) and (item.latitude_e7 or item.longitude_e7):
+                place = position_of(item)
+                if place != before:
+                    distance = _distance(before or place, place, here)
+                    if distance < away:
+                        end, away = item.sequence, distance
+                    before = place
+            if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
+                break
+        if end is not None and away <= least:
+            found, least = end, away
+    return found
+
+
+def _walk(items: Sequence[MissionItem], sequence: int) -> Iterator[MissionItem]:
+    """Items from one on, jumps followed; it ends with the list or at a jump to no item."""
+    jumps = 0
+    while sequence < len(items):
+        item = items[sequence]
+        if item.command != Command.DO_JUMP:
+            yield item
+            sequence += 1
+            continue
+        target, jumps = int(item.parameters[0] or 0), jumps + 1
+        if not 1 <= target < len(items) or jumps > _JUMPS_MAX:
+            return
+        sequence = target
+
+
+def _distance(begin: Target, end: Target, here: Target) -> float:
+    """Distance of a point from a leg [m]."""
+    along = [b - a for a, b in zip(begin, end, strict=True)]
+    away = [h - a for a, h in zip(begin, here, strict=True)]
+    square = sum(value * value for value in along)
+    share = 0.0 if square == 0.0 else sum(a * b for a, b in zip(along, away, strict=True)) / square
+    share = max(0.0, min(1.0, share))
+    return math.dist(here, [a + share * b for a, b in zip(begin, along, strict=True)])
