@@ -14,6 +14,7 @@ from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import Autopilot
 from sim.autopilot.operator_missions import (
     Place,
+    landing_circle,
     mission_over,
     operator_mission,
     px4_operator_mission,
@@ -104,7 +105,9 @@ def build(
         plane.start(items[:1] if on_ground else items, "LOITER" if on_ground else "AUTO")
     else:
         autopilot = px4 = Px4(flight, projection, parameters, home)
-        items = px4_operator_mission(home, projection, centre, start.up_m, radius)
+        area = mission.bounds.east_m, mission.bounds.north_m
+        begins = landing_circle(mission.obstacle_list, area, home, radius)
+        items = px4_operator_mission(home, projection, centre, begins, start.up_m, radius)
         if route_enu_m:
             items = mission_over(items, route_enu_m, place, projection, radius)
         px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)

@@ -9,7 +9,7 @@ bank intact. Behind the banks lie two return banks, once there is a return path
 
 PX4 replaces its list in one step. The list consists of the operator's items up to the goal, the service's
 items, and the operator's items that follow the goal. The service's items end in a loiter, or continue with
-the operator's.
+the operator's. A return to launch with RTL_TYPE 2 flies past the loiter.
 """
 
 from __future__ import annotations
@@ -169,11 +169,17 @@ class SingleListLayout:
         return self.num_items, self.num_items
 
     def items_for(self, part: MissionPart) -> tuple[MissionItem, ...]:
-        """Return the service's items for a part: they end in a loiter, or in the airspeed twice."""
+        """Return the service's items for a part: they end in a loiter, or in the airspeed twice.
+
+        Behind the loiter a way on to the operator's items may follow, which only a return to launch flies
+        (RTL_TYPE 2). It ends in the airspeed twice, too.
+        """
+        way_on = (*part.way_on, *(part.speed,) * 2) if part.way_on and self.tail else ()
         goes_on = part.continues_with_operator_items and self.tail
         ours = (*part.items, *((part.speed,) * 2 if goes_on else (part.loiter,)))
-        size = max(self.size or int(WHOLE_SHARE * len(ours)), len(self.flown or ()), WHOLE_ITEMS_MIN)
-        return ours + ours[-1:] * (size - len(ours))
+        needed = len(ours) + len(way_on)
+        size = max(self.size or int(WHOLE_SHARE * needed), len(self.flown or ()), WHOLE_ITEMS_MIN)
+        return ours + ours[-1:] * (size - needed) + way_on
 
     def with_new(self, ours: tuple[MissionItem, ...], plan_number: int) -> tuple[Mission, SingleListLayout]:
         """Return the list with another mission part, and the layout once it is flown."""

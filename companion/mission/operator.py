@@ -205,8 +205,17 @@ def span_in(items: Sequence[MissionItem]) -> tuple[int, int] | None:
                 is_service_speed(items[index]) and is_service_speed(items[index - 1])
             )
             if is_end:
-                return first, _end_of_repetition(items, index)
+                return first, _end_of_way_on(items, _end_of_repetition(items, index))
     return None
+
+
+def _end_of_way_on(items: Sequence[MissionItem], end: int) -> int:
+    """Return the index after waypoints and the airspeed twice behind a loiter; ``end`` without them."""
+    last = end
+    while last < len(items) and items[last].command == Command.NAV_WAYPOINT:
+        last += 1
+    is_way_on = last > end and items[end - 1].command == Command.NAV_LOITER_UNLIM
+    return last + 2 if is_way_on and all(map(is_service_speed, items[last : last + 2])) else end
 
 
 def _end_of_repetition(items: Sequence[MissionItem], index: int) -> int:

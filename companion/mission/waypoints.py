@@ -299,15 +299,23 @@ class MissionPart:
         The circle at the end.
     continues_with_operator_items : bool
         Whether the operator's items that follow the goal are flown after the last waypoint.
+    way_on : tuple of MissionItem
+        Waypoints from the circle to the operator's landing, for a PX4's return to launch.
     """
 
     items: tuple[MissionItem, ...]
     speed: MissionItem
     loiter: MissionItem
     continues_with_operator_items: bool
+    way_on: tuple[MissionItem, ...] = ()
 
 
-def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | None = None) -> MissionPart:
+def mission_part(
+    waypoints: Waypoints,
+    frame: LocalFrame,
+    cruise_m_s: float | None = None,
+    way_on_enu_m: FloatArray | None = None,
+) -> MissionPart:
     """Return waypoints as mission items.
 
     Parameters
@@ -318,12 +326,16 @@ def mission_part(waypoints: Waypoints, frame: LocalFrame, cruise_m_s: float | No
         The frame of their coordinates.
     cruise_m_s : float, optional
         True airspeed for the operator's items after them [m/s]; the waypoints' airspeed if omitted.
+    way_on_enu_m : ndarray, shape (N, 3), optional
+        Waypoints from the circle to the operator's landing [m].
     """
+    way_on = () if way_on_enu_m is None else way_on_enu_m
     return MissionPart(
         path_items(waypoints, frame),
         speed_item(replace(waypoints, airspeed_m_s=cruise_m_s or waypoints.airspeed_m_s), frame),
         loiter_item(waypoints, frame),
         waypoints.continues_with_operator_items,
+        tuple(_item(Command.NAV_WAYPOINT, position, frame) for position in way_on),
     )
 
 

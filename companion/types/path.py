@@ -74,6 +74,10 @@ class Path:
         """Return the path up to a row, including that row."""
         return replace(self, **{name: getattr(self, name)[: row + 1] for name in _ROWS})
 
+    def since(self, row: int) -> Path:
+        """Return the path from a row on."""
+        return replace(self, **{name: getattr(self, name)[row:] for name in _ROWS})
+
     def followed_by(self, path: Path) -> Path:
         """Return this path and another, whose first row is the last row of this path."""
         joined: dict[str, Any] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,10 +24,9 @@ _MARGIN_M = 40.0
 _OVERSHOOT_M = 40.0  # A circle that is entered from its centre is flown this much wider at first.
 _HEIGHT_MARGIN_M = 20.0
 _BEYOND_M = 500.0  # The aircraft flies straight for so long behind the last goal.
-_LANDING_M, _PATTERN_HEIGHT_M = (
-    1000.0,
-    60.0,
-)  # The landing pattern's circle: its distance from the runway, and its height.
+_LANDING_M = (1000.0, 750.0)  # Distances of the landing's circle from the runway.
+_PATTERN_HEIGHT_M = 60.0  # Height of that circle.
+_LANDING_SIDES = 8  # Directions of the landing that are looked at, the first from north.
 
 
 def safe_loiter(
@@ -72,8 +72,39 @@ def operator_mission(
     ]
 
 
+def landing_circle(
+    obstacles: Sequence[Obstacle], bounds: Sequence[tuple[float, float]], home: Home, radius_m: float
+) -> tuple[float, float]:
+    """East and north [m] of the circle from which a landing at home begins, where the way down is free.
+
+    The landing comes from the first direction that is free and within ``bounds``, east and north [m], the first
+    being north; else from the freest.
+    """
+    area = shapely.box(bounds[0][0], bounds[1][0], bounds[0][1], bounds[1][1])
+    walls = shapely.unary_union([Polygon(obstacle.polygon_enu_m) for obstacle in obstacles])
+    best, best_gap = (home.east_m, home.north_m + _LANDING_M[0]), -math.inf
+    for away, number in itertools.product(_LANDING_M, range(_LANDING_SIDES)):
+        angle = 2.0 * math.pi * number / _LANDING_SIDES
+        centre = (home.east_m + away * math.sin(angle), home.north_m + away * math.cos(angle))
+        way = LineString([centre, (home.east_m, home.north_m)])
+        gap = -area.distance(Point(centre)) or math.inf
+        if obstacles:
+            gap = min(gap, walls.distance(way), walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M)
+            gap = -math.inf if walls.intersects(way) else gap
+        if gap >= _MARGIN_M:
+            return centre
+        if gap > best_gap:
+            best, best_gap = centre, gap
+    return best
+
+
 def px4_operator_mission(
-    home: Home, projection: FastProjection, centre: tuple[float, float], height_m: float, radius_m: float
+    home: Home,
+    projection: FastProjection,
+    centre: tuple[float, float],
+    begins: tuple[float, float],
+    height_m: float,
+    radius_m: float,
 ) -> list[MissionItem]:
     """Make the operator's mission for PX4: takeoff, a waypoint, a loiter there, and a landing at home."""
     relative, nothing = MavFrame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, 0.0, None)
@@ -83,7 +114,7 @@ def px4_operator_mission(
         return round(latitude * 1e7), round(longitude * 1e7), height
 
     circle = place(*centre, height_m)
-    pattern = place(home.east_m, home.north_m + _LANDING_M, _PATTERN_HEIGHT_M)
+    pattern = place(*begins, _PATTERN_HEIGHT_M)
     touchdown = place(home.east_m, home.north_m, 0.0)
     return [
         MissionItem(0, Command.NAV_TAKEOFF, relative, nothing, *touchdown[:2], height_m),

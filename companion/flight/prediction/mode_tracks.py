@@ -118,7 +118,7 @@ def _tracks_by_autopilot(
         track = list_track(state, current, ownship, is_direct=is_returning)
         return [] if track is None else [track.positions_enu_m]
     if motion is Motion.RETURN and (target is None or not state.flies_by):
-        known = return_tracks(state, ownship)
+        known = return_tracks(state, ownship, current)
         if known is not None:
             return known
     if target is None or motion is Motion.STEERED:

@@ -9,9 +9,10 @@ closest leg of a return path (:mod:`companion.mission.return_bank`).
 
 PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
 RTL_RETURN_ALT above the destination, then flies straight there. With RTL_TYPE 0 the destination is home; with
-1, a fixed wing's default, the mission's landing, or home without one; with 3 the nearer of both. Rally points
-change that: a PX4 accepts them in any global frame, does not report which, and flies off anywhere with those
-that are not in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has any, its path is not known.
+1, a fixed wing's default, the mission's landing, or home without one; with 3 the nearer of both. With 2 it
+flies its mission on to the landing, and loiters are waypoints (``RtlMissionFast``). Rally points change that:
+a PX4 accepts them in any global frame, does not report which, and flies off anywhere with those that are not
+in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has any, its path is not known.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_simulation import guidance_of
+from companion.flight.state.way_on import BY_MISSION
 from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
 from companion.mission.return_bank import followed, joined_item
+from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, track_of_legs
@@ -43,13 +46,15 @@ SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
 CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
 LANDING_AT_ONCE, BY_RETURN_PATH = 2.0, 4.0  # RTL_AUTOLAND: to the landing, or by a return path.
-HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE.
+HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE; by the mission is 2.
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH})
 
 Place = tuple[float, float, float]
 
 
-def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] | None:
+def return_path(
+    state: FlightState, ownship: Ownship, current: MissionCurrent | None = None
+) -> tuple[Violation, ...] | None:
     """Return the violations of the return path from here; None if the path is not known.
 
     Parameters
@@ -58,8 +63,10 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
         Home, rally points, the autopilot's parameters and the rules.
     ownship : Ownship
         The aircraft now.
+    current : MissionCurrent, optional
+        The mission item being flown, from which a PX4 may return by its mission.
     """
-    tracks = return_tracks(state, ownship)
+    tracks = return_tracks(state, ownship, current)
     if tracks is None:
         return None
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
@@ -67,7 +74,9 @@ def return_path(state: FlightState, ownship: Ownship) -> tuple[Violation, ...] |
     return next(filter(None, wrong), ())
 
 
-def return_tracks(state: FlightState, ownship: Ownship) -> list[FloatArray] | None:
+def return_tracks(
+    state: FlightState, ownship: Ownship, current: MissionCurrent | None = None
+) -> list[FloatArray] | None:
     """Return positions on each of the possible return paths; None if they are not known.
 
     Small differences decide to which side the aircraft turns if home lies behind it, and when a PX4 ends its
@@ -75,7 +84,7 @@ def return_tracks(state: FlightState, ownship: Ownship) -> list[FloatArray] | No
 
     Parameters
     ----------
-    state, ownship
+    state, ownship, current
         Same as in :func:`return_path`.
 
     Returns
@@ -88,6 +97,8 @@ def return_tracks(state: FlightState, ownship: Ownship) -> list[FloatArray] | No
         return None
     if state.flies_by:
         return _arduplane_tracks(state, ownship, _arduplane_end(state, ownship, home))
+    if state.settings.return_kind == BY_MISSION:
+        return None if current is None else _tracks_by_mission(state, ownship, current)
     end = _px4_end(state, ownship, home)
     return _px4_tracks(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
 
@@ -98,6 +109,9 @@ def is_unpredictable(state: FlightState) -> bool:
     if state.flies_by:
         is_unread = state.holds_rally_points and not state.rally_points
         return is_unread or kind is None or kind > BY_RETURN_PATH
+    if kind == BY_MISSION:
+        operator = state.mission_list.operator
+        return operator is None or not operator.has_landing
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
@@ -134,15 +148,29 @@ def tracks_by_return_path(
     """
     frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
     joined = joined_item(items, frame, home_amsl_m, ownship.position_enu_m)
-    if joined is None:
-        return []
+    return [] if joined is None else _tracks_over(state, ownship, followed(items, joined), passes=False)
+
+
+def _tracks_by_mission(state: FlightState, ownship: Ownship, current: MissionCurrent) -> list[FloatArray]:
+    """Return positions (K, 3) on the track of a PX4 that flies its mission on to the landing [m]."""
+    return _tracks_over(state, ownship, state.mission_list.stored[current.sequence :], passes=True)
+
+
+def _tracks_over(
+    state: FlightState, ownship: Ownship, items: Sequence[MissionItem], *, passes: bool
+) -> list[FloatArray]:
+    """Return positions (K, 3) on the tracks over items, up to a circle or a landing [m].
+
+    With ``passes`` a circle is a waypoint.
+    """
+    frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
     legs, circle = list[FloatArray](), None
-    for item in followed(items, joined):
-        circle = circle_of(state, item, ownship.position_enu_m[2])
+    for item in items:
+        circle = None if passes else circle_of(state, item, ownship.position_enu_m[2])
         if circle is not None or item.command in LANDINGS:
             break
         place = position_of(item, frame, home_amsl_m)
-        if place is not None:
+        if place is not None and not (legs and np.array_equal(legs[-1], place)):
             legs.append(np.asarray(place))
     if not legs:
         return [] if circle is None else circling_tracks(state, ownship, *circle)

@@ -25,6 +25,7 @@ from companion.flight.state.fallback import Response, flown_violations, respond,
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_construction import Candidate, ConstructedMission, construct
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, problem_at
+from companion.flight.state.way_on import way_on
 from companion.mission.waypoints import mission_part
 from companion.planning.problem import GoalRegion
 from companion.planning.route import reassessed
@@ -110,7 +111,10 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
         decision = judge(state, replace(plan, path=path, pursuit=risk), start)
         if not decision.verdict.is_swap:
             return Conclusion(decision)
-    part = mission_part(waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
+    part = mission_part(
+        waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s,
+        way_on(state, path, waypoints, covered_until_s, snapshot),
+    )  # fmt: skip
     constructed = ConstructedMission(
         path, waypoints, part, covered_until_s, start, decision.verdict, decision.text, decision.why, cost
     )

@@ -289,7 +289,11 @@ class Replanning:
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
-        home = return_path(state, ownship) if state.mission.authority.allow_rtl else None
+        home = (
+            return_path(state, ownship, self.handover.reader.current)
+            if state.mission.authority.allow_rtl
+            else None
+        )
         run, found = await self._maker.make(
             least_threat_request(state, start, snapshot, is_urgent=is_urgent),
             lambda plan: conclude_emergency(
@@ -341,7 +345,8 @@ class Replanning:
     def _is_return_clear(self) -> bool:
         """Return whether the return path is still clear from the aircraft's present position."""
         ownship = self._world_model.ownship.state(self._clock.now_s())
-        return ownship is not None and return_path(self._flight.state, ownship) == ()
+        current = self.handover.reader.current
+        return ownship is not None and return_path(self._flight.state, ownship, current) == ()
 
     def _announce(
         self, step: EmergencyStep, reason: str, kind: DecisionKind, tell: str = "", word: str = ""

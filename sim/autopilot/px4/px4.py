@@ -8,6 +8,7 @@ approach alone is flown, and a reboot in flight, after which it holds.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -46,6 +47,8 @@ _CHECK_US = 80_000  # Time from an upload to its check; a mode that is requested
 _REACHED_REPEATS = 10
 _TRAFFIC_FLAGS = 63  # Bits 0 to 5 are kept.
 _FINITE_LIMIT_M = 100_000.0
+_BY_MISSION = 2  # RTL_TYPE
+_LOITERS = (Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME)
 
 
 class Px4(MissionPilot):
@@ -142,7 +145,7 @@ class Px4(MissionPilot):
     def active_command(self) -> int | None:
         """Command of the item being flown; None while none is."""
         items = self.mission_items
-        is_flown = self._mode == "MISSION" and self.runner.index < len(items)
+        is_flown = self._flies_items and self.runner.index < len(items)
         return items[self.runner.index].command if is_flown else None
 
     def disarmed(self) -> None:
@@ -227,10 +230,10 @@ class Px4(MissionPilot):
         self._transfer.update(self.now_us)
         if self._check_us is not None and self.now_us >= self._check_us:
             self._check()
-        if self._mode == "MISSION" and not self.flight.is_standing:
+        if self._flies_items and not self.flight.is_standing:
             self.flight.goes_beyond = self.active_command == Command.NAV_LAND
             self.runner.update()
-        if self._mode == "RTL":
+        elif self._mode == "RTL":
             self._return()
         speed = self._speed_m_s
         self.flight.airspeed_m_s = self.parameters["AIRSPEED_CRUISE"] if speed is None else speed
@@ -322,7 +325,7 @@ class Px4(MissionPilot):
         flight = self.flight
         here, height = flight.position, flight.estimate.up_m
         flight.goes_beyond = False
-        if name == "MISSION":
+        if name == "MISSION" or (name == "RTL" and self._returns_by_mission()):
             self.runner.resume()
         elif name in ("RTL", "LAND"):
             self._begin_return(here, height)
@@ -331,6 +334,16 @@ class Px4(MissionPilot):
         else:
             flight.steering = Level(0.0, height)
             self.telemetry.target = None
+
+    def _returns_by_mission(self) -> bool:
+        """Return whether a return flies the mission on to its landing (RTL_TYPE 2)."""
+        has_landing = any(item.command == Command.NAV_LAND for item in self.mission_items)
+        return has_landing and self.parameters["RTL_TYPE"] == _BY_MISSION
+
+    @property
+    def _flies_items(self) -> bool:
+        """Whether the mission's items are flown, in the mission mode or in a return by the mission."""
+        return self._mode == "MISSION" or (self._mode == "RTL" and self._returns_by_mission())
 
     def _begin_return(self, here: tuple[float, float], height_m: float) -> None:
         """Climb in a circle first; with a rally point in an unknown frame it flies to a wrong place."""
@@ -368,6 +381,8 @@ class Px4(MissionPilot):
         """Start a navigation item."""
         if item.command == Command.NAV_RETURN_TO_LAUNCH:
             self.set_mode("RTL")
+        elif self._mode == "RTL" and item.command in _LOITERS:  # A return by the mission does not wait.
+            self._steer_item(replace(item, command=Command.NAV_WAYPOINT, parameters=(0.0, 0.0, 0.0, None)))
         else:
             self._steer_item(item)
 

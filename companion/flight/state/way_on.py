@@ -1,0 +1,99 @@
+"""The way from the circle at a mission's end to the operator's landing, for a PX4's return to launch.
+
+With RTL_TYPE 2 a PX4 returns by its mission: it flies on from the current item to the landing, and a loiter
+is a waypoint to it. Behind the circle at which the service's mission ends, the list therefore holds a path to
+the landing that was planned and checked.
+
+References
+----------
+PX4 1.17 ``RtlMissionFast::setActiveMissionItems``, ``RTL::setRtlTypeAndDestination``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.mission_simulation import at_start, guidance_of
+from companion.flight.state.progress import start_at
+from companion.frames import FloatArray
+from companion.mission.waypoints import Waypoints, waypoints_from_path
+from companion.planning.problem import Problem
+from companion.planning.solver import solve
+from companion.types.path import Path
+from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
+from companion.world.vehicle.guidance import track_of_legs
+
+BY_MISSION = 2.0  # RTL_TYPE.
+MARGIN_SHARE = 0.5  # The way on keeps this share of clearance_min_m.
+SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
+ITERATIONS_MAX = 4_000  # The plan takes no longer than a few of the usual ones.
+
+
+def way_on(
+    state: FlightState, path: Path, waypoints: Waypoints, covered_until_s: float, snapshot: Snapshot
+) -> FloatArray | None:
+    """Return the waypoints of the way on; None if none is needed, or none keeps clear.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's parameters, the operator's landing, and the rules.
+    path : Path
+        The planned path.
+    waypoints : Waypoints
+        The mission made of it.
+    covered_until_s : float
+        The path's time at the mission's end [s].
+    snapshot : Snapshot
+        The world.
+
+    Returns
+    -------
+    ndarray, shape (N, 3), or None
+        East, north, up [m].
+    """
+    is_wanted = not state.flies_by and state.settings.return_kind == BY_MISSION
+    if not is_wanted or state.tail_enu_m is None or waypoints.continues_with_operator_items:
+        return None
+    ends = at_start(path.since(int(np.searchsorted(path.times_s, covered_until_s))), state.wind_enu_m_s)
+    home = _path_to_landing(state, ends, snapshot)
+    if home is None:
+        return None
+    centre, _ = waypoints.circle
+    points = waypoints_from_path(home, waypoints.airspeed_m_s, flies_by=False).positions_enu_m
+    return points if _is_clear(state, ends, np.vstack([centre, points, state.tail_enu_m])) else None
+
+
+def _path_to_landing(state: FlightState, ends: Ownship, snapshot: Snapshot) -> Path | None:
+    """Return a path from the mission's end to the operator's landing; None if there is none."""
+    if state.tail_enu_m is None:
+        return None
+    start = start_at(
+        state.rules, ends, ends.stamp_s, ends.position_enu_m, course_rad=ends.course_rad, climb_rad=0.0,
+        airspeed_m_s=ends.airspeed_m_s,
+    ).state  # fmt: skip
+    settings = replace(
+        state.rules.least_threat_settings,
+        max_iterations=min(state.rules.least_threat_settings.max_iterations, ITERATIONS_MAX),
+        optimise_iterations_max=state.rules.least_threat_settings.optimise_iterations,
+    )
+    landing = state.region_at(state.tail_enu_m)
+    problem = Problem(start, (landing,), snapshot, state.rules.vehicle, settings, seed=0)
+    plan = solve(problem, lambda: False)
+    if plan.path is None or not plan.reaches_goal:
+        return None
+    return plan.path
+
+
+def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
+    """Return whether the flight from the mission's end over ``legs`` (N, 3) [m] keeps clear."""
+    length_m = float(np.linalg.norm(np.diff(legs, axis=0), axis=1).sum())
+    speed = max(ends.airspeed_m_s - float(np.hypot(*state.wind_enu_m_s)), SLOWEST_M_S)
+    track = track_of_legs(guidance_of(state), ends, legs, ends_s=1.3 * length_m / speed, step_s=0.5)
+    flown = track.positions_enu_m[track.reached < len(legs)]
+    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
+    return not any(entry.rule == "clearance" for entry in state.rules.checker.check_track(flown, margin))
