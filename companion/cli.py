@@ -93,7 +93,7 @@ def check(
 ) -> None:
     """Validate a mission file, and print a summary of it."""
     from companion.config import load_mission, require_goals
-    from companion.config.mission_summary import mission_summary, summary_table
+    from companion.config.mission_summary import energy_table, mission_budget, mission_summary, summary_table
 
     if plot is not None:
         from companion.config.compose import world_of
@@ -107,6 +107,8 @@ def check(
             console.print(f"{config.name}: valid; its goals are the operator's waypoints in the autopilot")
         else:
             console.print(summary_table(config))
+            if (budget := mission_budget(config)) is not None:
+                console.print(energy_table(config, budget))
     if plot is not None:
         require_goals(config, str(mission))
         with _writing(plot, "--plot"):
