@@ -392,7 +392,7 @@ def identify(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Estimate an aircraft's noise from its flights, as keys of a mission file; exit 1 if data is short."""
+    """Estimate an aircraft's noise and power from its flights, as keys to paste; exit 1 if data is short."""
     from companion.research.identification import identify_command as identifying
 
     flights, found = identifying.identify(recordings, mission)
@@ -400,7 +400,7 @@ def identify(
         write_json(json_file, identifying.document_of(flights, found))
     if json_file is None or str(json_file) != "-":
         identifying.show(flights, found, console)
-    if not found.known:
+    if not found.has_any:
         raise typer.Exit(EXIT_FAILED)
 
 

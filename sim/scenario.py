@@ -12,6 +12,7 @@ from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import Autopilot
+from sim.autopilot.battery_failsafe import BatteryFailsafe
 from sim.autopilot.operator_missions import (
     Place,
     mission_over,
@@ -28,6 +29,7 @@ from sim.truth import Truth
 from sim.vehicle.control import TICK_S, Flight
 from sim.vehicle.fdm import FlightDynamics, Start, Weather
 from sim.vehicle.sensors import Sensors
+from sim.vehicle.simulated_battery import SimulatedBattery
 
 
 @dataclass(slots=True)
@@ -62,6 +64,18 @@ def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     return parameters
 
 
+def _battery(
+    mission: MissionConfig, parameters: Parameters, dialect: Dialect, drain: float
+) -> SimulatedBattery | None:
+    """The full battery of a mission with a section ``energy``, and its parameters; None for all others."""
+    if mission.energy is None:
+        return None
+    parameters.add_battery()
+    if dialect is Dialect.ARDUPILOT:
+        parameters["BATT_CAPACITY"] = round(SimulatedBattery.charge_mah(mission.energy.capacity_wh))
+    return SimulatedBattery(float(mission.energy.capacity_wh), drain)
+
+
 def build(
     mission: MissionConfig,
     seed: int,
@@ -69,11 +83,13 @@ def build(
     *,
     on_ground: bool = False,
     route_enu_m: tuple[Place, ...] = (),
+    battery_drain: float = 1.0,
 ) -> Scenario:
     """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission.
 
     With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission; with
-    ``route_enu_m`` the operator's mission leads over these places.
+    ``route_enu_m`` the operator's mission leads over these places. There is a battery if the mission file has
+    a section ``energy``; it is drained ``battery_drain`` times as fast as the flight takes.
     """
     frame = mission.frame
     projection = FastProjection(frame)
@@ -87,7 +103,8 @@ def build(
     )
     dynamics = FlightDynamics(frame, start, _weather(mission), seed=seed, projection=projection)
     parameters = _parameters(mission, dialect)
-    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters)
+    battery = _battery(mission, parameters, dialect, battery_drain)
+    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters, battery)
     latitude, longitude = projection.degrees(start.east_m, start.north_m)
     home = Home(
         start.east_m, start.north_m, 0.0, round(latitude * 1e7), round(longitude * 1e7), frame.altitude_amsl_m
@@ -108,6 +125,9 @@ def build(
         if route_enu_m:
             items = mission_over(items, route_enu_m, place, projection, radius)
         px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)
+    if battery is not None:
+        autopilot.battery_failsafe = BatteryFailsafe(battery, parameters, dialect)
+        autopilot.telemetry.counts_energy = dialect is Dialect.ARDUPILOT
     if on_ground:
         flight.stand(home.up_m)
         autopilot.is_armed = False

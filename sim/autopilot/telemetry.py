@@ -18,6 +18,7 @@ _SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS 
 _EKF_FLAGS = 831  # Attitude, velocities and positions are good; GPS is in use.
 _UNKNOWN_U16 = 65535
 _IGNORE_ALL_BUT_POSITION = 65016
+_NO_TEMPERATURE = 32767
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,8 @@ class Telemetry:
         Simulated time, and when the autopilot booted; set by the owner.
     target : tuple of float or None
         East, north, up [m] of the point steered for, where there is one.
+    counts_energy : bool
+        Whether BATTERY_STATUS has the energy consumed: ArduPlane's has, PX4's has the charge alone.
     """
 
     def __init__(self, flight: Flight, projection: FastProjection, home: Home) -> None:
@@ -62,6 +65,7 @@ class Telemetry:
         self.now_us = 0
         self.boot_us = 0
         self.target: Target | None = None
+        self.counts_energy = True
         self.builders: dict[int, Callable[[], Message | None]] = {
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._system_status,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
@@ -76,6 +80,8 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
         }
+        if flight.battery is not None:
+            self.builders[mavlink.MAVLINK_MSG_ID_BATTERY_STATUS] = self._battery_status
 
     def amsl_m(self, up_m: float) -> float:
         """Altitude above mean sea level of a local height [m]."""
@@ -94,9 +100,25 @@ class Telemetry:
 
     def _system_status(self) -> Message:
         used = min(self.now_us / 3.6e9, 0.9)
+        millivolts, centiamperes, percent = 16_000, 1_500, round(100 * (1.0 - used))
+        if (battery := self._flight.battery) is not None:
+            millivolts, centiamperes = round(1e3 * battery.voltage_v), round(100 * battery.current_a)
+            percent = int(100 * battery.remaining)
         return mavlink.MAVLink_sys_status_message(
-            _SENSORS, _SENSORS, _SENSORS, 250, 16_000, 1_500, round(100 * (1.0 - used)), 0, 0, 0, 0, 0, 0
+            _SENSORS, _SENSORS, _SENSORS, 250, millivolts, centiamperes, percent, 0, 0, 0, 0, 0, 0
         )
+
+    def _battery_status(self) -> Message | None:
+        """BATTERY_STATUS; the energy consumed is sent as ArduPlane does."""
+        battery = self._flight.battery
+        if battery is None:
+            return None
+        cells = [round(1e3 * battery.voltage_v), *[_UNKNOWN_U16] * 9]
+        energy = round(36.0 * battery.used_wh) if self.counts_energy else -1
+        return mavlink.MAVLink_battery_status_message(
+            0, 0, mavlink.MAV_BATTERY_TYPE_LIPO, _NO_TEMPERATURE, cells, round(100 * battery.current_a),
+            round(battery.used_mah), energy, int(100 * battery.remaining),
+        )  # fmt: skip
 
     def _system_time(self) -> Message:
         return mavlink.MAVLink_system_time_message(EPOCH_S * 1_000_000 + self.now_us, self._boot_ms())

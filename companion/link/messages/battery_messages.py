@@ -1,7 +1,7 @@
 """Decoding of BATTERY_STATUS and SYS_STATUS: what the autopilot's battery monitor measures.
 
-Only the first battery counts (id 0), and only if it drives the aircraft. ArduPilot reports the level of a fuel
-tank in the same message; its remaining share is used like a battery's, and FUEL_STATUS is not read.
+Only the first battery counts (id 0), and only if it drives the aircraft. ArduPilot reports the level of a
+fuel tank in the same message; its remaining share is used like a battery's. FUEL_STATUS is not read.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _HECTOJOULE_WH = 100.0 / JOULES_PER_WH
 class BatteryMeter:
     """Decodes the messages of the battery monitor.
 
-    ``energy_consumed`` is taken where it is sent, as ArduPilot does. PX4 sends the charge alone: its increments
-    are multiplied by the voltage at which they arrive.
+    The energy consumed is taken where it is sent, as ArduPilot does. PX4 sends the charge alone: its
+    increments are multiplied by the voltage at which they arrive.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class BatteryMeter:
         self._energy_wh = 0.0
 
     def reports(self, message: Any, stamp_s: float) -> Iterator[BatteryReported]:  # noqa: ANN401
-        """Decode a BATTERY_STATUS or SYS_STATUS; nothing for another battery, or for one that is not measured.
+        """Decode a BATTERY_STATUS or SYS_STATUS; nothing for another battery, or where nothing is known.
 
         Raises
         ------
