@@ -24,7 +24,7 @@ _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pym
 _.debug_lvl  # jsbsim
 
 # Of the simulator, for tests.
-_.displace
+_.displace, _.energy_used_wh
 
 # Written to recordings as a whole data class, and read from there by their keys.
 _.ended_s, _.waypoints_enu_m
