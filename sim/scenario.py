@@ -11,8 +11,6 @@ from companion.config import MissionConfig
 from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.base import Autopilot
-from sim.autopilot.battery_failsafe import BatteryFailsafe
 from sim.autopilot.operator_missions import (
     Place,
     mission_over,
@@ -38,7 +36,7 @@ class Scenario:
 
     dynamics: FlightDynamics
     flight: Flight
-    autopilot: Autopilot
+    autopilot: ArduPlane | Px4
     pursuers: Pursuers
     tracks: TrackSource
     truth: Truth
@@ -112,7 +110,7 @@ def build(
     radius = parameters["WP_LOITER_RAD"]
     place = (start.east_m, start.north_m, start.up_m)
     centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius)
-    autopilot: Autopilot
+    autopilot: ArduPlane | Px4
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)
         items = operator_mission(home, projection, centre, start.up_m, radius)
@@ -125,9 +123,6 @@ def build(
         if route_enu_m:
             items = mission_over(items, route_enu_m, place, projection, radius)
         px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)
-    if battery is not None:
-        autopilot.battery_failsafe = BatteryFailsafe(battery, parameters, dialect)
-        autopilot.telemetry.counts_energy = dialect is Dialect.ARDUPILOT
     if on_ground:
         flight.stand(home.up_m)
         autopilot.is_armed = False

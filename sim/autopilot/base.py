@@ -101,7 +101,8 @@ class Autopilot(ABC):
         self.channels: list[Channel] = []
         self.now_us = 0
         self.is_armed = True
-        self.battery_failsafe: BatteryFailsafe | None = None
+        battery = flight.battery
+        self.battery_failsafe = None if battery is None else BatteryFailsafe(battery, parameters)
         self._grounded_us = 0
         self._wanted_parameters: dict[Channel, list[str]] = {}
         self._handlers: dict[str, Callable[[Channel, Message], None]] = {

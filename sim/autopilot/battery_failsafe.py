@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from companion.types.events import Dialect
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.vehicle.simulated_battery import SimulatedBattery
 
@@ -32,12 +31,11 @@ class BatteryFailsafe:
         The battery.
     parameters : Parameters
         The autopilot's parameters, with those of :meth:`Parameters.add_battery`.
-    dialect : Dialect
-        The autopilot.
     """
 
-    def __init__(self, battery: SimulatedBattery, parameters: Parameters, dialect: Dialect) -> None:
-        self._battery, self._parameters, self._dialect = battery, parameters, dialect
+    def __init__(self, battery: SimulatedBattery, parameters: Parameters) -> None:
+        self._battery, self._parameters = battery, parameters
+        self._is_px4 = "BAT_CRIT_THR" in parameters.names
         self._is_told = False
 
     def check(self) -> LowBattery | None:
@@ -45,7 +43,7 @@ class BatteryFailsafe:
         if self._is_told or not self._is_low():
             return None
         self._is_told = True
-        if self._dialect is Dialect.PX4:
+        if self._is_px4:
             return LowBattery("Critical battery level", self._parameters["COM_LOW_BAT_ACT"] == PX4_RETURN)
         battery = self._battery
         text = f"Battery 1 is low {battery.voltage_v:.2f}V used {battery.used_mah:.0f} mAh"
@@ -53,6 +51,6 @@ class BatteryFailsafe:
 
     def _is_low(self) -> bool:
         battery, parameters = self._battery, self._parameters
-        if self._dialect is Dialect.PX4:
+        if self._is_px4:
             return battery.remaining < parameters["BAT_CRIT_THR"]
         return parameters["BATT_CAPACITY"] - battery.used_mah < parameters["BATT_LOW_MAH"]

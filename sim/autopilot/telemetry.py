@@ -12,6 +12,7 @@ from companion.frames import wrapped_angle
 from sim.autopilot.channel import Message
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight
+from sim.vehicle.simulated_battery import SimulatedBattery
 
 EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
 _SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops.
@@ -54,8 +55,6 @@ class Telemetry:
         Simulated time, and when the autopilot booted; set by the owner.
     target : tuple of float or None
         East, north, up [m] of the point steered for, where there is one.
-    counts_energy : bool
-        Whether BATTERY_STATUS has the energy consumed: ArduPlane's has, PX4's has the charge alone.
     """
 
     def __init__(self, flight: Flight, projection: FastProjection, home: Home) -> None:
@@ -65,7 +64,6 @@ class Telemetry:
         self.now_us = 0
         self.boot_us = 0
         self.target: Target | None = None
-        self.counts_energy = True
         self.builders: dict[int, Callable[[], Message | None]] = {
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._system_status,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
@@ -102,21 +100,22 @@ class Telemetry:
         used = min(self.now_us / 3.6e9, 0.9)
         millivolts, centiamperes, percent = 16_000, 1_500, round(100 * (1.0 - used))
         if (battery := self._flight.battery) is not None:
-            millivolts, centiamperes = round(1e3 * battery.voltage_v), round(100 * battery.current_a)
+            millivolts, centiamperes = round(1e3 * battery.voltage_v), _centiamperes(battery)
             percent = int(100 * battery.remaining)
         return mavlink.MAVLink_sys_status_message(
             _SENSORS, _SENSORS, _SENSORS, 250, millivolts, centiamperes, percent, 0, 0, 0, 0, 0, 0
         )
 
     def _battery_status(self) -> Message | None:
-        """BATTERY_STATUS; the energy consumed is sent as ArduPlane does."""
+        """BATTERY_STATUS with the energy consumed, which PX4 leaves out."""
         battery = self._flight.battery
         if battery is None:
             return None
         cells = [round(1e3 * battery.voltage_v), *[_UNKNOWN_U16] * 9]
-        energy = round(36.0 * battery.used_wh) if self.counts_energy else -1
+        is_px4 = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS in self.builders
+        energy = -1 if is_px4 else round(36.0 * battery.used_wh)
         return mavlink.MAVLink_battery_status_message(
-            0, 0, mavlink.MAV_BATTERY_TYPE_LIPO, _NO_TEMPERATURE, cells, round(100 * battery.current_a),
+            0, 0, mavlink.MAV_BATTERY_TYPE_LIPO, _NO_TEMPERATURE, cells, _centiamperes(battery),
             round(battery.used_mah), energy, int(100 * battery.remaining),
         )  # fmt: skip
 
@@ -258,3 +257,8 @@ class Telemetry:
         is_down = self._flight.is_standing
         landed = mavlink.MAV_LANDED_STATE_ON_GROUND if is_down else mavlink.MAV_LANDED_STATE_IN_AIR
         return mavlink.MAVLink_extended_sys_state_message(0, landed)
+
+
+def _centiamperes(battery: SimulatedBattery) -> int:
+    """Current as in messages [0.01 A], whose field ends at 327 A."""
+    return min(round(100 * battery.current_a), 32_767)

@@ -50,7 +50,7 @@ class SimulatedBattery:
     def voltage_v(self) -> float:
         """Voltage under the present load [V]."""
         open_v = CELLS * (EMPTY_V + (FULL_V - EMPTY_V) * self.remaining)
-        return open_v - RESISTANCE_OHM * self.current_a
+        return max(open_v - RESISTANCE_OHM * self.current_a, 0.0)
 
     @property
     def used_mah(self) -> float:

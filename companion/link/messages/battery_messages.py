@@ -53,8 +53,7 @@ class BatteryMeter:
             yield BatteryReported(stamp_s, share, consumed_wh, voltage_v)
 
     def _consumed_wh(self, hectojoules: int, charge_mah: int, voltage_v: float | None) -> float | None:
-        if min(hectojoules, charge_mah) < -1:
-            raise ValueError("consumed")
+        """Return the energy consumed; None if neither is known: -1, or what PX4 adds up without a sensor."""
         if hectojoules >= 0:
             return hectojoules * _HECTOJOULE_WH
         if charge_mah < 0 or voltage_v is None:

@@ -31,7 +31,7 @@ UNCERTAINTY_MAX = 0.5  # A key is not told if its interval reaches farther than 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Coefficients, shape (3,): A, B [W] and c [J/m]; ``covariance``, shape (3, 3); number of windows."""
+    """``coefficients`` (3,): A, B [W] and c [J/m]; their ``covariance`` (3, 3); and the number of windows."""
 
     coefficients: FloatArray
     covariance: FloatArray

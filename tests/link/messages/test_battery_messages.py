@@ -85,8 +85,6 @@ def test_what_is_no_battery_of_ours_tells_nothing(data):
     [
         battery(percent=101),
         battery(percent=-2),
-        battery(charge=-2),
-        battery(energy=-7),
         battery(cells=(65_000,) * 10, more=(65_000,) * 4) + battery(charge=2**31 - 1, energy=-1),
         status(percent=120),
         status(percent=-100),
@@ -96,6 +94,13 @@ def test_bad_values_are_dropped_and_counted(data):
     codec = started()
     assert [event for event in reports(codec, data) if event.voltage_v is None] == []
     assert codec.counters["refused_battery"] == 1
+
+
+@pytest.mark.parametrize("charge", [-1, -50])
+def test_a_charge_below_zero_is_not_known(charge):
+    """PX4 without a current sensor integrates -1 A: tests/data/px4-1.17dev-replace.tlog ends at -50 mAh."""
+    (told,) = reports(started(), battery(charge, -1))
+    assert (told.remaining, told.consumed_wh) == (0.8, None)
 
 
 def test_only_the_vehicles_autopilot_has_our_battery():
