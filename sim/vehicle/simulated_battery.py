@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 # Motor, controller and propeller of a small aircraft together; a propeller alone has about 0.7 (Beard and
 # McLain, "Small Unmanned Aircraft", 4.3).
 EFFICIENCY = 0.6
@@ -23,18 +25,28 @@ class SimulatedBattery:
         Energy of the full battery, with which it begins [Wh].
     drain : float
         Factor by which it is drained faster than by the thrust and the avionics.
+
+    Attributes
+    ----------
+    used_wh, used_mah : float
+        Energy and charge that it has supplied.
+    current_a : float
+        Present current [A].
     """
 
     def __init__(self, capacity_wh: float, drain: float = 1.0) -> None:
         self._drain = drain
-        self._power_w = 0.0
         self.capacity_wh = capacity_wh
-        self.used_wh = 0.0
+        self.used_wh = self.used_mah = self.current_a = 0.0
 
     def drain(self, thrust_power_w: float, seconds: float) -> None:
         """Supply the power of the thrust [W] for a time [s]."""
-        self._power_w = self._drain * (max(thrust_power_w, 0.0) / EFFICIENCY + AVIONICS_W)
-        self.used_wh += self._power_w * seconds / 3_600.0
+        power_w, open_v = self._drain * (max(thrust_power_w, 0.0) / EFFICIENCY + AVIONICS_W), self._open_v
+        # The current of a power behind a resistance: P = (U - R·I)·I.
+        root = math.sqrt(max(open_v**2 - 4.0 * RESISTANCE_OHM * power_w, 0.0))
+        self.current_a = (open_v - root) / (2.0 * RESISTANCE_OHM)
+        self.used_wh += power_w * seconds / 3_600.0
+        self.used_mah += self.current_a * seconds / 3.6
 
     @property
     def remaining(self) -> float:
@@ -42,20 +54,13 @@ class SimulatedBattery:
         return max(0.0, 1.0 - self.used_wh / self.capacity_wh)
 
     @property
-    def current_a(self) -> float:
-        """Current [A]."""
-        return self._power_w / (CELLS * NOMINAL_V)
-
-    @property
     def voltage_v(self) -> float:
         """Voltage under the present load [V]."""
-        open_v = CELLS * (EMPTY_V + (FULL_V - EMPTY_V) * self.remaining)
-        return max(open_v - RESISTANCE_OHM * self.current_a, 0.0)
+        return self._open_v - RESISTANCE_OHM * self.current_a
 
     @property
-    def used_mah(self) -> float:
-        """Charge that was used, at the nominal voltage [mAh]."""
-        return self.charge_mah(self.used_wh)
+    def _open_v(self) -> float:
+        return CELLS * (EMPTY_V + (FULL_V - EMPTY_V) * self.remaining)
 
     @staticmethod
     def charge_mah(energy_wh: float) -> float:

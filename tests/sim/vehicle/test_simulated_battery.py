@@ -25,9 +25,10 @@ def test_thrust_and_avionics_drain_it():
     battery = SimulatedBattery(222.0)
     battery.drain(60.0, 1_800.0)
     assert battery.used_wh == pytest.approx(0.5 * (60.0 / EFFICIENCY + AVIONICS_W))
-    assert battery.used_mah == pytest.approx(1e3 * battery.used_wh / 22.2)
     assert battery.remaining == pytest.approx(1.0 - battery.used_wh / 222.0)
-    assert battery.current_a == pytest.approx((60.0 / EFFICIENCY + AVIONICS_W) / 22.2)
+    # 108 W of a full pack: I = 4.307 A, since 25.2 V less 0.03 ohm times 4.307 A are 25.07 V.
+    assert battery.current_a == pytest.approx(4.307, abs=0.001)
+    assert battery.used_mah == pytest.approx(4_307.0 / 2.0, abs=1.0)
     battery.drain(-60.0, 3_600.0)  # A propeller in the wind gives nothing back.
     assert battery.used_wh == pytest.approx(54.0 + AVIONICS_W)
 
@@ -39,6 +40,15 @@ def test_the_voltage_falls_from_full_to_empty_and_no_further():
     assert battery.remaining == 0.0
     battery.drain(0.0, 0.0)
     assert battery.voltage_v == pytest.approx(19.8, abs=0.02)
+
+
+def test_charge_times_voltage_is_the_energy():
+    battery, energy_wh = SimulatedBattery(222.0), 0.0
+    for _ in range(1_000):
+        before_mah = battery.used_mah
+        battery.drain(250.0, 1.0)
+        energy_wh += 1e-3 * (battery.used_mah - before_mah) * battery.voltage_v
+    assert energy_wh == pytest.approx(battery.used_wh, rel=1e-3)
 
 
 def test_one_that_is_worse_than_told_falls_faster():
@@ -107,7 +117,7 @@ def test_with_the_section_both_messages_tell_the_same(dialect):
     client.step(30.0)
     told, status = client.all("BATTERY_STATUS")[-1], client.all("SYS_STATUS")[-1]
     used_wh = client.simulator.energy_used_wh
-    assert told.current_consumed == pytest.approx(1e3 * used_wh / 22.2, rel=0.05)
+    assert told.current_consumed == pytest.approx(1e3 * used_wh / 24.7, rel=0.05)
     counts_energy = dialect is Dialect.ARDUPILOT
     assert told.energy_consumed == (pytest.approx(36.0 * used_wh, rel=0.05) if counts_energy else -1)
     assert told.battery_remaining == status.battery_remaining == math.floor(100.0 * (1.0 - used_wh / 222.0))
