@@ -56,7 +56,7 @@ class BatteryEstimator:
 
     def observe(self, report: BatteryReported) -> None:
         """Take a report; one that is older than the last is ignored."""
-        now_s = report.stamp_s
+        now_s, capacity_wh = report.stamp_s, self._capacity_wh
         if now_s < self._stamp_s:
             return
         self._stamp_s = now_s
@@ -64,11 +64,11 @@ class BatteryEstimator:
             self.note_expected(now_s, self._expected[1])
         if report.remaining is not None:
             self._remaining = (now_s, report.remaining)
-            used_wh = (1.0 - report.remaining) * self._capacity_wh
-            self._append(self._by_share, _Row(now_s, used_wh, self._expected_wh), SHARE_WINDOW_S)
+            row = _Row(now_s, (1.0 - report.remaining) * capacity_wh, self._expected_wh)
+            _append(self._by_share, row, SHARE_WINDOW_S, RISE_MAX * capacity_wh)
         if report.consumed_wh is not None:
             self._consumed = (now_s, report.consumed_wh)
-            self._append(self._by_charge, _Row(now_s, report.consumed_wh, self._expected_wh), WINDOW_S)
+            _append(self._by_charge, _Row(now_s, report.consumed_wh, self._expected_wh), WINDOW_S, 0.0)
 
     def left_wh(self, now_s: float) -> float | None:
         """Return the energy left [Wh]; None without a fresh report.
@@ -122,10 +122,11 @@ class BatteryEstimator:
         first = next(found, None)
         return None if first is None else (first, last)
 
-    def _append(self, rows: deque[_Row], row: _Row, window_s: float) -> None:
-        """Add a report and drop those before the window; after a change of the battery it begins anew."""
-        if rows and row.used_wh < rows[-1].used_wh - RISE_MAX * self._capacity_wh:
-            rows.clear()
-        rows.append(row)
-        while rows[0].stamp_s < row.stamp_s - window_s:
-            rows.popleft()
+
+def _append(rows: deque[_Row], row: _Row, window_s: float, rise_max_wh: float) -> None:
+    """Add a report and drop those before the window; after a larger rise of what is left it begins anew."""
+    if rows and row.used_wh < rows[-1].used_wh - rise_max_wh:
+        rows.clear()
+    rows.append(row)
+    while rows[0].stamp_s < row.stamp_s - window_s:
+        rows.popleft()

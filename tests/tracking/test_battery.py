@@ -88,6 +88,19 @@ def test_a_changed_battery_begins_anew():
     assert estimator.power_w(122.0) is None
 
 
+def test_a_monitor_that_counts_from_zero_again_begins_anew():
+    estimator = flown(400.0, 400.0, 40.0, share=False)
+    estimator.observe(report(42.0, None, 0.0))
+    assert estimator.power_w(42.0) is None
+
+
+def test_a_share_that_rises_by_a_percent_is_the_same_battery():
+    """The voltage recovers when the motor slows down."""
+    estimator = flown(720.0, 360.0, 600.0, percent=True)
+    estimator.observe(report(602.0, estimator.left_wh(600.0) / 200.0 + 0.01))
+    assert estimator.ratio(602.0) == pytest.approx(2.0, rel=0.4)
+
+
 def test_a_late_report_is_ignored():
     estimator = BatteryEstimator(200.0)
     estimator.observe(report(10.0, 0.5))
