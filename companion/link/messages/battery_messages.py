@@ -55,16 +55,20 @@ class BatteryMeter:
     def _consumed_wh(self, hectojoules: int, charge_mah: int, voltage_v: float | None) -> float | None:
         """Return the energy consumed; None if neither is known: -1, or what PX4 adds up without a sensor."""
         if hectojoules >= 0:
-            return hectojoules * _HECTOJOULE_WH
+            return _possible(hectojoules * _HECTOJOULE_WH)
         if charge_mah < 0 or voltage_v is None:
             return None
         if charge_mah < self._charge_mah:  # The monitor has begun anew.
             self._charge_mah = self._energy_wh = 0.0
         self._energy_wh += (charge_mah - self._charge_mah) * 1e-3 * voltage_v
         self._charge_mah = charge_mah
-        if self._energy_wh > ENERGY_MAX_WH:
-            raise ValueError("consumed")
-        return self._energy_wh
+        return _possible(self._energy_wh)
+
+
+def _possible(energy_wh: float) -> float:
+    if energy_wh > ENERGY_MAX_WH:
+        raise ValueError("consumed")
+    return energy_wh
 
 
 def _share(percent: int) -> float | None:

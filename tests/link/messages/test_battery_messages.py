@@ -1,7 +1,7 @@
 """What the battery's monitor tells, by pymavlink's own encoder, and what is no battery."""
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -108,6 +108,7 @@ def test_only_the_vehicles_autopilot_has_our_battery():
     assert reports(started(), other) == []
 
 
+@example(charge=0, energy=36_000_001, percent=0, cells=[], number=0, function=0, millivolts=0)
 @given(
     charge=st.integers(-(2**31), 2**31 - 1), energy=st.integers(-(2**31), 2**31 - 1),
     percent=st.integers(-128, 127), cells=st.lists(st.integers(0, NONE), max_size=10),
