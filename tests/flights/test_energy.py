@@ -1,6 +1,6 @@
 """Flights with a battery: what the model of power says of the flown path is what the battery supplied.
 
-The numbers are those of the shipped mission files, which ``companion identify`` found in the simulator. The
+The numbers are those of the shipped mission files, measured in level flight of the simulated aircraft. The
 model knows the mean wind, not the gusts: air that rises or sinks by half a metre a second all the way is
 worth a tenth of the power at cruise. So in calm air each flight is compared, in turbulence the median.
 """
