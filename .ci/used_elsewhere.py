@@ -24,7 +24,7 @@ _.srcSystem, _.robust_parsing, _.secret_key, _.timestamp, _.sign_outgoing  # pym
 _.debug_lvl  # jsbsim
 
 # Of the simulator, for tests.
-_.displace
+_.displace, _.energy_used_wh
 
 # Written to recordings as a whole data class, and read from there by their keys.
 _.ended_s, _.waypoints_enu_m
@@ -73,6 +73,3 @@ _._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local
 
 # Columns of docs/pilot-messages.md, which tests/docs writes.
 _.cause, _.action
-
-# A failsafe of the simulated autopilot, which tests trigger.
-_.fail_safe

@@ -93,7 +93,7 @@ def check(
 ) -> None:
     """Validate a mission file, and print a summary of it."""
     from companion.config import load_mission, require_goals
-    from companion.config.mission_summary import mission_summary, summary_table
+    from companion.config.mission_summary import energy_table, mission_budget, mission_summary, summary_table
 
     if plot is not None:
         from companion.config.compose import world_of
@@ -107,6 +107,8 @@ def check(
             console.print(f"{config.name}: valid; its goals are the operator's waypoints in the autopilot")
         else:
             console.print(summary_table(config))
+            if (budget := mission_budget(config)) is not None:
+                console.print(energy_table(config, budget))
     if plot is not None:
         require_goals(config, str(mission))
         with _writing(plot, "--plot"):
@@ -390,7 +392,7 @@ def identify(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Estimate an aircraft's noise from its flights, as keys of a mission file; exit 1 if data is short."""
+    """Estimate an aircraft's noise and power from its flights, as keys to paste; exit 1 if data is short."""
     from companion.research.identification import identify_command as identifying
 
     flights, found = identifying.identify(recordings, mission)
@@ -398,7 +400,7 @@ def identify(
         write_json(json_file, identifying.document_of(flights, found))
     if json_file is None or str(json_file) != "-":
         identifying.show(flights, found, console)
-    if not found.known:
+    if not found.has_any:
         raise typer.Exit(EXIT_FAILED)
 
 

@@ -11,7 +11,6 @@ from companion.config import MissionConfig
 from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.base import Autopilot
 from sim.autopilot.operator_missions import (
     Place,
     landing_circle,
@@ -29,6 +28,7 @@ from sim.truth import Truth
 from sim.vehicle.control import TICK_S, Flight
 from sim.vehicle.fdm import FlightDynamics, Start, Weather
 from sim.vehicle.sensors import Sensors
+from sim.vehicle.simulated_battery import SimulatedBattery
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class Scenario:
 
     dynamics: FlightDynamics
     flight: Flight
-    autopilot: Autopilot
+    autopilot: ArduPlane | Px4
     pursuers: Pursuers
     tracks: TrackSource
     truth: Truth
@@ -63,6 +63,18 @@ def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     return parameters
 
 
+def _battery(
+    mission: MissionConfig, parameters: Parameters, dialect: Dialect, drain: float
+) -> SimulatedBattery | None:
+    """The full battery of a mission with a section ``energy``, and its parameters; None for all others."""
+    if mission.energy is None:
+        return None
+    parameters.add_battery()
+    if dialect is Dialect.ARDUPILOT:
+        parameters["BATT_CAPACITY"] = round(SimulatedBattery.charge_mah(mission.energy.capacity_wh))
+    return SimulatedBattery(float(mission.energy.capacity_wh), drain)
+
+
 def build(
     mission: MissionConfig,
     seed: int,
@@ -70,11 +82,13 @@ def build(
     *,
     on_ground: bool = False,
     route_enu_m: tuple[Place, ...] = (),
+    battery_drain: float = 1.0,
 ) -> Scenario:
     """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission.
 
     With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission; with
-    ``route_enu_m`` the operator's mission leads over these places.
+    ``route_enu_m`` the operator's mission leads over these places. There is a battery if the mission file has
+    a section ``energy``; it is drained ``battery_drain`` times as fast as the flight takes.
     """
     frame = mission.frame
     projection = FastProjection(frame)
@@ -88,7 +102,8 @@ def build(
     )
     dynamics = FlightDynamics(frame, start, _weather(mission), seed=seed, projection=projection)
     parameters = _parameters(mission, dialect)
-    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters)
+    battery = _battery(mission, parameters, dialect, battery_drain)
+    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters, battery)
     latitude, longitude = projection.degrees(start.east_m, start.north_m)
     home = Home(
         start.east_m, start.north_m, 0.0, round(latitude * 1e7), round(longitude * 1e7), frame.altitude_amsl_m
@@ -96,7 +111,7 @@ def build(
     radius = parameters["WP_LOITER_RAD"]
     place = (start.east_m, start.north_m, start.up_m)
     centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius)
-    autopilot: Autopilot
+    autopilot: ArduPlane | Px4
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)
         items = operator_mission(home, projection, centre, start.up_m, radius)

@@ -39,6 +39,8 @@ class Simulator:
         Whether the flight begins on the ground, disarmed and without a mission.
     route_enu_m : tuple of (float, float, float)
         Waypoints of the operator's mission [m]; empty for a circle near the start.
+    battery_drain : float
+        Factor by which the battery of a mission with a section ``energy`` falls faster than the flight takes.
 
     Attributes
     ----------
@@ -56,8 +58,11 @@ class Simulator:
         dialect: Dialect = Dialect.ARDUPILOT,
         on_ground: bool = False,
         route_enu_m: tuple[Place, ...] = (),
+        battery_drain: float = 1.0,
     ) -> None:
-        scenario = build(mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m)
+        scenario = build(
+            mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m, battery_drain=battery_drain
+        )
         self._scenario = scenario
         self.autopilot: Autopilot = scenario.autopilot
         self.truth: Truth = scenario.truth
@@ -68,6 +73,12 @@ class Simulator:
         self._route: tuple[tuple[float, float], ...] = ()
         self._channel = self.autopilot.add_channel()
         self._record()
+
+    @property
+    def energy_used_wh(self) -> float:
+        """Energy that the battery has supplied [Wh]; 0 without a battery."""
+        battery = self._scenario.flight.battery
+        return 0.0 if battery is None else battery.used_wh
 
     @property
     def now_s(self) -> float:

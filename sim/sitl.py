@@ -63,6 +63,8 @@ class Flight:
     route_enu_m : tuple of (float, float, float)
         Waypoints of the operator's mission [m]; with them replanning is switched off. Without any, the
         service decides what is flown.
+    battery_drain : float
+        Factor by which the battery falls faster than the flight takes.
 
     Attributes
     ----------
@@ -80,6 +82,7 @@ class Flight:
     mission_text: str = ""
     on_ground: bool = False
     route_enu_m: tuple[Place, ...] = ()
+    battery_drain: float = 1.0
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
@@ -90,7 +93,7 @@ class Flight:
         self.recorder = Recorder(self.folder, EPOCH_S, about)
         self.simulator = Simulator(
             self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground,
-            route_enu_m=self.route_enu_m,
+            route_enu_m=self.route_enu_m, battery_drain=self.battery_drain,
         )  # fmt: skip
         self.wire = self.simulator
 

@@ -10,6 +10,7 @@ import shapely
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
 from companion.config.source import KeyPath
 from companion.planning.comparators import METHODS
+from companion.world.vehicle.energy import level_power_range
 
 Finding = tuple[KeyPath, str]
 
@@ -30,6 +31,27 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _points_in_obstacles(config)
     yield from _weather(config)
     yield from _takeover(config)
+    yield from _energy(config)
+
+
+def _energy(config: MissionConfig) -> Iterator[Finding]:
+    energy, vehicle = config.energy, config.vehicle
+    if energy is None:
+        return
+    cruise, fastest = vehicle.airspeed_cruise_m_s, vehicle.airspeed_max_m_s
+    if not cruise < fastest:
+        expected = f"above airspeed_cruise_m_s, {cruise:g}: energy needs the power of two airspeeds"
+        yield ("vehicle", "airspeed_max_m_s"), expected
+        return
+    low, high = level_power_range(cruise, energy.power_cruise_w, fastest)
+    if not low <= energy.power_max_airspeed_w <= high:
+        yield (
+            ("energy", "power_max_airspeed_w"),
+            f"between {low:.0f} and {high:.0f}: with power_cruise_w, {energy.power_cruise_w:g}, "
+            "any other needs a negative drag",
+        )
+    if energy.reserve_wh > energy.capacity_wh:
+        yield ("energy", "reserve_wh"), f"at most capacity_wh, {energy.capacity_wh:g}"
 
 
 def _takeover(config: MissionConfig) -> Iterator[Finding]:

@@ -8,10 +8,12 @@ from dataclasses import replace
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
+from companion.mission.energy_budget import EnergyBudget, budget_of
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
 from companion.world.snapshot import Snapshot, first_snapshot
+from companion.world.vehicle.energy import PowerModel
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 ALTITUDE_TOLERANCE_M = 20.0
@@ -39,6 +41,52 @@ def vehicle_of(mission: MissionConfig) -> VehicleModel:
         altitude_std_m=float(vehicle.altitude_std_m),
         course_std_rad=math.radians(vehicle.course_std_deg),
         climb_std_rad=math.radians(vehicle.climb_std_deg),
+    )
+
+
+def power_model_of(mission: MissionConfig) -> PowerModel | None:
+    """Return the model of the aircraft's power; None if the mission file has no section ``energy``."""
+    energy, vehicle = mission.energy, mission.vehicle
+    if energy is None:
+        return None
+    return PowerModel.from_level_flight(
+        (float(vehicle.airspeed_cruise_m_s), float(energy.power_cruise_w)),
+        (float(vehicle.airspeed_max_m_s), float(energy.power_max_airspeed_w)),
+        float(energy.climb_energy_j_m),
+    )
+
+
+def wind_of(mission: MissionConfig) -> tuple[float, float]:
+    """Return the velocity of the air in the mission file's weather, east and north [m/s]."""
+    speed, wind_from = mission.simulation.wind_speed_m_s, math.radians(mission.simulation.wind_from_deg)
+    return -speed * math.sin(wind_from), -speed * math.cos(wind_from)
+
+
+def energy_budget_of(
+    mission: MissionConfig, goals: tuple[GoalRegion, ...], on_board_wh: float | None = None
+) -> EnergyBudget | None:
+    """Return what is left at each goal, flown straight from the start in the mission file's wind.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file; without a section ``energy`` there is no budget, and the result is None.
+    goals : tuple of GoalRegion
+        Goals in order: the mission file's, or the operator's waypoints.
+    on_board_wh : float, optional
+        Energy at the start; by default that of a full battery or tank [Wh].
+    """
+    model, energy, start = power_model_of(mission), mission.energy, mission.start
+    if model is None or energy is None:
+        return None
+    return budget_of(
+        (
+            (float(start.east_m), float(start.north_m), float(start.up_m)),
+            *(goal.position_enu_m for goal in goals),
+        ),
+        lambda begin, end: model.leg_energy_j(begin, end, vehicle_of(mission), wind_of(mission)),
+        on_board_wh=float(energy.capacity_wh) if on_board_wh is None else on_board_wh,
+        reserve_wh=float(energy.reserve_wh),
     )
 
 

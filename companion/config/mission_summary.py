@@ -8,13 +8,15 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.config import MissionConfig
+from companion.config.compose import energy_budget_of, goals_of, wind_of
+from companion.mission.energy_budget import EnergyBudget
 from companion.plain_text import printable
 
 
 def mission_summary(mission: MissionConfig) -> dict[str, object]:
     """Return the JSON of ``companion check``; positions are east, north, up of the origin [m]."""
     start = mission.start
-    return {
+    summary: dict[str, object] = {
         "name": mission.name,
         "dimension": mission.dimension,
         "origin": {
@@ -50,6 +52,48 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             for threat in mission.dynamic_threats
         ],
     }
+    budget = mission_budget(mission)
+    return summary if budget is None else summary | {"energy": _energy_document(mission, budget)}
+
+
+def mission_budget(mission: MissionConfig) -> EnergyBudget | None:
+    """Return the budget of the mission file's goals; None without goals or without a section ``energy``."""
+    return None if mission.goals_from_autopilot else energy_budget_of(mission, goals_of(mission))
+
+
+def _energy_document(mission: MissionConfig, budget: EnergyBudget) -> dict[str, object]:
+    return {
+        "on_board_wh": budget.on_board_wh,
+        "reserve_wh": budget.reserve_wh,
+        "wind_enu_m_s": [round(speed, 3) for speed in wind_of(mission)],
+        "goals": [
+            {
+                "used_wh": round(goal.used_wh, 3),
+                "left_wh": round(goal.left_wh, 3),
+                "left_after_return_wh": round(goal.left_after_return_wh, 3),
+            }
+            for goal in budget.goals
+        ],
+        "margin_at_goal_wh": round(budget.margin_at_goal_wh, 3),
+        "margin_after_return_wh": round(budget.margin_after_return_wh, 3),
+    }
+
+
+def energy_table(mission: MissionConfig, budget: EnergyBudget) -> Table:
+    """Return the energy at each goal for the terminal, with the verdict as caption."""
+    speed, wind_from = mission.simulation.wind_speed_m_s, mission.simulation.wind_from_deg
+    air = f"wind {speed:g} m/s from {wind_from:g}°" if speed > 0.0 else "no wind"
+    table = Table(
+        title=f"energy: {budget.on_board_wh:g} Wh at the start, straight legs at cruise, {air}",
+        caption=budget.verdict,
+    )
+    for column in ("goal", "used", "left", "left after a straight flight back", "beyond the reserve"):
+        table.add_column(column, justify="right")
+    for number, goal in enumerate(budget.goals, 1):
+        beyond_wh = goal.left_after_return_wh - budget.reserve_wh
+        numbers = (goal.used_wh, goal.left_wh, goal.left_after_return_wh, beyond_wh)
+        table.add_row(str(number), *(f"{value:.1f} Wh" for value in numbers))
+    return table
 
 
 def summary_table(mission: MissionConfig) -> Table:

@@ -2,7 +2,7 @@
 
 Attribute names are the YAML keys. Values are not converted: a number must be written as a number. An unknown
 key is an error, and an instance never changes. ``companion.config.checks`` validates relations between keys.
-The reference page takes the texts below the keys from this file's source, since pydantic would parse them at
+The reference page takes the texts below the keys from the source, since pydantic would parse them at
 each start.
 """
 
@@ -12,9 +12,11 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
+from companion.config.sections.energy_section import EnergyConfig
+from companion.config.sections.section_base import Section
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
 
@@ -28,12 +30,6 @@ CourseDegrees = Annotated[float, Field(ge=0.0, le=360.0)]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$")]
 Identity = Annotated[str, Field(max_length=80, pattern=r"^(icao|callsign|mmsi|rid|utm|system):[0-9A-Za-z]+$")]
 SystemId = Annotated[int, Field(ge=1, le=255)]
-
-
-class Section(BaseModel):
-    """Base of all sections: strict, without unknown keys, and frozen."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Origin(Section):
@@ -425,6 +421,8 @@ class MissionConfig(Section):
     """What the service may do without asking the pilot."""
     takeover: Takeover = Takeover()
     """When the service takes over in the air."""
+    energy: EnergyConfig | None = None
+    """What flying costs, and what is on board; by default energy is not considered."""
 
     @property
     def goals_from_autopilot(self) -> bool:

@@ -15,11 +15,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from companion.config.models import MissionConfig, Section
+from companion.config.models import MissionConfig
+from companion.config.sections.section_base import Section
 
 UNITS = {
     "_m_s2": "m/s²", "_rad_s": "rad/s", "_per_m": "1/m", "_m_s": "m/s", "_hz": "Hz", "_deg": "°",
-    "_enu_m": "m", "_m": "m", "_s": "s",
+    "_enu_m": "m", "_j_m": "J/m", "_m": "m", "_s": "s", "_wh": "Wh", "_w": "W",
 }  # fmt: skip
 INTRODUCTION = """\
 # The mission file

@@ -266,6 +266,16 @@ class LandedReported:
 
 
 @dataclass(frozen=True, slots=True)
+class BatteryReported:
+    """BATTERY_STATUS or SYS_STATUS: remaining share in [0, 1], energy used since boot [Wh], voltage [V]."""
+
+    stamp_s: float
+    remaining: float | None
+    consumed_wh: float | None
+    voltage_v: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class HomePosition:
     """HOME_POSITION."""
 
@@ -344,6 +354,7 @@ Event = (
     | MissionCurrent
     | MissionItemReached
     | LandedReported
+    | BatteryReported
     | HomePosition
     | StatusText
     | TrackReport

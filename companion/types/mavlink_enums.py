@@ -25,6 +25,7 @@ class MessageId(IntEnum):
     """Messages, by their ids."""
 
     HEARTBEAT = 0
+    SYS_STATUS = 1
     GPS_RAW_INT = 24
     SCALED_PRESSURE = 29
     ATTITUDE = 30
@@ -45,6 +46,7 @@ class MessageId(IntEnum):
     COMMAND_LONG = 76
     COMMAND_ACK = 77
     POSITION_TARGET_GLOBAL_INT = 87
+    BATTERY_STATUS = 147
     AUTOPILOT_VERSION = 148
     WIND = 168
     EKF_STATUS_REPORT = 193

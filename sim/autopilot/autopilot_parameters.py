@@ -93,6 +93,18 @@ _PX4_NAMES = {
     "TECS_SINK_MAX": "FW_T_SINK_MAX",
     "WP_LOITER_RAD": "NAV_LOITER_RAD",
 }
+# Of the battery monitor, which only an aircraft with a battery has.
+_ARDUPLANE_BATTERY: dict[str, tuple[float, int]] = {
+    "BATT_CAPACITY": (3300, _REAL),  # An INT32 of ArduPlane, whose integers are sent as floats.
+    "BATT_FS_LOW_ACT": (0, _INT8),
+    "BATT_LOW_MAH": (0, _REAL),
+    "BATT_MONITOR": (4, _INT8),
+}
+_PX4_BATTERY: dict[str, tuple[float, int]] = {
+    "BAT_CRIT_THR": (0.07, _REAL),
+    "BAT_LOW_THR": (0.15, _REAL),
+    "COM_LOW_BAT_ACT": (0, _INT32),
+}
 _READ_ONLY = frozenset({"MIS_TOTAL", "RALLY_TOTAL"})
 UNINDEXED = 65535
 
@@ -122,6 +134,13 @@ class Parameters:
     def of_px4(cls) -> Parameters:
         """PX4's parameters."""
         return cls(_PX4, _PX4_NAMES)
+
+    def add_battery(self) -> None:
+        """Add the parameters of the battery monitor."""
+        table = _PX4_BATTERY if "FW_AIRSPD_TRIM" in self._values else _ARDUPLANE_BATTERY
+        self._types |= {name: kind for name, (_, kind) in table.items()}
+        self._values |= {name: float(default) for name, (default, _) in table.items()}
+        self._names = sorted(self._values)
 
     def __len__(self) -> int:
         return len(self._names)

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
 from sim.autopilot.autopilot_parameters import Parameters
+from sim.autopilot.battery_failsafe import BatteryFailsafe
 from sim.autopilot.channel import Channel, Message, Stream
 from sim.autopilot.telemetry import Home, Telemetry
 from sim.projection import FastProjection
@@ -101,6 +102,8 @@ class Autopilot(ABC):
         self.now_us = 0
         self.is_armed = True
         self.is_failsafe = False
+        battery = flight.battery
+        self.battery_failsafe = None if battery is None else BatteryFailsafe(battery, parameters)
         self._grounded_us = 0
         self._wanted_parameters: dict[Channel, list[str]] = {}
         self._handlers: dict[str, Callable[[Channel, Message], None]] = {
@@ -225,6 +228,7 @@ class Autopilot(ABC):
         """Navigate, then send what is due."""
         self.now_us = self.telemetry.now_us = now_us
         self._meet_ground()
+        self._watch_battery()
         self.navigate()
         for channel in self.channels:
             self._send_streams(channel)
@@ -247,6 +251,17 @@ class Autopilot(ABC):
                 flight.launch()
         elif self.is_armed and self.now_us - self._grounded_us >= _DISARM_US:
             self._disarm()
+
+    def _watch_battery(self) -> None:
+        """Tell of a low battery, and return to launch if the parameters say so and it is not landing."""
+        if self.battery_failsafe is None or not self.is_armed:
+            return
+        low = self.battery_failsafe.check()
+        if low is not None:
+            self.say(mavlink.MAV_SEVERITY_WARNING, low.text)
+            is_down = self.flight.is_standing or self.active_command == mavlink.MAV_CMD_NAV_LAND
+            if low.returns and not is_down:
+                self.fail_safe("RTL")
 
     def arm(self) -> None:
         """Move the pilot's arming switch."""

@@ -77,8 +77,8 @@ def landing_circle(
 ) -> tuple[float, float]:
     """East and north [m] of the circle from which a landing at home begins, where the way down is free.
 
-    The landing comes from the first direction that is free and within ``bounds``, east and north [m], the first
-    being north; else from the freest.
+    The landing comes from the first direction, from north on, that is free and within ``bounds``, east and
+    north [m]; else from the freest.
     """
     area = shapely.box(bounds[0][0], bounds[1][0], bounds[0][1], bounds[1][1])
     walls = shapely.unary_union([Polygon(obstacle.polygon_enu_m) for obstacle in obstacles])

@@ -12,12 +12,14 @@ from companion.frames import wrapped_angle
 from sim.autopilot.channel import Message
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight
+from sim.vehicle.simulated_battery import SimulatedBattery
 
 EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
 _SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops.
 _EKF_FLAGS = 831  # Attitude, velocities and positions are good; GPS is in use.
 _UNKNOWN_U16 = 65535
 _IGNORE_ALL_BUT_POSITION = 65016
+_NO_TEMPERATURE = 32767
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +79,8 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
             mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: self._motor,
         }
+        if flight.battery is not None:
+            self.builders[mavlink.MAVLINK_MSG_ID_BATTERY_STATUS] = self._battery_status
 
     def amsl_m(self, up_m: float) -> float:
         """Altitude above mean sea level of a local height [m]."""
@@ -95,9 +99,26 @@ class Telemetry:
 
     def _system_status(self) -> Message:
         used = min(self.now_us / 3.6e9, 0.9)
+        millivolts, centiamperes, percent = 16_000, 1_500, round(100 * (1.0 - used))
+        if (battery := self._flight.battery) is not None:
+            millivolts, centiamperes = round(1e3 * battery.voltage_v), _centiamperes(battery)
+            percent = int(100 * battery.remaining)
         return mavlink.MAVLink_sys_status_message(
-            _SENSORS, _SENSORS, _SENSORS, 250, 16_000, 1_500, round(100 * (1.0 - used)), 0, 0, 0, 0, 0, 0
+            _SENSORS, _SENSORS, _SENSORS, 250, millivolts, centiamperes, percent, 0, 0, 0, 0, 0, 0
         )
+
+    def _battery_status(self) -> Message | None:
+        """BATTERY_STATUS with the energy consumed, which PX4 leaves out."""
+        battery = self._flight.battery
+        if battery is None:
+            return None
+        cells = [round(1e3 * battery.voltage_v), *[_UNKNOWN_U16] * 9]
+        is_px4 = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS in self.builders
+        energy = -1 if is_px4 else round(36.0 * battery.used_wh)
+        return mavlink.MAVLink_battery_status_message(
+            0, 0, mavlink.MAV_BATTERY_TYPE_LIPO, _NO_TEMPERATURE, cells, _centiamperes(battery),
+            round(battery.used_mah), energy, int(100 * battery.remaining),
+        )  # fmt: skip
 
     def _system_time(self) -> Message:
         return mavlink.MAVLink_system_time_message(EPOCH_S * 1_000_000 + self.now_us, self._boot_ms())
@@ -244,3 +265,8 @@ class Telemetry:
         is_down = self._flight.is_standing
         landed = mavlink.MAV_LANDED_STATE_ON_GROUND if is_down else mavlink.MAV_LANDED_STATE_IN_AIR
         return mavlink.MAVLink_extended_sys_state_message(0, landed)
+
+
+def _centiamperes(battery: SimulatedBattery) -> int:
+    """Current as in messages [0.01 A], whose field ends at 327 A."""
+    return min(round(100 * battery.current_a), 32_767)

@@ -10,6 +10,7 @@ from sim.vehicle.attitude import Airframe, AttitudeController
 from sim.vehicle.fdm import STEP_S, FlightDynamics, Start
 from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from sim.vehicle.sensors import Estimate, Sensors
+from sim.vehicle.simulated_battery import SimulatedBattery
 
 FDM_STEPS_A_TICK = 2
 TICK_S = FDM_STEPS_A_TICK * STEP_S
@@ -78,6 +79,8 @@ class Flight:
         The autopilot's estimator.
     parameters : Parameters
         Limits and tuning, read at every guidance update.
+    battery : SimulatedBattery, optional
+        Gives the power of the thrust; without one nothing is used up.
 
     Attributes
     ----------
@@ -97,9 +100,16 @@ class Flight:
         Whether the engine runs; without thrust the throttle has no effect.
     """
 
-    def __init__(self, dynamics: FlightDynamics, sensors: Sensors, parameters: Parameters) -> None:
+    def __init__(
+        self,
+        dynamics: FlightDynamics,
+        sensors: Sensors,
+        parameters: Parameters,
+        battery: SimulatedBattery | None = None,
+    ) -> None:
         self.dynamics = dynamics
         self.sensors = sensors
+        self.battery = battery
         self._parameters = parameters
         self._airframe = Airframe()
         self._attitude = AttitudeController(self._airframe, TICK_S)
@@ -127,6 +137,9 @@ class Flight:
 
     def tick(self) -> None:
         """Sense, guide (every third time), move the servos, and fly for one tick; on the ground, nothing."""
+        if self.battery is not None:
+            thrust_power_w = 0.0 if self.is_standing else self.dynamics.thrust_power_w
+            self.battery.drain(thrust_power_w, TICK_S)
         if self.is_standing:
             return
         estimate = self.estimate = self.sensors.estimate(self.dynamics.state)

@@ -42,6 +42,8 @@ _READ = (
     "velocities/vt-fps",
     "velocities/ve-fps",
 )
+_THRUST = "propulsion/thrust-lbs"
+_POUND_N = 4.4482216
 _COMMANDS = ("fcs/aileron-cmd-rad", "fcs/elevator-cmd-rad", "fcs/rudder-cmd-rad", "fcs/throttle-cmd")
 
 
@@ -124,6 +126,7 @@ class FlightDynamics:
         self._place(frame, start)
         manager = self._executive.get_property_manager()
         self._readers = tuple(_node(manager, name).get_double_value for name in _READ)
+        self._thrust = _node(manager, _THRUST).get_double_value
         self._writers = tuple(_node(manager, name).set_double_value for name in _COMMANDS)
         self.trim_alpha_rad, self.trim_elevator_rad, self.trim_throttle = self._trim()
         self._add_wind(start, weather)
@@ -244,6 +247,11 @@ class FlightDynamics:
             self._executive.run()
         self.state = self._read()
         return self.state
+
+    @property
+    def thrust_power_w(self) -> float:
+        """Power that the thrust gives to the aircraft: thrust times true airspeed [W]."""
+        return self._thrust() * _POUND_N * self.state.true_airspeed_m_s
 
     def _read(self) -> TrueState:
         values = [read() for read in self._readers]

@@ -105,6 +105,17 @@ def test_every_shipped_mission_is_understood(companion, tmp_path, path):
     assert [entry.name for entry in target.parent.iterdir()] == ["out.json"]
 
 
+def test_check_tells_what_goals_cost(companion):
+    told = companion("check", CONFIGS / "search-area.yaml")
+    assert told.code == 0
+    words = " ".join(told.out.split())
+    assert "energy: 90 Wh at the start, straight legs at cruise, wind 3 m/s from 240" in words
+    assert "the reserve of 18 Wh reached by" in words
+    document = json.loads(companion("check", CONFIGS / "search-area.yaml", "--json", "-").out)
+    assert len(document["energy"]["goals"]) == 3
+    assert "energy" not in json.loads(companion("check", FIRST_FLIGHT, "--json", "-").out)
+
+
 def test_check_draws(companion, tmp_path):
     target = tmp_path / "map.png"
     assert companion("check", FIRST_FLIGHT, "--plot", target).code == 0

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.config.models import MissionConfig, PlanningConfig, Section
+from companion.config.models import MissionConfig, PlanningConfig
 from companion.config.reference import meanings, reference
+from companion.config.sections.section_base import Section
 
 PAGE = Path(__file__).parents[2] / "docs" / "mission-file.md"
 

@@ -19,6 +19,7 @@ from companion.types.state import AutopilotSettings
 _ASK_AGAIN_S = 5.0
 _FIRST_WAIT_S = 2.0
 _LATE_PERIODS = 5.0
+_BATTERY_HZ = 0.5
 
 
 @dataclass(slots=True)
@@ -49,10 +50,13 @@ class Streams:
     ----------
     rate_hz : float
         Requested rate of positions [Hz]; messages that change more slowly are requested at lower rates.
+    with_battery : bool
+        Whether the messages of the battery monitor are requested, too.
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, *, with_battery: bool = False) -> None:
         self._rate_hz = rate_hz
+        self._with_battery = with_battery
         self._reader = SettingsReader()
         self._streams: dict[int, _Stream] = {}
         self._autopilot: Dialect | None = None
@@ -125,4 +129,6 @@ class Streams:
         rates[health] = (slow, False)
         if not dialect.sends_covariances:
             rates[MessageId.ESC_TELEMETRY_1_TO_4] = (min(fast, 2.0), False)
+        if self._with_battery:
+            rates |= dict.fromkeys((MessageId.BATTERY_STATUS, MessageId.SYS_STATUS), (_BATTERY_HZ, False))
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from companion.link.messages.battery_messages import BatteryMeter
 from companion.link.messages.flight_modes import DIALECTS, flight_mode, motion_of
 from companion.link.messages.heights import Heights
 from companion.link.messages.vehicle_identity import VehicleIdentity
@@ -105,6 +106,7 @@ class Telemetry:
         self._identity = identity
         self.home_altitude_amsl_m: float | None = None
         self.heights = Heights()
+        self._battery = BatteryMeter()
         self._boot_ms: int | None = None
         self._suspect_boot_ms: int | None = None
         self._position_boot_ms = -1
@@ -149,8 +151,16 @@ class Telemetry:
             yield self._accuracy(message, stamp_s)
         elif kind == "SCALED_PRESSURE":
             self.heights.note_pressure(message.press_abs)
+        elif kind in ("BATTERY_STATUS", "SYS_STATUS"):
+            yield from self._battery_reports(message, stamp_s)
         elif kind in self._decoders:
             yield self._decoders[kind](message, frame, stamp_s)
+
+    def _battery_reports(self, message: Message, stamp_s: float) -> Iterator[Event]:
+        try:
+            yield from self._battery.reports(message, stamp_s)
+        except ValueError:
+            raise RefusedError("battery") from None
 
     def _heartbeat(self, message: Message, frame: RawFrame, stamp_s: float) -> list[Event]:
         dialect = DIALECTS.get(message.autopilot)

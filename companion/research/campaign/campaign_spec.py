@@ -16,7 +16,8 @@ from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from companion.config.explain import explained
 from companion.config.load import mission_from_document, mission_text
-from companion.config.models import MissionConfig, Section
+from companion.config.models import MissionConfig
+from companion.config.sections.section_base import Section
 from companion.config.source import Document, KeyPath, parse
 from companion.errors import ConfigError
 from companion.planning.comparators import METHODS

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from companion.config.models import Section
+from companion.config.sections.section_base import Section
 
 PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
 FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)

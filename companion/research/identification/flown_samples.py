@@ -20,6 +20,7 @@ from companion.recording import mcap_schema as channels
 from companion.recording.mcap_reader import Document, messages_of, number
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import MISSION_FILE, TLOG
+from companion.research.identification.energy_samples import EnergyListener, EnergyWindow
 from companion.types.events import AirData, EstimatorAccuracy, Event, GlobalPosition, Heartbeat
 from companion.types.mavlink_enums import ComponentId, GpsFix, MessageId
 from companion.types.path import Path as FlownPath
@@ -75,13 +76,17 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """The samples of one recording; ``deviations`` has an element for each flown plan."""
+    """The samples of one recording; ``deviations`` has an element for each flown plan.
+
+    ``windows`` are those in which the battery's monitor reported the energy used.
+    """
 
     name: str
     mission: MissionConfig
     deviations: tuple[Deviations, ...]
     told: Told
     num_left_out: int
+    windows: tuple[EnergyWindow, ...] = ()
 
 
 def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
@@ -111,7 +116,10 @@ def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
     plans = _plans_flown(log.with_suffix(".mcap"))
     found = [_deviations(told, path, begin_s, end_s) for path, begin_s, end_s in plans]
     kept = tuple(entry for entry, _ in found if len(entry.times_s) > 1)
-    return Flown(str(source), mission, kept, told.errors(), sum(left_out for _, left_out in found))
+    return Flown(
+        str(source), mission, kept, told.errors(), sum(left_out for _, left_out in found),
+        tuple(told.energy.windows),
+    )  # fmt: skip
 
 
 def _mission_of(recording: Recording, log: Path, mission_file: Path | None) -> MissionConfig:
@@ -133,6 +141,7 @@ class _Heard:
     positions: list[list[float]] = field(default_factory=list)  # clock, boot, place, velocity, airspeed
     fixes: list[list[float]] = field(default_factory=list)  # boot, place
     accuracies: list[tuple[float, float, float]] = field(default_factory=list)
+    energy: EnergyListener = field(default_factory=EnergyListener)
     _airspeed_m_s: float = math.nan
     _is_flying_mission: bool = False
 
@@ -147,6 +156,7 @@ class _Heard:
             for frame in codec.feed(heard.frame.raw, heard.at_us * 1e-6):
                 for event in frame.events:
                     self._note(event)
+                    self.energy.note(event)
 
     def _note(self, event: Event) -> None:
         match event:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -11,12 +12,13 @@ from rich.table import Table
 
 from companion.config.compose import vehicle_of
 from companion.plain_text import printable
+from companion.research.identification.energy_estimate import energy_keys
 from companion.research.identification.flown_samples import Flown, flown_of
 from companion.research.identification.noise_estimate import Identified, NoiseKey, Spread, identified
 
 
 def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[Flown], Identified]:
-    """Read recordings and identify the noise of their aircraft, which is that of the first one's mission.
+    """Read recordings and identify the noise and the power of the aircraft of the first one's mission.
 
     Raises
     ------
@@ -26,12 +28,14 @@ def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[F
         If a mission file cannot be read.
     """
     flights = [flown_of(source, mission_file) for source in sources]
-    return flights, identified(flights, vehicle_of(flights[0].mission))
+    vehicle = vehicle_of(flights[0].mission)
+    windows = [window for flight in flights for window in flight.windows]
+    return flights, replace(identified(flights, vehicle), energy=energy_keys(windows, vehicle))
 
 
 def document_of(flights: Sequence[Flown], found: Identified) -> dict[str, object]:
     """The JSON of the command."""
-    return {
+    document: dict[str, object] = {
         "recordings": [flight.name for flight in flights],
         "tracked_s": round(found.tracked_s, 1),
         "left_out": found.num_left_out,
@@ -39,6 +43,7 @@ def document_of(flights: Sequence[Flown], found: Identified) -> dict[str, object
         "vehicle": {name: _rounded(value) for name, value in found.known.items()},
         "keys": [_key_document(key) for key in found.keys],
     }
+    return document | ({"energy": [_key_document(key) for key in found.energy]} if found.energy else {})
 
 
 def _spread_document(spread: Spread) -> dict[str, object]:
@@ -73,14 +78,22 @@ def _rounded(value: float) -> float:
 
 def fragment_of(found: Identified) -> str:
     """The keys in YAML; keys with too little data are comments."""
-    lines = ["vehicle:"]
-    for key in found.keys:
+    lines = _section("vehicle", found.keys)
+    if found.energy:
+        lines += _section("energy", found.energy)
+        lines.append("  # capacity_wh and reserve_wh: of your battery")
+    return "\n".join(lines)
+
+
+def _section(name: str, keys: Sequence[NoiseKey]) -> list[str]:
+    lines = [f"{name}:"]
+    for key in keys:
         if key.value is None:
             lines.append(f"  # {key.name}: {key.note}")
             continue
         interval = f"{key.low:.2g} to {key.high:.2g}"
         lines.append(f"  {key.name}: {_rounded(key.value):g}  # {interval}: {key.note}")
-    return "\n".join(lines)
+    return lines
 
 
 def show(flights: Sequence[Flown], found: Identified, screen: Console) -> None:

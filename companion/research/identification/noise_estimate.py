@@ -92,12 +92,21 @@ class NoiseKey:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The noise of an aircraft: the measurements, and the keys that explain them."""
+    """The noise of an aircraft: the measurements, and the keys that explain them.
+
+    ``energy`` has the keys of that section, if the recordings have battery messages.
+    """
 
     tracked_s: float
     num_left_out: int
     spreads: tuple[Spread, ...]
     keys: tuple[NoiseKey, ...]
+    energy: tuple[NoiseKey, ...] = ()
+
+    @property
+    def has_any(self) -> bool:
+        """Whether there is enough data for any key."""
+        return any(key.value is not None for key in (*self.keys, *self.energy))
 
     @property
     def known(self) -> dict[str, float]:

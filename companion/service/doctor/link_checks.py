@@ -14,6 +14,7 @@ from companion.link.wire.decoded_frame import AutopilotVersion, ParameterValue
 from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.transport import Address, Transport
+from companion.service.doctor.energy_checks import EnergyDoctor
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.service.doctor.mission_checks import MissionDoctor
 from companion.service.doctor.parameter_checks import parameter_findings, parameter_names, version
@@ -62,7 +63,10 @@ class LinkDoctor:
         self._mission = mission
         named = None if mission is None else mission.link.vehicle_system_id
         self._codec = Codec(named, signer=signer)
-        self._streams = Streams(RATE_HZ if mission is None else float(mission.link.stream_rate_hz))
+        self._streams = Streams(
+            RATE_HZ if mission is None else float(mission.link.stream_rate_hz),
+            with_battery=mission is not None and mission.energy is not None,
+        )
         self._quality = LinkQuality()
         self._num_bytes = 0
         self._heartbeat: Heartbeat | None = None
@@ -70,6 +74,7 @@ class LinkDoctor:
         self._values: dict[str, ParameterValue] = {}
         self._counts: Counter[int] = Counter()
         self._of_mission = None if mission is None else MissionDoctor(mission, self._codec, clock, self._send)
+        self._of_energy = None if mission is None else EnergyDoctor(mission)
 
     async def examine(self, seconds: float) -> list[Finding]:
         """Check the link, for about the given time after the first heartbeat.
@@ -96,9 +101,7 @@ class LinkDoctor:
             began = self._clock.now_s()
             await self._until(lambda: False, seconds)
             rates = self._rates(dialect, self._clock.now_s() - began)
-            of_mission = (
-                [] if self._of_mission is None else await self._of_mission.findings(self._streams.settings)
-            )
+            of_mission = await self._mission_findings()
         finally:
             await self._transport.close()
         values = {name: _number(told, dialect) for name, told in self._values.items()}
@@ -109,6 +112,13 @@ class LinkDoctor:
             *parameter_findings(dialect, values, self._mission, self._baud_rate()),
             *of_mission,
         ]
+
+    async def _mission_findings(self) -> list[Finding]:
+        """Check the autopilot's list and the energy on board with the mission file, if there is one."""
+        if self._of_mission is None or self._of_energy is None:
+            return []
+        findings = await self._of_mission.findings(self._streams.settings)
+        return findings + self._of_energy.findings(self._of_mission.goals, self._clock.now_s())
 
     def _send(self, data: bytes) -> None:
         if self._transport.is_open:
@@ -130,6 +140,8 @@ class LinkDoctor:
             for event in frame.events:
                 if isinstance(event, Heartbeat):
                     self._heartbeat = event
+                elif self._of_energy is not None:
+                    self._of_energy.observe(event)
             if isinstance(frame.reply, AutopilotVersion):
                 self._version = frame.reply
             elif isinstance(frame.reply, ParameterValue):

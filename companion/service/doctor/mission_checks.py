@@ -41,6 +41,11 @@ class MissionDoctor:
         Clock of the doctor.
     send : callable
         Passes bytes to the transport.
+
+    Attributes
+    ----------
+    goals : tuple of GoalRegion
+        The mission file's goals; once the list was read, the operator's waypoints if those are the goals.
     """
 
     def __init__(
@@ -49,6 +54,7 @@ class MissionDoctor:
         self._mission, self._clock = mission, clock
         self._ownship = OwnshipEstimator(mission.frame)
         self._link = AutopilotLink(codec, clock, send)
+        self.goals = first_state(mission, clock.now_s()).goals
 
     def receive(self, frame: DecodedFrame) -> None:
         """Take a frame of the autopilot."""
@@ -73,6 +79,7 @@ class MissionDoctor:
         flight.apply(replace, flies_by=protocols.dialect.flies_by)
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
+        self.goals = flight.state.goals
         told = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
         texts = ((CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing))
         findings = [ok(check, text) for check, text in texts if text]

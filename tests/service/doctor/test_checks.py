@@ -9,10 +9,12 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.config import mission_from_text
+from companion.config.compose import goals_of
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.service.doctor import host_checks as doctor
+from companion.service.doctor.energy_checks import EnergyDoctor
 from companion.service.doctor.finding import Verdict
 from companion.service.doctor.link_checks import LinkDoctor
 from companion.service.doctor.parameter_checks import (
@@ -187,11 +189,17 @@ def test_a_version_is_told_with_its_kind_of_release():
 class Round:
     """A link doctor before the simulator, with the wire in the test's hands."""
 
-    def __init__(self, url="tcp://autopilot:1", dialect=Dialect.ARDUPILOT, wire=lambda data, now_s: data):
+    def __init__(
+        self,
+        url="tcp://autopilot:1",
+        dialect=Dialect.ARDUPILOT,
+        wire=lambda data, now_s: data,
+        mission=MISSION,
+    ):
         self.clock, self.wire = ManualClock(), wire
         ours, self.theirs = MemoryTransport.pair()
-        self.simulator = Simulator(MISSION, seed=1, dialect=dialect)
-        self.doctor = LinkDoctor(ours, self.clock, url, MISSION)
+        self.simulator = Simulator(mission, seed=1, dialect=dialect)
+        self.doctor = LinkDoctor(ours, self.clock, url, mission)
 
     def findings(self, seconds=3.0):
         return asyncio.run(self._run(seconds))
@@ -266,3 +274,40 @@ def test_silence_has_its_reasons(url, wire, words):
     assert words in finding.found
     assert finding.advice
     assert not round_.doctor.is_heard
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+@pytest.mark.parametrize(
+    ("capacity_wh", "verdict", "words"),
+    [
+        # 6.7 Wh lead to the goal against no wind, 8.3 Wh back; some 2 Wh are used while the doctor looks.
+        (60.0, OK, "the reserve of 3 Wh reached by 48"),
+        (15.0, WARN, "reached by 3"),
+        (9.0, FAIL, "the reserve of 3 Wh missed by 2"),
+    ],
+)
+def test_the_battery_s_present_state_is_compared_with_the_goals(dialect, capacity_wh, verdict, words):
+    text = FIRST_FLIGHT + (
+        "energy: {power_cruise_w: 418, power_max_airspeed_w: 1354, climb_energy_j_m: 98, "
+        f"capacity_wh: {capacity_wh}, reserve_wh: 3}}\n"
+    )
+    found = Round(dialect=dialect, mission=mission_from_text(text, "electric.yaml")).findings()
+    (energy,) = [finding for finding in found if finding.check == "energy"]
+    assert energy.verdict is verdict
+    assert words in energy.found
+    assert bool(energy.advice) is (verdict is not OK)
+
+
+def test_a_battery_that_is_not_reported_is_a_warning_and_taken_for_full():
+    text = FIRST_FLIGHT + (
+        "energy: {power_cruise_w: 418, power_max_airspeed_w: 1354, climb_energy_j_m: 98, "
+        "capacity_wh: 60, reserve_wh: 3}\n"
+    )
+    mission = mission_from_text(text, "electric.yaml")
+    goals = goals_of(mission)
+    (energy,) = EnergyDoctor(mission).findings(goals, 0.0)
+    assert energy.verdict is WARN
+    assert "no state of the battery; if it is full, 53" in energy.found
+    assert "BATT_MONITOR" in energy.advice
+    assert EnergyDoctor(MISSION).findings(goals, 0.0) == []
+    assert EnergyDoctor(mission).findings((), 0.0) == []

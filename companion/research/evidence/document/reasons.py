@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from companion.config.explain import explained
 from companion.config.load import mission_text
-from companion.config.models import Section
+from companion.config.sections.section_base import Section
 from companion.config.source import parse
 from companion.research.evidence.verdicts import Judged
 
