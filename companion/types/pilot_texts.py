@@ -70,6 +70,12 @@ TEXTS = {
         "The mission was read.",
         "Compare it with the landing that you meant to upload.",
     ),
+    "return": PilotText(
+        "return", Severity.INFO,
+        "RTL here {returns}",
+        "The mission was read: what a return to launch does, by the autopilot's parameters.",
+        "Compare it with what you expect of a failsafe.",
+    ),
     "no landing": PilotText(
         "mission", Severity.WARNING,
         "No landing in the mission: will circle at the goal",
@@ -183,11 +189,19 @@ TEXTS = {
         "without further texts.",
         NOTHING,
     ),
-    "no return path": PilotText(
+    "return unsafe": PilotText(
         "return", Severity.WARNING,
-        "RTL has no checked path: it flies straight",
-        "For 15 s no return path could be made or stored that keeps clear.",
-        "Do not select RTL unless the way straight home is free.",
+        "RTL from here is NOT safe: {what}",
+        "The planner flies. A return to launch that begins here, by anybody, would lead too near to an "
+        "obstacle or a fence, as the autopilot's parameters stand.",
+        "Do not select RTL here, and expect the same of a failsafe. With RTL_AUTOLAND 4 on ArduPlane, or "
+        "RTL_TYPE 2 and a landing in the mission on PX4, the planner keeps a checked path.",
+    ),
+    "return safe": PilotText(
+        "return", Severity.NOTICE,
+        "RTL from here is safe",
+        "A return to launch would keep clear again.",
+        NOTHING,
     ),
     "meets": PilotText(
         "ahead", Severity.CRITICAL,
@@ -378,7 +392,8 @@ SUBJECTS = {
     "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
     "failsafe": "mode", "returning": "mode", "arrived": "mode",
-    "return path": "return", "no return path": "return", "meets": "ahead", "meets nothing": "ahead",
+    "return path": "return", "return unsafe": "return", "return safe": "return",
+    "meets": "ahead", "meets nothing": "ahead",
     "no thrust": "engine", "thrust": "engine",
     "handback safe": "handback", "handback unsafe": "handback",
     "flood": "flood", "calm": "flood", "fences": "fences", "bad fence": "fences",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.flight.prediction.return_path import is_unpredictable
+from companion.flight.prediction.return_words import goals_without_return, return_in_words
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
 from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
@@ -36,6 +37,8 @@ class OperatorSummary:
         Whether items follow the goal.
     faults : tuple of str
         What is wrong, the most serious first.
+    returns : str
+        What a return to launch does; '' while it is not known.
     """
 
     plan: str
@@ -43,6 +46,7 @@ class OperatorSummary:
     landing: str
     has_end: bool
     faults: tuple[str, ...]
+    returns: str = ""
 
 
 def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> OperatorSummary:
@@ -71,7 +75,9 @@ def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_it
         plan += f", {1e-3 * length:.1f} km"
     faults = tuple(_faults(state, operator, ownship))
     has_end = operator.tail < len(operator.items)
-    return OperatorSummary(plan, described(state), _landing(operator), has_end, faults)
+    return OperatorSummary(
+        plan, described(state), _landing(operator), has_end, faults, return_in_words(state)
+    )
 
 
 def _landing(operator: Operator) -> str:
@@ -101,6 +107,7 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
     if takeoff_of(operator) is None and not state.phase.is_airborne:
         found.append("no take-off item")
     found += _return(state)
+    found += goals_without_return(state)[:1]
     found += _unplaced(state, operator)
     found += _legs(state, operator)
     return found[:FAULTS_MAX]

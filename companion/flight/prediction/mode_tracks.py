@@ -56,8 +56,11 @@ def state_on(track: FloatArray, row: int, ownship: Ownship) -> Ownship:
     row : int
         Row, between 1 and the last but one; a row outside is moved there.
     ownship : Ownship
-        The aircraft at the first row, for all that the positions do not show.
+        The aircraft at the first row, for all that the positions do not show. It is returned if the track
+        has fewer than three rows.
     """
+    if len(track) < 3:
+        return ownship
     row = min(max(row, 1), len(track) - 2)
     before, after = (track[row] - track[row - 1]) / STEP_S, (track[row + 1] - track[row]) / STEP_S
     course = math.atan2(before[0] + after[0], before[1] + after[1])

@@ -60,7 +60,7 @@ def obstacle_ahead(state: FlightState, ownship: Ownship, tracks: ModeTracks) -> 
     tracks : ModeTracks
         What it flies next.
     """
-    met = [_first_met(state, track) for track in tracks.positions_enu_m]
+    met = [first_met(state, track) for track in tracks.positions_enu_m]
     found = [entry for entry in met if entry is not None]
     if not found or (tracks.is_steered and len(found) < len(met)):
         return None
@@ -79,11 +79,19 @@ def is_clear(state: FlightState, positions_enu_m: FloatArray) -> bool:
     positions_enu_m : ndarray, shape (K, 3)
         Positions on the track [m].
     """
-    return _first_met(state, positions_enu_m) is None
+    return first_met(state, positions_enu_m) is None
 
 
-def _first_met(state: FlightState, places: FloatArray) -> Violation | None:
-    """Return the first row of ``places`` (K, 3) [m] that is too near to something; None if there is none."""
+def first_met(state: FlightState, places: FloatArray) -> Violation | None:
+    """Return what a track comes too near to first; None if it keeps clear.
+
+    Parameters
+    ----------
+    state : FlightState
+        Obstacles and fences.
+    places : ndarray, shape (K, 3)
+        Positions on the track [m].
+    """
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     wrong = state.rules.checker.check_track(places, margin)
     near = [entry for entry in wrong if entry.rule == "clearance"]

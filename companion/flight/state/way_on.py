@@ -60,12 +60,19 @@ def way_on(
     if not is_wanted or state.tail_enu_m is None or waypoints.continues_with_operator_items:
         return None
     ends = at_start(path.since(int(np.searchsorted(path.times_s, covered_until_s))), state.wind_enu_m_s)
-    home = _path_to_landing(state, ends, snapshot)
+    centre, _ = waypoints.circle
+    home = _path_to_landing(state, _over(ends, centre), snapshot)
     if home is None:
         return None
-    centre, _ = waypoints.circle
     points = waypoints_from_path(home, waypoints.airspeed_m_s, flies_by=False).positions_enu_m
     return points if _is_clear(state, ends, np.vstack([centre, points, state.tail_enu_m])) else None
+
+
+def _over(ends: Ownship, centre: FloatArray) -> Ownship:
+    """Return the aircraft over ``centre`` (3,) [m] of a circle, coming straight from the mission's end."""
+    east, north = centre[0] - ends.position_enu_m[0], centre[1] - ends.position_enu_m[1]
+    place = (float(centre[0]), float(centre[1]), float(centre[2]))
+    return replace(ends, position_enu_m=place, course_rad=float(np.arctan2(east, north)) % (2.0 * np.pi))
 
 
 def _path_to_landing(state: FlightState, ends: Ownship, snapshot: Snapshot) -> Path | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from companion.flight.messages.operator_summary import operator_summary_of
+from companion.flight.prediction.return_words import return_in_words
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import after_takeover
 from companion.flight.state.list_state import after_suspicion
@@ -59,8 +60,9 @@ class Departure:
         elif is_known:
             await self._rally_points.renew(includes_unnamed=True)
         listed = self._flight.listed
-        # The briefing is repeated if a parameter changes the shortfalls.
-        news = listed.stored, shortfalls(self._flight.state.mission, self._flight.state.settings)
+        # The summary is repeated if a parameter changes the shortfalls, or what a return does.
+        state = self._flight.state
+        news = listed.stored, (*shortfalls(state.mission, state.settings), return_in_words(state))
         if listed.layout is not None and news != self._last_summary:
             self._last_summary = news
             if not listed.was_found_flown:
@@ -86,6 +88,8 @@ class Departure:
             decide(DecisionKind.TAKEOVER, summary.takeover, tell="takeover", when=summary.takeover)
             tell = "landing" if summary.has_end else "no landing"
             decide(DecisionKind.MISSION, summary.landing, tell=tell, landing=summary.landing)
+        if summary.returns:
+            decide(DecisionKind.RETURN, summary.returns, tell="return", returns=summary.returns)
         for fault in summary.faults:
             decide(DecisionKind.FAULT, fault, tell="check", about=fault, fault=fault)
 

@@ -1,5 +1,7 @@
 """While somebody else flies: inform the pilot of what is met ahead, and whether a handback is safe.
 
+While the service flies, only a return to launch is predicted (:mod:`companion.flight.monitors.return_watch`).
+
 Somebody else is a pilot, a failsafe, or a ground station that has chosen another item. Twice a second the
 aircraft is predicted on what it flies in its flight mode, and the tracks are checked.
 """
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from companion.flight.monitors.return_watch import ReturnWatch
 from companion.flight.prediction.mode_tracks import ModeTracks, mode_tracks
 from companion.flight.prediction.obstacle_ahead import ObstacleAhead, obstacle_ahead
 from companion.flight.prediction.resume_path import ResumePath, lasting_resume_path
@@ -43,6 +46,7 @@ class OtherModes:
         self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
+        self._return_watch = ReturnWatch(parts.flight, parts.world_model, self._link, parts.announcer)
         self.resume: ResumePath | None = None
         self.tracks: ModeTracks | None = None
         self._is_called_safe: bool | None = None
@@ -54,6 +58,7 @@ class OtherModes:
         """Predict and check what is flown next, and inform the pilot of changes; twice a second."""
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
+        self._return_watch.look(now)
         if ownship is None or state.mode not in SOMEBODY_ELSE or not state.phase.is_airborne:
             self.tracks = self.resume = self._is_called_safe = self._met = None
             return

@@ -13,6 +13,9 @@ import contextlib
 import math
 from collections.abc import Iterator
 from functools import partial
+from itertools import product
+
+import numpy as np
 
 from companion.flight.exchange.return_exchange import ReturnExchange
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission
@@ -27,15 +30,17 @@ from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.mission.list_layout import TwoBankLayout
 from companion.planning.problem import GoalRegion
 from companion.types.mission import Command
+from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
 
 LOOK_S = 2.0  # Period with which the return path is judged.
-AHEAD_S = 10.0  # A return path begins where the aircraft will be in this time.
+# The return path follows the flown path for one of these times, the first that does, and then turns back. Up
+# to there a return that begins on the flown path joins it without a turn.
+AHEAD_S = (20.0, 10.0, 30.0, 5.0)
 RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time.
 AGAIN_S = 6.0  # After a return path could not be made or stored, it is tried again after this time.
 STOP_S = 1.0  # An exchange that should end is cancelled after this time.
-GONE_S = 15.0  # The pilot is informed if there has been no return path for this time.
 
 
 class WayHome:
@@ -58,8 +63,6 @@ class WayHome:
         self._storing: asyncio.Task[None] | None = None
         self._next_s = -math.inf
         self._judged: FlownPath | None = None
-        self._since_s: float | None = None
-        self._is_announced: bool | None = None
         self.stored: ReturnMission | None = None
 
     async def keep_up(self) -> None:
@@ -81,9 +84,7 @@ class WayHome:
             return
         self._next_s, self._judged = now + LOOK_S, state.flown
         if covered_s(state, ownship, state.mission_list.stored) >= RENEWED_S:
-            self._note(now, is_there=True)
             return
-        self._note(now, is_there=False)
         found = await self._planned(state, ownship)
         self._next_s = self._parts.clock.now_s() + AGAIN_S
         if found is not None and self._parts.flight.state.may_act:
@@ -109,59 +110,52 @@ class WayHome:
 
     async def _planned(self, state: FlightState, ownship: Ownship) -> ReturnMission | None:
         """Plan to the places where a return may end, in their order, until one can be reached."""
-        parts = self._parts
-        start = start_after(state, ownship, AHEAD_S)
-        if start.rest is None:
+        parts, best = self._parts, None
+        begun = start_after(state, ownship, 0.0)
+        if begun.rest is None:
             return None
         snapshot = parts.world_model.snapshot(parts.clock.now_s())
-        for place, is_landing in places_of(state, start.state.position_enu_m):
-            conclude = partial(_concluded, state, ownship, place, is_landing=is_landing)
+        for ahead_s, (place, is_landing) in product(AHEAD_S, places_of(state, ownship.position_enu_m)):
+            start = start_after(state, ownship, ahead_s)
+            if start.rest is None:
+                continue
+            conclude = partial(_concluded, state, ownship, begun.rest, place, is_landing=is_landing)
             request = return_request(state, start, snapshot, place)
             _, found = await parts.maker.make(request, conclude, may_break_off=True)
-            if found is not None and found.covered_s > 0.0:
-                return found
-        return None
+            if found is not None and (best is None or found.covered_s > best.covered_s):
+                best = found
+            if best is not None and best.covered_s >= RENEWED_S:
+                break
+        return best if best is not None and best.covered_s > 0.0 else None
 
     async def _store(self, found: ReturnMission) -> None:
         """Store a return path, and record how that ended."""
         self._exchange.is_stopped = False
         failure = await self._exchange.store(found.bank)
-        now, length_m = self._parts.clock.now_s(), float(found.path.travelled_m[-1])
         if failure:
             self._parts.announcer.decide(DecisionKind.RETURN, f"not stored: {failure}")
-            return
-        self.stored = found
-        why = {"covered_s": found.covered_s, "length_m": length_m}
-        self._parts.announcer.decide(DecisionKind.RETURN, f"stored, {1e-3 * length_m:.1f} km", why=why)
-        self._note(now, is_there=True)
+        else:
+            self._announce(found)
 
-    def _note(self, now_s: float, *, is_there: bool) -> None:
-        """Inform the pilot that there is a return path, or that there has been none for a while."""
-        if is_there:
-            self._since_s = None
-        elif self._since_s is None:
-            self._since_s = now_s
-        is_gone = self._since_s is not None and now_s - self._since_s >= GONE_S
-        if is_there and self._is_announced is not True and self.stored is not None:
-            self._is_announced = True
-            length = f"{1e-3 * float(self.stored.path.travelled_m[-1]):.1f}"
-            self._parts.announcer.decide(
-                DecisionKind.RETURN, "there is a return path", tell="return path", length=length
-            )
-        elif is_gone and self._is_announced is not False:
-            self._is_announced = False
-            self._parts.announcer.decide(
-                DecisionKind.RETURN, "no return path that keeps clear", tell="no return path"
-            )
+    def _announce(self, found: ReturnMission) -> None:
+        """Record that a return path is stored; inform the pilot of the first one."""
+        length_km = 1e-3 * float(found.path.travelled_m[-1])
+        why = {"covered_s": found.covered_s, "length_km": length_km}
+        tell = "return path" if self.stored is None else ""
+        text = f"stored, {length_km:.1f} km"
+        self._parts.announcer.decide(DecisionKind.RETURN, text, why=why, tell=tell, length=f"{length_km:.1f}")
+        self.stored = found
 
 
 def _concluded(
-    state: FlightState, ownship: Ownship, place: GoalRegion, plan: Plan, *, is_landing: bool
+    state: FlightState, ownship: Ownship, flown: Path, place: GoalRegion, plan: Plan, *, is_landing: bool
 ) -> ReturnMission | None:
-    """Return a plan as a return path; None if it does not reach its end."""
+    """Return a plan, behind a part of the flown path, as a return path; None if it does not reach its end."""
     if plan.path is None or not plan.reaches_goal:
         return None
-    return return_mission(state, ownship, plan.path, place, is_landing=is_landing)
+    away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
+    path = flown.until(int(np.argmin(away))).followed_by(plan.path)
+    return return_mission(state, ownship, path, place, is_landing=is_landing)
 
 
 def is_wanted(state: FlightState) -> bool:

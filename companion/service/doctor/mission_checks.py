@@ -81,7 +81,10 @@ class MissionDoctor:
         adopt(flight, protocols, read)
         self.goals = flight.state.goals
         told = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
-        texts = ((CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing))
+        returns = told.returns and f"a return to launch {told.returns}"
+        texts = (
+            (CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing), ("return", returns),
+        )  # fmt: skip
         findings = [ok(check, text) for check, text in texts if text]
         refused = shortfalls(mission, settings)
         for fault in told.faults:

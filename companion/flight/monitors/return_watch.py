@@ -1,0 +1,66 @@
+"""Watch where a return to launch would lead from here, while the service flies."""
+
+from __future__ import annotations
+
+import math
+
+from companion.flight.messages.announcer import Announcer
+from companion.flight.prediction.return_path import return_path
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import StateOwner
+from companion.flight.state.modes import Mode
+from companion.flight.state.world_model import WorldModel
+from companion.link.missions.autopilot_link import AutopilotLink
+
+LOOK_S = 2.0  # Period of the judgement.
+LASTS_S = 8.0  # Another result is announced after this time.
+WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
+
+
+class ReturnWatch:
+    """Informs the pilot when a return to launch would lead too near to something, and when not any more.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        Home, the autopilot's parameters and list, and the rules.
+    world_model : WorldModel
+        The aircraft.
+    link : AutopilotLink
+        The mission item being flown.
+    announcer : Announcer
+        Informs the pilot.
+    """
+
+    def __init__(
+        self, flight: StateOwner, world_model: WorldModel, link: AutopilotLink, announcer: Announcer
+    ) -> None:
+        self._flight, self._world_model, self._link = flight, world_model, link
+        self._announcer = announcer
+        self._next_s = -math.inf
+        self._is_safe = True
+        self._since_s = -math.inf
+        self._was_safe = True
+
+    def look(self, now_s: float) -> None:
+        """Judge a return from here; call it twice a second."""
+        state, ownship = self._flight.state, self._world_model.ownship.state(now_s)
+        if state.mode not in WATCHED or not state.phase.is_airborne or ownship is None:
+            self._is_safe = self._was_safe = True
+            return
+        if now_s < self._next_s:
+            return
+        self._next_s = now_s + LOOK_S
+        wrong = return_path(state, ownship, self._link.current)
+        near = [entry for entry in wrong or () if entry.rule == "clearance"]
+        if bool(near) is self._was_safe:
+            self._was_safe, self._since_s = not near, now_s
+        if self._was_safe is self._is_safe or now_s - self._since_s < LASTS_S:
+            return
+        self._is_safe = self._was_safe
+        if self._is_safe:
+            self._announcer.decide(DecisionKind.RETURN, "RTL from here is safe", tell="return safe")
+        else:
+            what = near[0].in_short
+            text = f"RTL from here is NOT safe: {near[0].detail} {near[0].value:.0f}"
+            self._announcer.decide(DecisionKind.RETURN, text, tell="return unsafe", what=what)

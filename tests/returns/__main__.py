@@ -1,0 +1,49 @@
+"""``make returns``: returns at random moments by the hundred, with the service's return path and without."""
+
+import argparse
+import logging
+import sys
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from tests.returns.return_flights import fly, is_bad, line_of
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="python -m tests.returns", description=__doc__)
+    parser.add_argument("-n", type=int, default=100, help="flights of each sort")
+    parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--without", action="store_true", help="also without a return path, for comparison")
+    parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
+    given = parser.parse_args()
+    seeds, out = range(given.first_seed, given.first_seed + given.n), []
+    bad = 0
+    for is_with_path in (True, False)[: 1 + given.without]:
+        counts = Counter()
+        quiet = {"initializer": logging.disable, "initargs": (logging.CRITICAL,)}
+        with ProcessPoolExecutor(given.jobs, **quiet) as pool:
+            for flight in pool.map(partial(fly, is_with_path=is_with_path), seeds):
+                counts[flight.dialect, "flights"] += 1
+                counts[flight.dialect, "with a path"] += flight.has_path
+                counts[flight.dialect, "touched"] += bool(flight.touched)
+                counts[flight.dialect, "crossed"] += bool(flight.crossed)
+                counts[flight.dialect, flight.ended.split(" ")[0]] += 1
+                out.append(line_of(flight))
+                if is_bad(flight) and is_with_path:
+                    bad += 1
+                    sys.stdout.write(f"  {line_of(flight)}\n")
+                    sys.stdout.flush()
+        name = "with a return path" if is_with_path else "straight home"
+        figures = ", ".join(f"{key[0]} {key[1]} {counts[key]}" for key in sorted(counts))
+        sys.stdout.write(f"{name}: {figures}\n")
+        sys.stdout.flush()
+    if given.out is not None:
+        given.out.write_text("\n".join(out) + "\n", encoding="utf-8")
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
