@@ -6,8 +6,9 @@ behind the banks of missions. One holds the return path; the other is written, a
 A bank is armed if its first item is DO_RETURN_PATH_START. Otherwise the first item commands an airspeed and
 nothing joins the bank, whatever else is in it.
 
-A bank's last item is a jump: to the operator's landing, or to item 0. ArduPlane's search ends at a jump to
-item 0. It would otherwise take the way from the end of one bank to the next for a leg.
+A bank's last item is a jump: to the operator's landing, or to a tag that no item has. ArduPlane's search ends
+at such a jump. It would otherwise take the way from the end of one bank to the next for a leg. (ArduPlane
+refuses to store a jump to item 0, with which its search would end, too.)
 
 References
 ----------
@@ -28,20 +29,19 @@ from companion.types.mission import Command, MavFrame, MissionItem
 
 RETURN_ITEMS = 32  # Items of a return bank.
 RETURN_WAYPOINTS_MAX = RETURN_ITEMS - 3  # The start, the end and the last jump need an item each.
-NOWHERE = 0.0  # The target of a jump at which ArduPlane's search ends.
+UNUSED_TAG = 65_000.0  # A tag that no operator uses.
 FOR_EVER = -1.0  # The repeat count of a DO_JUMP that repeats without end.
 LOOPS_MAX = 64  # ArduPlane follows at most this many jumps in a row.
+JUMPS = frozenset({Command.DO_JUMP, Command.DO_JUMP_TAG})
 _LANDINGS = frozenset({Command.NAV_LAND, Command.DO_LAND_START})
 
 
-def _jump(target: float) -> MissionItem:
-    """Return a jump that repeats for ever."""
-    return MissionItem(0, Command.DO_JUMP, MavFrame.MISSION, (target, FOR_EVER, 0.0, 0.0), 0, 0, 0.0)
+def _command(command: Command, one: float = 0.0, two: float = 0.0) -> MissionItem:
+    """Return a command with its first parameters."""
+    return MissionItem(0, command, MavFrame.MISSION, (one, two, 0.0, 0.0), 0, 0, 0.0)
 
 
-def _command(command: Command) -> MissionItem:
-    """Return a command without parameters."""
-    return MissionItem(0, command, MavFrame.MISSION, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
+NOWHERE = _command(Command.DO_JUMP_TAG, UNUSED_TAG, FOR_EVER)  # A jump at which ArduPlane's search ends.
 
 
 def return_bank(
@@ -60,7 +60,8 @@ def return_bank(
     speed : MissionItem
         The item that commands the airspeed, in the place of the start.
     """
-    last = _jump(NOWHERE if landing is None or end is not None else float(landing))
+    is_circle = landing is None or end is not None
+    last = NOWHERE if is_circle else _command(Command.DO_JUMP, float(landing or 0), FOR_EVER)
     filling = last if end is None else end
     items = (speed, *waypoints, *((end,) if end is not None else ()))
     return items + (filling,) * (RETURN_ITEMS - 1 - len(items)) + (last,)
@@ -68,7 +69,7 @@ def return_bank(
 
 def blank_bank(speed: MissionItem) -> tuple[MissionItem, ...]:
     """Return a bank without a return path, of items that command the airspeed."""
-    return (speed,) * (RETURN_ITEMS - 1) + (_jump(NOWHERE),)
+    return (speed,) * (RETURN_ITEMS - 1) + (NOWHERE,)
 
 
 def armed(bank: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
@@ -95,12 +96,12 @@ def num_return_items(items: Sequence[MissionItem]) -> int:
 
 def _is_bank(bank: Sequence[MissionItem]) -> bool:
     """Return whether items have the shape of a return bank."""
-    return (is_armed(bank) or _is_blank(bank[0])) and bank[-1].command == Command.DO_JUMP
+    return (is_armed(bank) or _is_blank(bank[0])) and bank[-1].command in JUMPS
 
 
 def _is_blank(item: MissionItem) -> bool:
-    """Return whether an item is one of a blank bank: an airspeed, or the jump to item 0."""
-    return is_service_speed(item) or (item.command == Command.DO_JUMP and item.parameters[0] == NOWHERE)
+    """Return whether an item is one of a blank bank: an airspeed, or the jump to nowhere."""
+    return is_service_speed(item) or item.command == Command.DO_JUMP_TAG
 
 
 def joined_item(
@@ -153,7 +154,10 @@ def _closest_on(
 
 
 def _nearest_on(begin: FloatArray | None, end: FloatArray, here: FloatArray) -> FloatArray:
-    """Return the point nearest to ``here`` (3,) of a leg from (3,) to (3,) [m]; without a begin, its end."""
+    """Return the point (3,) nearest to ``here`` (3,) of a leg from ``begin`` (3,) to ``end`` (3,) [m].
+
+    Without a begin that is the end.
+    """
     if begin is None:
         return end
     along = end - begin
@@ -173,6 +177,8 @@ def followed(items: Sequence[MissionItem], start: int) -> list[MissionItem]:
     while 0 <= sequence < len(items) and sequence not in seen:
         item = items[sequence]
         seen.add(sequence)
+        if item.command == Command.DO_JUMP_TAG:  # The operator's tags are not followed.
+            break
         if item.command == Command.DO_JUMP:
             loops += 1
             sequence = int(item.parameters[0] or 0)

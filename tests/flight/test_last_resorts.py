@@ -102,7 +102,7 @@ def test_a_return_to_launch_into_a_wall_is_not(dialect, monkeypatch):
     if dialect is Dialect.PX4:
         return  # one of them is enough to see what the judgement is for
     # The same flight without the judgement.
-    monkeypatch.setattr(replanning, "return_path", lambda state, ownship: ())
+    monkeypatch.setattr(replanning, "return_path", lambda state, ownship, current: ())
     harness = returning(dialect, 0.0).fly(45.0)
     assert steps(harness)[0] == "return to launch"
     assert harness.simulator.truth.collision

@@ -10,7 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.real.rig.course import HOLD, Item
 
 HOLDS_S, HELD_S, RETURNED_S = 15.0, 30.0, 60.0
-ONLY_GO_AROUND = 3.0  # RTL_AUTOLAND
+ONLY_GO_AROUND, BY_RETURN_PATH = 3.0, 4.0  # RTL_AUTOLAND
+BY_MISSION = 2  # RTL_TYPE
+RETURN_AFTER_S = (12.0, 75.0)
 FENCE_AHEAD_M, FENCE_HALF_M = 900.0, 45.0
 KILL_AFTER_S = (3.0, 60.0)
 
@@ -146,6 +148,26 @@ def returned(deck):
     deck.note("handed back")
 
 
+def sent_home(deck):
+    """A return to launch at a random moment, by the path that the service keeps in the autopilot."""
+    if deck.kind.num_home_items:
+        deck.station.set_parameter("RTL_AUTOLAND", BY_RETURN_PATH)
+    else:
+        deck.station.set_integer("RTL_TYPE", BY_MISSION)
+    after_upload(deck)
+    deck.wait_entered()
+    deck.pause(deck.chance.uniform(*RETURN_AFTER_S))
+    deck.station.set_mode("return")
+    deck.note("return", here=deck.station.here)
+
+
+def sent_home_alone(deck):
+    """The same, and the service is killed in the same second."""
+    sent_home(deck)
+    deck.service.kill()
+    deck.note("killed")
+
+
 def fence_ahead(deck):
     """Corners of a fence on the way ahead, in the paper map's metres; it leaves room on both sides."""
     (_, *before), (_, *here) = deck.station.path[-11], deck.station.path[-1]
@@ -209,5 +231,7 @@ SCENARIOS = (
     Scenario("10", "a tenth lost", lossy, loss=0.1),
     Scenario("11", "fence", fenced),
     Scenario("12", "rally point", returned),
+    Scenario("13", "sent home", sent_home, ends=("landed", "circling")),
+    Scenario("13k", "sent home, killed", sent_home_alone, ends=("landed", "circling")),
 )
 BY_NUMBER = {scenario.number: scenario for scenario in SCENARIOS}

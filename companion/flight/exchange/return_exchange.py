@@ -21,6 +21,7 @@ from companion.flight.state.list_state import (
     after_suspicion,
     after_swap_begun,
     after_swap_ended,
+    after_writing_begun,
     after_written,
 )
 from companion.mission.item_difference import difference
@@ -40,14 +41,10 @@ class ReturnExchange:
     parts : SwapParts
         Flight state, link and clock.
 
-    Attributes
-    ----------
-    is_stopped : bool
-        Whether the exchange should end before its next part.
     """
 
     def __init__(self, parts: SwapParts) -> None:
-        self.is_stopped = False
+        self._is_stopped = False
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
 
     async def store(self, bank: tuple[MissionItem, ...]) -> str:
@@ -58,6 +55,7 @@ class ReturnExchange:
         bank : tuple of MissionItem
             The bank, not armed.
         """
+        self._is_stopped = False
         self._flight.apply_to_list(after_swap_begun)
         try:
             return await self._store(bank)
@@ -66,6 +64,10 @@ class ReturnExchange:
         finally:
             self._flight.apply_to_list(after_swap_ended, self._clock.now_s())
 
+    def stop(self) -> None:
+        """End the exchange that is under way before its next part."""
+        self._is_stopped = True
+
     async def _store(self, bank: tuple[MissionItem, ...]) -> str:
         if not self._layout().returns:
             await self._make_room(bank[0])
@@ -73,7 +75,7 @@ class ReturnExchange:
         index = armed_now.index(False) if False in armed_now else 0
         parts = [(offset, bank[offset : offset + PART_ITEMS]) for offset in range(1, len(bank), PART_ITEMS)]
         for offset, items in [(0, bank[:1])] * armed_now[index] + parts:
-            if self.is_stopped:
+            if self._is_stopped:
                 return STOPPED
             await self._write(index, offset, items)
         read = await self._link.read_back(gives_way=True)
@@ -82,7 +84,7 @@ class ReturnExchange:
             return f"{len(read)} items instead of {len(self._flight.listed.stored)}"
         first = self._first(index)
         differs = difference(self._bank(index), read[first : first + RETURN_ITEMS])  # but the start
-        if differs or self.is_stopped:
+        if differs or self._is_stopped:
             return differs or STOPPED
         await self._write(index, 0, armed(bank)[:1])
         if armed_now[1 - index]:
@@ -96,7 +98,9 @@ class ReturnExchange:
         added = _numbered((*idle, *blank_bank(speed), *blank_bank(speed)), len(stored))
         first = layout.flown_span[0]
         items = [replace(item, is_current=item.sequence == first) for item in (*stored, *added)]
-        self._flight.apply_to_list(after_reading, self._clock.now_s(), 0)  # Until then its length is open.
+        # Until then its length is open: the next mission would be sent with the whole list.
+        self._flight.apply_to_list(after_reading, self._clock.now_s(), 0)
+        self._flight.apply_to_list(after_writing_begun)
         await self._link.upload(items, gives_way=True)
         self._flight.apply_to_list(after_written, added)
 

@@ -16,7 +16,7 @@ import numpy as np
 from companion.flight.prediction.mode_tracks import state_on
 from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S, circling_tracks, tracks_by_return_path
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import FlightState, bound_for
 from companion.flight.state.mission_construction import construct
 from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray
@@ -69,8 +69,7 @@ def return_mission(
     is_landing : bool
         Whether the operator's landing follows; otherwise the path ends in a circle.
     """
-    alone = replace(state, goals=(place,), actions=((),), next_goal=0, flown=None, tail_enu_m=None)
-    found = construct(alone, path, RETURN_WAYPOINTS_MAX, is_whole=True)
+    found = construct(bound_for(state, place), path, RETURN_WAYPOINTS_MAX, is_whole=True)
     if found.violations or found.covered_until_s < float(path.times_s[-1]):
         return None
     frame = state.mission.frame

@@ -163,15 +163,7 @@ def _tracks_over(
 
     With ``passes`` a circle is a waypoint.
     """
-    frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
-    legs, circle = list[FloatArray](), None
-    for item in items:
-        circle = None if passes else circle_of(state, item, ownship.position_enu_m[2])
-        if circle is not None or item.command in LANDINGS:
-            break
-        place = position_of(item, frame, home_amsl_m)
-        if place is not None and not (legs and np.array_equal(legs[-1], place)):
-            legs.append(np.asarray(place))
+    legs, circle = _legs_over(state, ownship, items, passes=passes)
     if not legs:
         return [] if circle is None else circling_tracks(state, ownship, *circle)
     guidance = guidance_of(state)
@@ -189,6 +181,23 @@ def _tracks_over(
     if circle is not None:
         return [track.positions_enu_m for track in tracks]
     return [track.positions_enu_m[track.reached < len(legs)] for track in tracks]  # Up to the landing.
+
+
+def _legs_over(
+    state: FlightState, ownship: Ownship, items: Sequence[MissionItem], *, passes: bool
+) -> tuple[list[FloatArray], tuple[Place, float] | None]:
+    """Return positions (3,) that are flown to over items [m], and the final circle; None up to a landing."""
+    legs = list[FloatArray]()
+    for item in items:
+        circle = None if passes else circle_of(state, item, ownship.position_enu_m[2])
+        if circle is not None:
+            return legs, circle
+        if item.command in LANDINGS:
+            break
+        place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
+        if place is not None and not (legs and np.array_equal(legs[-1], place)):
+            legs.append(np.asarray(place))
+    return legs, None
 
 
 def circling_tracks(state: FlightState, ownship: Ownship, end: Place, radius_m: float) -> list[FloatArray]:

@@ -11,7 +11,8 @@ event                       function
 pilot takes over            :func:`after_mode_event`, and when the pilot hands back
 armed, disarmed             :func:`after_armed_reported`
 autopilot's parameters      :func:`after_settings_reported`
-its kind, mode, target      :func:`after_heartbeat`, :func:`after_target_reported`
+its kind, mode, target      :func:`after_heartbeat`, :func:`after_target_reported`,
+                            on the ground :func:`after_autopilot_known`
 taken off, landed           :func:`after_landed_reported`, :func:`after_movement_reported`
 mission file reloaded       :func:`after_reload`
 restart in flight           :func:`after_restart`, once the flown mission is known
@@ -336,6 +337,16 @@ def after_movement_reported(
     """Return the state after a position report: height above home [m], speed over ground [m/s]."""
     phase = after_movement(state.phase, height_above_home_m, ground_speed_m_s)
     return state if phase is state.phase else replace(state, phase=phase)
+
+
+def after_autopilot_known(state: FlightState, *, flies_by: bool) -> FlightState:
+    """Return the state once the kind of autopilot is known."""
+    return replace(state, flies_by=flies_by)
+
+
+def bound_for(state: FlightState, place: GoalRegion) -> FlightState:
+    """Return the state as if a place were the only goal, and nothing were flown yet."""
+    return replace(state, goals=(place,), actions=((),), next_goal=0, flown=None, tail_enu_m=None)
 
 
 def after_heartbeat(state: FlightState, heartbeat: Heartbeat) -> FlightState:

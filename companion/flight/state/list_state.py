@@ -363,7 +363,7 @@ def after_written(listed: ListState, items: tuple[MissionItem, ...]) -> ListStat
     layout = listed.layout
     if isinstance(layout, TwoBankLayout):
         layout = replace(layout, returns=stored[layout.return_span[0] :])
-    return replace(listed, stored=stored, layout=layout, num_read=len(stored))
+    return replace(listed, stored=stored, layout=layout, num_read=len(stored), is_mixed=False)
 
 
 def after_exchange(listed: ListState, durations_s: float) -> ListState:

@@ -187,17 +187,7 @@ class App:
     def _take(self, event: Event, now: float) -> None:
         """Process a received event."""
         if isinstance(event, Heartbeat):
-            self._heartbeat_s = now
-            self._link_watch.note_heartbeat(event)
-            if event.is_contradicted:
-                self.change(ModeEvent.MISSION_NOT_FLOWN)
-                return
-            self._flight.apply(after_heartbeat, event)
-            self._note_armed(now, is_armed=event.is_armed)
-            flown = event.is_mission_mode and event.is_armed
-            self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
-            if flown:
-                self._follow(self.replanning.handover.reader.position)
+            self._take_heartbeat(event, now)
         elif isinstance(event, LandedReported):
             self._flight.apply(after_landed_reported, event.landed_state)
         elif isinstance(event, HomePosition):
@@ -217,6 +207,20 @@ class App:
             self.world_model.observe(event, now)
             self.replanning.performance.observe(event)
             self._progress_notices.note(event, now)
+
+    def _take_heartbeat(self, event: Heartbeat, now: float) -> None:
+        """Follow the autopilot's mode, and whether it is armed."""
+        self._heartbeat_s = now
+        self._link_watch.note_heartbeat(event)
+        if event.is_contradicted:
+            self.change(ModeEvent.MISSION_NOT_FLOWN)
+            return
+        self._flight.apply(after_heartbeat, event)
+        self._note_armed(now, is_armed=event.is_armed)
+        flown = event.is_mission_mode and event.is_armed
+        self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
+        if flown:
+            self._follow(self.replanning.handover.reader.position)
 
     def _note_boot(self, boot_s: float) -> None:
         """Delete the checkpoint if the autopilot was restarted: its mission begins again."""

@@ -17,13 +17,12 @@ from itertools import product
 
 import numpy as np
 
-from companion.flight.exchange.return_exchange import ReturnExchange
+from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission
 from companion.flight.prediction.return_path import BY_RETURN_PATH
 from companion.flight.state.cycle import rally_points_near
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.list_state import FlownPath
 from companion.flight.state.progress import start_after
 from companion.flight.tasks.plan_maker import return_request
 from companion.flight.tasks.replanning_parts import ReplanningParts
@@ -40,6 +39,7 @@ LOOK_S = 2.0  # Period with which the return path is judged.
 AHEAD_S = (20.0, 10.0, 30.0, 5.0)
 RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time.
 AGAIN_S = 6.0  # After a return path could not be made or stored, it is tried again after this time.
+FAILURES_MAX = 5  # An autopilot that refuses this often in a row is not asked again.
 STOP_S = 1.0  # An exchange that should end is cancelled after this time.
 
 
@@ -62,7 +62,8 @@ class WayHome:
         self._exchange = ReturnExchange(parts.handover.protocols.parts)
         self._storing: asyncio.Task[None] | None = None
         self._next_s = -math.inf
-        self._judged: FlownPath | None = None
+        self._judged: Path | None = None
+        self._num_failures = 0
         self.stored: ReturnMission | None = None
 
     async def keep_up(self) -> None:
@@ -75,14 +76,9 @@ class WayHome:
         """
         parts, now = self._parts, self._parts.clock.now_s()
         state, ownship = parts.flight.state, parts.world_model.ownship.state(now)
-        if self._storing is not None and not self._storing.done():
+        if ownship is None or not self._is_due(state, now):
             return
-        is_other = state.flown is not self._judged and (
-            self._judged is None or state.flown is None or state.flown.path is not self._judged.path
-        )
-        if ownship is None or not is_wanted(state) or (now < self._next_s and not is_other):
-            return
-        self._next_s, self._judged = now + LOOK_S, state.flown
+        self._next_s, self._judged = now + LOOK_S, None if state.flown is None else state.flown.path
         if covered_s(state, ownship, state.mission_list.stored) >= RENEWED_S:
             return
         found = await self._planned(state, ownship)
@@ -90,12 +86,20 @@ class WayHome:
         if found is not None and self._parts.flight.state.may_act:
             self._storing = asyncio.create_task(self._store(found))
 
+    def _is_due(self, state: FlightState, now_s: float) -> bool:
+        """Return whether the return path is to be judged: once in a while, or since another path is flown."""
+        is_storing = self._storing is not None and not self._storing.done()
+        if is_storing or not is_wanted(state) or self._num_failures >= FAILURES_MAX:
+            return False
+        is_other = state.flown is not None and state.flown.path is not self._judged
+        return is_other or now_s >= self._next_s
+
     async def stop(self) -> None:
         """End the exchange of a return path, because a mission may be handed over."""
         storing = self._storing
         if storing is None or storing.done():
             return
-        self._exchange.is_stopped = True
+        self._exchange.stop()
         alarm = asyncio.create_task(self._parts.clock.sleep_until(self._parts.clock.now_s() + STOP_S))
         await asyncio.wait({storing, alarm}, return_when=asyncio.FIRST_COMPLETED)
         alarm.cancel()
@@ -130,8 +134,8 @@ class WayHome:
 
     async def _store(self, found: ReturnMission) -> None:
         """Store a return path, and record how that ended."""
-        self._exchange.is_stopped = False
         failure = await self._exchange.store(found.bank)
+        self._num_failures = 0 if not failure else self._num_failures + (failure != STOPPED)
         if failure:
             self._parts.announcer.decide(DecisionKind.RETURN, f"not stored: {failure}")
         else:

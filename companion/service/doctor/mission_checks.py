@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from companion.clock import Clock
 from companion.config import MissionConfig
@@ -13,6 +12,7 @@ from companion.flight.exchange.protocols import protocols_for
 from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.state.flight_state import (
     StateOwner,
+    after_autopilot_known,
     after_settings_reported,
     first_state,
 )
@@ -76,7 +76,7 @@ class MissionDoctor:
         mission, now = self._mission, self._clock.now_s()
         flight = StateOwner(first_state(mission, now))
         protocols = protocols_for(flight, self._link, self._ownship, self._clock)
-        flight.apply(replace, flies_by=protocols.dialect.flies_by)
+        flight.apply(after_autopilot_known, flies_by=protocols.dialect.flies_by)
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
         self.goals = flight.state.goals

@@ -22,7 +22,9 @@ _ALTITUDE_MAX_M = 83_000.0
 _LOITERS = frozenset({Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME})
 NAV_COMMANDS = frozenset({*range(16, 23), 31, 82, 92, 93, 94})
 # Do and condition commands of the library: stored, and those this aircraft cannot do are skipped.
-_OTHER_COMMANDS = frozenset({30, 112, 114, 115, 177, 178, 179, 181, 182, 183, 184, 187, 188, 189, 195, 197})
+_OTHER_COMMANDS = frozenset(
+    {600, 601, 30, 112, 114, 115, 177, 178, 179, 181, 182, 183, 184, 187, 188, 189, 195, 197}
+)
 _CAMERA_COMMANDS = frozenset({201, 202, 203, 205, 206, 207, 208, 211, 212, 213, 214, 222, 530, 2000, 2001})
 _MISSION_COMMANDS = NAV_COMMANDS | _OTHER_COMMANDS | _CAMERA_COMMANDS
 _FENCE_COMMANDS = frozenset(range(5000, 5005))
@@ -130,6 +132,8 @@ class MissionStore:
             return Verdict.UNSUPPORTED
         if item.frame not in _STORED_FRAMES:
             return Verdict.UNSUPPORTED_FRAME
+        if item.command == Command.DO_JUMP and not item.parameters[0]:
+            return Verdict.ERROR
         for index, value in enumerate(item.parameters[:3]):
             if value is None:
                 return Verdict(Verdict.INVALID_PARAM1 + index)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 
@@ -29,32 +30,44 @@ def closest_leg(
     """
     left, found, least = _SEARCHED_MAX, None, math.inf
     for start in items[1:]:
-        if start.command != Command.DO_RETURN_PATH_START:
-            continue
-        end, away, before = None, math.inf, None
-        for item in _walk(items, start.sequence):
-            left -= 1
+        if start.command == Command.DO_RETURN_PATH_START:
+            walked = list(itertools.islice(_walk(items, start.sequence), left))
+            left -= len(walked)
             if left <= 0:
                 return found
-            if is_navigation(item.command) and (item.latitude_e7 or item.longitude_e7):
-                place = position_of(item)
-                if place != before:
-                    distance = _distance(before or place, place, here)
-                    if distance < away:
-                        end, away = item.sequence, distance
-                    before = place
-            if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
-                break
-        if end is not None and away <= least:
-            found, least = end, away
+            end, away = _closest_on(walked, position_of, here)
+            if end is not None and away <= least:
+                found, least = end, away
     return found
 
 
+def _closest_on(
+    walked: Sequence[MissionItem], position_of: Callable[[MissionItem], Target], here: Target
+) -> tuple[int | None, float]:
+    """Sequence of the end of the closest leg of one path, and its distance [m]; it ends with a landing."""
+    end, away, before = None, math.inf, None
+    for item in walked:
+        if is_navigation(item.command) and (item.latitude_e7 or item.longitude_e7):
+            place = position_of(item)
+            distance = _distance(before or place, place, here) if place != before else math.inf
+            if distance < away:
+                end, away = item.sequence, distance
+            before = place
+        if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
+            break
+    return end, away
+
+
 def _walk(items: Sequence[MissionItem], sequence: int) -> Iterator[MissionItem]:
-    """Items from one on, jumps followed; it ends with the list or at a jump to no item."""
+    """Items from one on, jumps followed; it ends with the list or at a jump to no item.
+
+    A jump to a tag leads nowhere: no item has one here.
+    """
     jumps = 0
     while sequence < len(items):
         item = items[sequence]
+        if item.command == Command.DO_JUMP_TAG:
+            return
         if item.command != Command.DO_JUMP:
             yield item
             sequence += 1

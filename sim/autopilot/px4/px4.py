@@ -41,11 +41,9 @@ _CAPABILITIES = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
 )
 _VERSION_1_17_DEV = 0x01110000
-_NO_MISSION = 65535
-_SECOND_US = 1_000_000
+_NO_MISSION, _SECOND_US = 65535, 1_000_000
 _CHECK_US = 80_000  # Time from an upload to its check; a mode that is requested meanwhile is not entered.
-_REACHED_REPEATS = 10
-_TRAFFIC_FLAGS = 63  # Bits 0 to 5 are kept.
+_REACHED_REPEATS, _TRAFFIC_FLAGS = 10, 63  # Of the flags, bits 0 to 5 are kept.
 _FINITE_LIMIT_M = 100_000.0
 _BY_MISSION = 2  # RTL_TYPE
 _LOITERS = (Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME)

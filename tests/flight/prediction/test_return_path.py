@@ -159,7 +159,7 @@ def test_a_px4_climbs_in_a_circle_before_it_leaves():
     "settings",
     [
         replace(ARDUPLANE, return_height_m=None), replace(ARDUPLANE, return_kind=None),
-        replace(ARDUPLANE, return_kind=4.0), replace(PX4, return_kind=2.0), replace(PX4, return_kind=4.0),
+        replace(ARDUPLANE, return_kind=5.0), replace(PX4, return_kind=2.0), replace(PX4, return_kind=4.0),
         replace(PX4, return_kind=5.0),
     ],
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import collections
 import queue
+import struct
 import threading
 import time
 
@@ -174,6 +175,13 @@ class GroundStation(threading.Thread):
         """Set one."""
         self.send(mavlink.MAVLink_param_set_message(
             self.system, 1, name.encode("ascii"), value, mavlink.MAV_PARAM_TYPE_REAL32
+        ))  # fmt: skip
+
+    def set_integer(self, name, value):
+        """Set a PX4's integer parameter, which is sent as its bytes."""
+        as_float = struct.unpack("<f", struct.pack("<i", value))[0]
+        self.send(mavlink.MAVLink_param_set_message(
+            self.system, 1, name.encode("ascii"), as_float, mavlink.MAV_PARAM_TYPE_INT32
         ))  # fmt: skip
 
     def set_mode(self, wanted):
