@@ -169,7 +169,7 @@ def _nearest_on(begin: FloatArray | None, end: FloatArray, here: FloatArray) -> 
 def followed(items: Sequence[MissionItem], start: int) -> list[MissionItem]:
     """Return the items from a sequence on in the order in which they are flown, jumps followed.
 
-    They end with the list, at a jump that leads nowhere, or where an item would be flown again.
+    They end with a landing or the list, at a jump that leads nowhere, or where an item would be flown again.
     """
     found: list[MissionItem] = []
     seen: set[int] = set()
@@ -187,4 +187,6 @@ def followed(items: Sequence[MissionItem], start: int) -> list[MissionItem]:
             continue
         found.append(item)
         sequence += 1
+        if item.command == Command.NAV_LAND:
+            break
     return found

@@ -1,0 +1,154 @@
+"""Missing thrust: energies worked by hand, gusts that are none, and engines that report their speed."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.tracking.thrust import ThrustMonitor
+from companion.types.events import AirData, EngineSpeed, GlobalPosition
+
+RATE_HZ = 5.0
+
+
+def height(stamp_s, up_m):
+    return GlobalPosition(stamp_s, stamp_s, -35.0, 149.0, up_m, up_m, (20.0, 0.0, 0.0))
+
+
+def fed(rows):
+    """A monitor that was given rows of time, height, airspeed, throttle."""
+    monitor = ThrustMonitor()
+    for stamp, up, airspeed, throttle in rows:
+        monitor.observe(height(stamp, up))
+        monitor.observe(AirData(stamp, airspeed, airspeed, throttle))
+    return monitor
+
+
+def level(until_s, throttle=0.5, up=120.0, airspeed=24.0, from_s=0.0):
+    count = round((until_s - from_s) * RATE_HZ)
+    return [(from_s + k / RATE_HZ, up, airspeed, throttle) for k in range(count)]
+
+
+def sinking(from_s, until_s, sink, throttle, up=120.0, airspeed=24.0):
+    rows = level(until_s, throttle, up, airspeed, from_s)
+    return [(stamp, up - sink * (stamp - from_s), speed, share) for stamp, up, speed, share in rows]
+
+
+def told_s(rows, throttle_max=1.0):
+    """When the fault is first told; None if never."""
+    monitor = ThrustMonitor()
+    for stamp, up, airspeed, throttle in rows:
+        monitor.observe(height(stamp, up))
+        monitor.observe(AirData(stamp, airspeed, airspeed, throttle))
+        if monitor.fault(stamp, throttle_max):
+            return stamp
+    return None
+
+
+def test_level_flight_has_thrust():
+    assert told_s(level(60.0)) is None
+
+
+def test_sinking_with_an_open_throttle_is_told_within_three_seconds():
+    """2 m/s are lost: the slope of 2 s of samples passes 1 m/s after 1.2 s, and lasts for 1 s more."""
+    stamp = told_s(level(20.0) + sinking(20.0, 30.0, 2.0, 1.0))
+    assert 21.0 <= stamp <= 23.4
+
+
+def test_slowing_down_in_level_flight_is_a_loss_too():
+    """24 to 14 m/s in 5 s: (24² − 14²) / 2g = 19.4 m in 5 s, 3.9 m/s."""
+    rows = [(20.0 + k / RATE_HZ, 120.0, 24.0 - 2.0 * k / RATE_HZ, 0.5) for k in range(25)]
+    assert told_s(level(20.0) + rows) is not None
+
+
+def test_a_descent_with_less_throttle_is_none():
+    assert told_s(level(20.0) + sinking(20.0, 40.0, 3.0, 0.1)) is None
+
+
+def test_a_loss_with_the_throttle_as_before_is_told():
+    assert 21.5 <= told_s(level(20.0) + sinking(20.0, 30.0, 2.8, 0.5)) <= 24.5
+
+
+def test_an_idle_throttle_gives_no_thrust_and_is_no_fault():
+    assert told_s(level(20.0, throttle=0.05) + sinking(20.0, 30.0, 3.0, 0.05)) is None
+
+
+def test_open_is_what_the_autopilot_may_command():
+    rows = level(20.0) + sinking(20.0, 30.0, 1.5, 0.62)
+    assert told_s(rows) is None
+    assert told_s(rows, throttle_max=0.7) is not None
+
+
+def test_in_gusts_a_loss_has_to_be_larger():
+    gusts = [
+        (k / RATE_HZ, 120.0, 24.0 + 1.5 * math.sin(2.0 * math.pi * k / 15.0), 0.5)
+        for k in range(round(60 * RATE_HZ))
+    ]
+    assert told_s(gusts) is None
+
+
+def test_an_engine_that_ran_and_stands_still_is_told_after_a_second():
+    monitor = fed(level(10.0))
+    monitor.observe(EngineSpeed(9.0, "RPM", 5_000.0))
+    monitor.observe(EngineSpeed(10.0, "RPM", 0.0))
+    assert monitor.fault(10.9) == ""
+    assert monitor.fault(11.0) == "the engine stands still"
+    monitor.observe(EngineSpeed(12.0, "RPM", 5_000.0))
+    assert monitor.fault(14.0) == ""
+
+
+def test_an_engine_that_never_reported_a_speed_is_not_still():
+    monitor = fed(level(10.0))
+    monitor.observe(EngineSpeed(9.0, "ESC_TELEMETRY_1_TO_4", 0.0))
+    assert monitor.fault(20.0) == ""
+
+
+def test_a_motor_may_stand_still_at_idle():
+    monitor = fed(level(10.0, throttle=0.0))
+    monitor.observe(EngineSpeed(8.0, "RPM", 5_000.0))
+    monitor.observe(EngineSpeed(9.0, "RPM", 0.0))
+    assert monitor.fault(11.0) == ""
+
+
+def test_energy_that_rises_shows_thrust():
+    climbing = [(stamp, up + 2.0 * stamp, speed, share) for stamp, up, speed, share in level(10.0)]
+    assert fed(climbing).gains(9.9)
+    assert not fed(level(10.0) + sinking(10.0, 14.0, 2.0, 1.0)).gains(13.9)
+    assert not fed(climbing).gains(15.0)  # too old
+
+
+def test_a_flight_that_was_forgotten_begins_again():
+    monitor = fed(level(20.0) + sinking(20.0, 26.0, 3.0, 1.0))
+    assert monitor.fault(25.8) == ""  # it has to last for a second of looks
+    assert monitor.fault(26.8) != ""
+    monitor.forget()
+    assert monitor.fault(27.0) == ""
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(1.6, 8.0), st.floats(12.0, 35.0))
+def test_the_faster_it_sinks_the_sooner_it_is_told(sink, airspeed):
+    def rows(rate):
+        return level(20.0, airspeed=airspeed) + sinking(20.0, 40.0, rate, 1.0, airspeed=airspeed)
+
+    slow, fast = told_s(rows(sink)), told_s(rows(1.5 * sink))
+    assert slow is not None
+    assert fast is not None
+    assert fast <= slow
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.floats(0.0, 500.0), st.floats(0.0, 60.0), st.floats(0.0, 1.0)), max_size=60))
+def test_any_telemetry_is_taken(rows):
+    monitor = ThrustMonitor()
+    for number, (up, airspeed, throttle) in enumerate(rows):
+        monitor.observe(AirData(0.2 * number, airspeed, airspeed, throttle))
+        monitor.observe(height(0.2 * number, up))
+        assert isinstance(monitor.fault(0.2 * number), str)
+        assert monitor.gains(0.2 * number) in (True, False)
+
+
+def test_the_rate_is_the_slope_of_the_energy():
+    monitor = fed(sinking(0.0, 6.0, 2.5, 1.0))
+    assert monitor._rate(5.8).energy_m_s == pytest.approx(-2.5)
