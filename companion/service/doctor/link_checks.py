@@ -15,6 +15,7 @@ from companion.link.wire.link_quality import LinkQuality
 from companion.link.wire.signing import Signer
 from companion.link.wire.transport import Address, Transport
 from companion.service.doctor.energy_checks import EnergyDoctor
+from companion.service.doctor.failsafe_checks import failsafe_findings, failsafe_names
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.service.doctor.mission_checks import MissionDoctor
 from companion.service.doctor.parameter_checks import parameter_findings, parameter_names, version
@@ -92,9 +93,12 @@ class LinkDoctor:
                 return [self._silence()]
             self.is_heard = True
             dialect = self._heartbeat.dialect
-            names = parameter_names(dialect)
+            needed = parameter_names(dialect)
+            names = needed + failsafe_names(dialect)  # An autopilot need not have each failsafe.
             await self._until(
-                lambda: self._version is not None and self._values.keys() >= set(names), REQUESTS_MAX_S, names
+                lambda: self._version is not None and self._values.keys() >= set(needed),
+                REQUESTS_MAX_S,
+                names,
             )
             await self._until(lambda: False, SETTLE_S)
             self._counts.clear()
@@ -110,6 +114,7 @@ class LinkDoctor:
             self._loss(),
             *rates,
             *parameter_findings(dialect, values, self._mission, self._baud_rate()),
+            *failsafe_findings(dialect, values),
             *of_mission,
         ]
 

@@ -67,8 +67,9 @@ ARDUPLANE = (
     ),
     ParameterCheck(
         "RTL_AUTOLAND",
-        lambda v: 1.0 <= v <= 3.0,
-        "set 2: with 0 it does not arm while the mission has a DO_LAND_START",
+        lambda v: 1.0 <= v <= 4.0,
+        "set 4, and the planner keeps a checked return path, or 2: "
+        "with 0 it does not arm while the mission has a DO_LAND_START",
     ),
     ParameterCheck(
         "AVD_ENABLE",
