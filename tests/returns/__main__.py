@@ -5,6 +5,7 @@ import logging
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -19,30 +20,36 @@ def main():
     parser.add_argument("--without", action="store_true", help="also without a return path, for comparison")
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     given = parser.parse_args()
-    seeds, out = range(given.first_seed, given.first_seed + given.n), []
-    bad = 0
-    for is_with_path in (True, False)[: 1 + given.without]:
-        counts = Counter()
-        quiet = {"initializer": logging.disable, "initargs": (logging.CRITICAL,)}
-        with ProcessPoolExecutor(given.jobs, **quiet) as pool:
-            for flight in pool.map(partial(fly, is_with_path=is_with_path), seeds):
-                counts[flight.dialect, "flights"] += 1
-                counts[flight.dialect, "with a path"] += flight.has_path
-                counts[flight.dialect, "touched"] += bool(flight.touched)
-                counts[flight.dialect, "crossed"] += bool(flight.crossed)
-                counts[flight.dialect, flight.ended.split(" ")[0]] += 1
-                out.append(line_of(flight))
-                if is_bad(flight) and is_with_path:
-                    bad += 1
-                    sys.stdout.write(f"  {line_of(flight)}\n")
-                    sys.stdout.flush()
-        name = "with a return path" if is_with_path else "straight home"
-        figures = ", ".join(f"{key[0]} {key[1]} {counts[key]}" for key in sorted(counts))
-        sys.stdout.write(f"{name}: {figures}\n")
-        sys.stdout.flush()
-    if given.out is not None:
-        given.out.write_text("\n".join(out) + "\n", encoding="utf-8")
+    seeds, bad = range(given.first_seed, given.first_seed + given.n), 0
+    with given.out.open("w", encoding="utf-8") if given.out else nullcontext() as out:
+        for is_with_path in (True, False)[: 1 + given.without]:
+            bad += is_with_path * returned(seeds, given.jobs, out, is_with_path=is_with_path)
     return int(bad > 0)
+
+
+def returned(seeds, jobs, out, *, is_with_path):
+    """Fly the seeds, write each flight as a line of JSON, and return how many went wrong."""
+    counts, bad = Counter(), 0
+    quiet = {"initializer": logging.disable, "initargs": (logging.CRITICAL,)}
+    with ProcessPoolExecutor(jobs, **quiet) as pool:
+        for flight in pool.map(partial(fly, is_with_path=is_with_path), seeds):
+            counts[flight.dialect, "flights"] += 1
+            counts[flight.dialect, "with a path"] += flight.has_path
+            counts[flight.dialect, "touched"] += bool(flight.touched)
+            counts[flight.dialect, "crossed"] += bool(flight.crossed)
+            counts[flight.dialect, flight.ended.split(" ")[0]] += 1
+            bad += is_bad(flight)
+            if out is not None:
+                out.write(line_of(flight) + "\n")
+                out.flush()
+            if is_bad(flight) and is_with_path:
+                sys.stdout.write(f"  {line_of(flight)}\n")
+                sys.stdout.flush()
+    name = "with a return path" if is_with_path else "straight home"
+    figures = ", ".join(f"{key[0]} {key[1]} {counts[key]}" for key in sorted(counts))
+    sys.stdout.write(f"{name}: {figures}\n")
+    sys.stdout.flush()
+    return bad
 
 
 if __name__ == "__main__":
