@@ -63,4 +63,4 @@ def test_taken_for_a_hunter_it_leaves_no_way(dialect, monkeypatch):
 def test_far_above_it_is_nothing(up_m):
     near, told = crossed(Dialect.PX4, up_m)
     assert near < 150.0
-    assert {kind for kind, _ in told} <= {"mode", "mission", "takeover", "swap", "keep", "fault"}
+    assert {kind for kind, _ in told} <= {"mode", "mission", "takeover", "swap", "keep", "fault", "return"}

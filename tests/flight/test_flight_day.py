@@ -121,17 +121,21 @@ def test_the_first_plan_is_ready_by_then(plain_day):
 
 
 def test_what_was_uploaded_is_answered_on_the_ground(plain_day):
+    # The simulated ArduPlane has RTL_AUTOLAND 2, the PX4 RTL_TYPE 0.
+    returns = "flies straight " + ("to the landing" if plain_day.app.state.flies_by else "home")
     texts = [entry for entry in plain_day.recorder.decisions if 5.0 < entry.stamp_s < 8.0]
     assert [(entry.kind, entry.text) for entry in texts] == [
         ("mission", "5 items, 1 goal, 1.9 km"),
         ("takeover", "after item 1"),
         ("mission", "landing from item 3 (DO_LAND_START)"),
+        ("return", returns),
     ]
     said = [message.text for stamp, message in plain_day.said("STATUSTEXT") if 5.0 < stamp < 8.0]
     assert said == [
         "Mission read: 5 items, 1 goal, 1.9 km",
         "Planner takes over after item 1",
         "After the goal landing from item 3 (DO_LAND_START)",
+        f"RTL here {returns}",
     ]
 
 

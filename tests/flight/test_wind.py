@@ -46,21 +46,7 @@ def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "dialect",
-    [
-        pytest.param(
-            Dialect.ARDUPILOT,
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="hurried before the pursuer, its missions are slowed where no faster circle has room: "
-                "6 s off in the median",
-            ),
-        ),
-        Dialect.PX4,
-    ],
-    ids=["arduplane", "px4"],
-)
+@BOTH
 def test_it_is_known_on_narrow_maps(dialect):
     assert_it_is_known(NARROW["paper-2d"], dialect, 8)
 

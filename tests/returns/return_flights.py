@@ -32,6 +32,8 @@ MISSION_MODES = ("AUTO", "MISSION")
 BEGINS_S = (15.0, 90.0)  # When the return begins.
 RETURN_MAX_S = 420.0
 CIRCLED_S = 60.0  # A circle is held for so long before the flight is over.
+PLACES = (Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_LOITER_TO_ALT)
+NO_FENCE_M = 150.0  # No fence is so near to the operator's landing.
 NEAR_M = 60.0  # A circle or touchdown this near to where it was said is there.
 
 
@@ -131,11 +133,21 @@ def fly(seed, *, is_with_path=True):
     harness = SitlHarness(mission, seed=seed, dialect=dialect)
     parameter, value = (BY_PATH if is_with_path else STRAIGHT)[dialect]
     harness.simulator.autopilot.parameters[parameter] = value
+    circles = [circle for circle in circles if not _holds_landing(harness, circle)]
     set_fences(harness, circles)
     flight = ReturnFlight(seed, name, dialect.value, begun_s, is_killed, is_with_path)
     asyncio.run(_flown(harness, flight))
     _judge(harness, flight, circles)
     return flight
+
+
+def _holds_landing(harness, circle):
+    """Whether a fence is too near to an item of the operator's: nobody draws one over his landing."""
+    east, north, radius = circle
+    autopilot = harness.simulator.autopilot
+    items = (item for item in autopilot.mission_items if item.command in PLACES)
+    places = [autopilot._position(item) for item in items]
+    return any(math.dist((east, north), place[:2]) < radius + NO_FENCE_M for place in places)
 
 
 async def _flown(harness, flight):

@@ -75,9 +75,9 @@ def return_mission(
     frame = state.mission.frame
     items = tuple(item for item in path_items(found.waypoints, frame) if item.command == Command.NAV_WAYPOINT)
     operator, landing = state.mission_list.operator, None
-    if is_landing and operator is not None:
+    if is_landing and operator is not None and state.tail_enu_m is not None:
         landing = operator.tail
-        if math.dist(found.waypoints.positions_enu_m[-1][:2], place.position_enu_m[:2]) < LANDING_NEAR_M:
+        if math.dist(found.waypoints.positions_enu_m[-1][:2], state.tail_enu_m[:2]) < LANDING_NEAR_M:
             items = items[: max(len(items) - 1, 1)]
     end = None if landing is not None else loiter_item(found.waypoints, frame)
     bank = return_bank(items, end, landing, speed=speed_item(found.waypoints, frame))

@@ -366,10 +366,9 @@ def _actions_along(state: FlightState, part: Path) -> list[tuple[float, Actions]
 def _actions_at(
     actions: Sequence[tuple[float, Actions]], waypoints: Waypoints
 ) -> tuple[tuple[int, Actions], ...]:
-    """The operator's items by the number of the waypoint at which they are carried out."""
+    """The operator's items by the number of the waypoint at which they are carried out, the nearest."""
     found: dict[int, Actions] = {}
     for length, items in actions:
-        behind = np.flatnonzero(waypoints.distances_m >= length - 1.0)
-        number = int(behind[0]) if len(behind) else len(waypoints.distances_m) - 1
+        number = int(np.argmin(np.abs(waypoints.distances_m - length)))
         found[number] = found.get(number, ()) + items
     return tuple(sorted(found.items()))

@@ -11,16 +11,19 @@ PX4 1.17 ``RtlMissionFast::setActiveMissionItems``, ``RTL::setRtlTypeAndDestinat
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, bound_for
+from companion.flight.state.mission_construction import construct
 from companion.flight.state.mission_simulation import at_start, guidance_of
 from companion.flight.state.progress import start_at
 from companion.frames import FloatArray
 from companion.mission.waypoints import Waypoints, waypoints_from_path
-from companion.planning.problem import Problem
+from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve
 from companion.types.path import Path
 from companion.types.state import Ownship
@@ -30,7 +33,9 @@ from companion.world.vehicle.guidance import track_of_legs
 BY_MISSION = 2.0  # RTL_TYPE.
 MARGIN_SHARE = 0.5  # The way on keeps this share of clearance_min_m.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
-ITERATIONS_MAX = 4_000  # The plan takes no longer than a few of the usual ones.
+LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
+LENGTH_MAX = 80  # A way on has at most so many items.
+ITERATIONS = (4_000, 40_000)  # The first plan takes no longer than a few of the usual ones.
 
 
 def way_on(
@@ -61,11 +66,45 @@ def way_on(
         return None
     ends = at_start(path.since(int(np.searchsorted(path.times_s, covered_until_s))), state.wind_enu_m_s)
     centre, _ = waypoints.circle
-    home = _path_to_landing(state, _over(ends, centre), snapshot)
-    if home is None:
-        return None
-    points = waypoints_from_path(home, waypoints.airspeed_m_s, flies_by=False).positions_enu_m
-    return points if _is_clear(state, ends, np.vstack([centre, points, state.tail_enu_m])) else None
+    landing = landing_region(state, state.tail_enu_m)
+    for iterations in ITERATIONS:
+        home = _path_to(state, landing, _over(ends, centre), snapshot, iterations)
+        if home is None:
+            continue
+        for points in _as_waypoints(state, home, landing):
+            if _is_clear(state, ends, np.vstack([centre, points, state.tail_enu_m])):
+                return points
+    return None
+
+
+def _as_waypoints(state: FlightState, home: Path, landing: GoalRegion) -> Iterator[FloatArray]:
+    """Yield the waypoints (N, 3) [m] of a path to the landing, corrected for the guidance and as they are.
+
+    The last ones are also left out, because they may lie beyond the landing.
+    """
+    corrected = construct(bound_for(state, landing), home, LENGTH_MAX, is_whole=True)
+    made = [waypoints_from_path(home, corrected.waypoints.airspeed_m_s, flies_by=False).positions_enu_m]
+    if not corrected.violations and corrected.covered_until_s >= float(home.times_s[-1]):
+        made.insert(0, corrected.waypoints.positions_enu_m)
+    for points, num_left_out in product(made, range(LEFT_OUT_MAX + 1)):
+        if num_left_out < len(points) <= LENGTH_MAX + num_left_out:
+            yield points[: len(points) - num_left_out]
+
+
+def landing_region(state: FlightState, tail_enu_m: tuple[float, float, float]) -> GoalRegion:
+    """Return the place within the bounds that is nearest to the operator's landing, as a goal.
+
+    Parameters
+    ----------
+    state : FlightState
+        The bounds.
+    tail_enu_m : tuple of float
+        Where the operator's landing begins: east, north, up [m].
+    """
+    bounds = np.asarray(state.rules.checker.limits.bounds, dtype=np.float64).reshape(3, 2)
+    inset = np.minimum([[GOAL_RADIUS_M], [GOAL_RADIUS_M], [0.0]], 0.5 * np.ptp(bounds, axis=1, keepdims=True))
+    east, north, up = np.clip(tail_enu_m, bounds[:, 0] + inset[:, 0], bounds[:, 1] - inset[:, 0])
+    return state.region_at((float(east), float(north), float(up)))
 
 
 def _over(ends: Ownship, centre: FloatArray) -> Ownship:
@@ -75,20 +114,19 @@ def _over(ends: Ownship, centre: FloatArray) -> Ownship:
     return replace(ends, position_enu_m=place, course_rad=float(np.arctan2(east, north)) % (2.0 * np.pi))
 
 
-def _path_to_landing(state: FlightState, ends: Ownship, snapshot: Snapshot) -> Path | None:
+def _path_to(
+    state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: Snapshot, iterations: int
+) -> Path | None:
     """Return a path from the mission's end to the operator's landing; None if there is none."""
-    if state.tail_enu_m is None:
-        return None
     start = start_at(
         state.rules, ends, ends.stamp_s, ends.position_enu_m, course_rad=ends.course_rad, climb_rad=0.0,
         airspeed_m_s=ends.airspeed_m_s,
     ).state  # fmt: skip
     settings = replace(
         state.rules.least_threat_settings,
-        max_iterations=min(state.rules.least_threat_settings.max_iterations, ITERATIONS_MAX),
+        max_iterations=min(state.rules.least_threat_settings.max_iterations, iterations),
         optimise_iterations_max=state.rules.least_threat_settings.optimise_iterations,
     )
-    landing = state.region_at(state.tail_enu_m)
     problem = Problem(start, (landing,), snapshot, state.rules.vehicle, settings, seed=0)
     plan = solve(problem, lambda: False)
     if plan.path is None or not plan.reaches_goal:

@@ -12,7 +12,11 @@ FENCE_HEIGHT, FENCE_CIRCLE = 1, 2  # Bits of ArduPlane's FENCE_TYPE.
 TOLERANCE = 1.02  # Relative tolerance, because some parameters are whole numbers.
 
 
-def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str, ...]:
+def shortfalls(
+    mission: MissionConfig,
+    settings: AutopilotSettings,
+    home_enu_m: tuple[float, float, float] | None = None,
+) -> tuple[str, ...]:
     """Return what the mission file asks for and the autopilot does not do, each with the two numbers.
 
     A mission with any shortfall is not taken over.
@@ -23,6 +27,8 @@ def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str
         The mission file.
     settings : AutopilotSettings
         The autopilot's parameters; parameters that were not read cause no shortfall.
+    home_enu_m : tuple of float, optional
+        Home: east, north, up [m]. The fences are about the mission file's start until it is reported.
     """
     vehicle = mission.vehicle
     cruise = float(vehicle.airspeed_cruise_m_s)
@@ -42,19 +48,24 @@ def shortfalls(mission: MissionConfig, settings: AutopilotSettings) -> tuple[str
         asked = cruise * math.sin(math.radians(float(angle_deg)))
         if mission.dimension == 3 and most and asked > most * TOLERANCE:
             found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
-    found += _beyond_fences(mission, settings)
+    start = mission.start
+    home = home_enu_m or (float(start.east_m), float(start.north_m), 0.0)
+    found += _beyond_fences(mission, settings, home)
     return tuple(found)
 
 
-def _beyond_fences(mission: MissionConfig, settings: AutopilotSettings) -> list[str]:
+def _beyond_fences(
+    mission: MissionConfig, settings: AutopilotSettings, home_enu_m: tuple[float, float, float]
+) -> list[str]:
     """Return goals beyond the fences that are parameters: height above home, and distance from it."""
+    east, north, up = home_enu_m
     found = []
     height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
     radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)
     for number, goal in enumerate(mission.goals, 1):
-        if height is not None and goal.up_m > height:
-            found.append(f"goal {number} at {goal.up_m:g} m, fence {height:g}")
-        away = math.dist((goal.east_m, goal.north_m), (mission.start.east_m, mission.start.north_m))
+        if height is not None and goal.up_m - up > height:
+            found.append(f"goal {number} at {goal.up_m - up:g} m, fence {height:g}")
+        away = math.dist((goal.east_m, goal.north_m), (east, north))
         if radius is not None and away > radius:
             found.append(f"goal {number} {away:.0f} m away, fence {radius:g}")
     return found

@@ -18,6 +18,7 @@ from companion.types.mission import MissionItem
 READ_AGAIN_S = 2.0  # Shortest time between two readings, of which the first may have failed.
 # Time between readings of a list whose changes the autopilot does not report to all links.
 LOOK_INTERVAL_S = 10.0
+PARAMETERS_S = 5.0  # The takeover waits so long for the autopilot's parameters: a mission is made with them.
 FRESH_S = 2.0  # Such a list is read again at the takeover if the last reading is older.
 
 
@@ -41,11 +42,13 @@ class Departure:
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.other_modes = OtherModes(parts)
         self._read_s = -math.inf
+        self._began_s: float | None = None
         self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
 
     async def keep_up(self) -> None:
         """Read the list if it is not known or may have changed, and brief the pilot if it has."""
         now = self._clock.now_s()
+        self._began_s = now if self._began_s is None else self._began_s
         if self._may_have_changed(LOOK_INTERVAL_S, now):
             self._flight.apply_to_list(after_suspicion, "a look")
         listed = self._flight.listed
@@ -62,7 +65,8 @@ class Departure:
         listed = self._flight.listed
         # The summary is repeated if a parameter changes the shortfalls, or what a return does.
         state = self._flight.state
-        news = listed.stored, (*shortfalls(state.mission, state.settings), return_in_words(state))
+        limited = shortfalls(state.mission, state.settings, state.home_enu_m)
+        news = listed.stored, (*limited, return_in_words(state))
         if listed.layout is not None and news != self._last_summary:
             self._last_summary = news
             if not listed.was_found_flown:
@@ -98,6 +102,9 @@ class Departure:
         link, now = self._protocols.parts.link, self._clock.now_s()
         current = link.current
         if current is None or not is_due(self._flight.state, current, self._world_model.ownship.state(now)):
+            return False
+        is_known = self._flight.state.settings.return_kind is not None
+        if not is_known and now - (now if self._began_s is None else self._began_s) < PARAMETERS_S:
             return False
         if self._may_have_changed(FRESH_S, now):
             self._flight.apply_to_list(after_suspicion, "the takeover")

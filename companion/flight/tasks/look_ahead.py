@@ -14,6 +14,7 @@ from companion.flight.tasks.plan_schedule import known_threats
 from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.mission.swap import SwapOutcome
 from companion.types.plan import PlanStatus
+from companion.types.state import AutopilotSettings
 
 EARLY_S, LATE_S = 8.0, 3.0  # A plan made ahead is used at most this long before and after its start.
 
@@ -29,7 +30,7 @@ class LookAhead:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._parts = parts
-        self._prepared: ConstructedMission | None = None
+        self._prepared: tuple[ConstructedMission, AutopilotSettings] | None = None
         self._announced: DecisionKind | None = None
         self._is_ready = False
 
@@ -38,11 +39,12 @@ class LookAhead:
         self._prepared, self._announced, self._is_ready = None, None, False
 
     def take_prepared(self) -> ConstructedMission | None:
-        """Return the plan made ahead, if the aircraft is about at its start now."""
-        prepared = self._prepared
+        """Return the plan made ahead, if the aircraft is about at its start and its settings are the same."""
+        kept = self._prepared
         self.forget()
-        if prepared is None:
+        if kept is None or kept[1] != self._parts.flight.state.settings:
             return None
+        prepared = kept[0]
         since_s = self._parts.clock.now_s() - prepared.start.state.stamp_s
         return prepared if -EARLY_S <= since_s <= LATE_S else None
 
@@ -67,7 +69,7 @@ class LookAhead:
         run, found = await maker.make(
             plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start, snapshot)
         )
-        state = parts.flight.state
+        made_with, state = state.settings, parts.flight.state
         if found.constructed is None:
             self._prepared = None
             # In the climb the aircraft is below the bounds.
@@ -80,7 +82,7 @@ class LookAhead:
             )
             self._is_ready = outcome is SwapOutcome.FLOWN
         else:
-            self._prepared = found.constructed
+            self._prepared = found.constructed, made_with
             count = len(found.constructed.waypoints.positions_enu_m)
             self._announce(DecisionKind.READY, f"first plan, {count} waypoints", tell="path ready")
 

@@ -24,6 +24,7 @@ from companion.flight.state.cycle import rally_points_near
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import start_after
+from companion.flight.state.way_on import landing_region
 from companion.flight.tasks.plan_maker import return_request
 from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.mission.list_layout import TwoBankLayout
@@ -194,7 +195,7 @@ def places_of(
     """
     operator = state.mission_list.operator
     if operator is not None and operator.has_landing and state.tail_enu_m is not None:
-        yield state.region_at(state.tail_enu_m), True
+        yield landing_region(state, state.tail_enu_m), True
     if state.home_enu_m is not None:
         east, north, up = state.home_enu_m
         height = state.settings.return_height_m

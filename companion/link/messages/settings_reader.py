@@ -10,7 +10,7 @@ from companion.link.wire.decoded_frame import DecodedFrame, ParameterValue
 from companion.types.events import Dialect
 from companion.types.state import AutopilotSettings
 
-ASKED_AT_ONCE = 4
+ASKED_AT_ONCE = 24  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
 TRIES = 5  # An autopilot of another version may not have the parameter.
 AGAIN_CALLS = 5  # Once all parameters are known, every fifth call of `due` requests one again.
 
@@ -56,10 +56,15 @@ class SettingsReader:
     def due(self, codec: Codec) -> bytes:
         """Return the requests to send now; called about once a second."""
         self._calls += 1
-        names = [name for name, count in self._num_asked.items() if count < TRIES][:ASKED_AT_ONCE]
+        left = sorted((name for name in self._num_asked if self._num_asked[name] < TRIES), key=self._asked)
+        names = left[:ASKED_AT_ONCE]
         for name in names:
             self._num_asked[name] += 1
         if not names and self._known and self._calls % AGAIN_CALLS == 0:
             self._known.append(self._known.pop(0))
             names = self._known[-1:]
         return b"".join(codec.parameter_request(name) for name in names)
+
+    def _asked(self, name: str) -> int:
+        """Return how often a parameter was requested."""
+        return self._num_asked[name]

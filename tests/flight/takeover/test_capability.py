@@ -40,6 +40,15 @@ def test_both_numbers_are_told(settings, found):
     assert shortfalls(MISSION, AutopilotSettings(**settings)) == found
 
 
+def test_the_fences_are_about_home_as_soon_as_it_is_known():
+    fenced = AutopilotSettings(fence_radius_m=300.0, fence_height_m=90.0, fence_enable=1.0)
+    # The goal is at 1750, 750, 100.
+    assert shortfalls(MISSION, fenced, (1750.0, 500.0, 20.0)) == ()
+    assert shortfalls(MISSION, fenced, (1750.0, 400.0, 5.0)) == (
+        "goal 1 at 95 m, fence 90", "goal 1 350 m away, fence 300",
+    )  # fmt: skip
+
+
 def test_climb_and_descent():
     # 25 m/s * sin 10 deg = 4.34 m/s
     told = AutopilotSettings(climb_max_m_s=3.0, sink_max_m_s=4.0)
