@@ -1,0 +1,28 @@
+"""Two returns with the service killed, each beside the same flight that returns straight home."""
+
+import pytest
+
+from tests.returns.return_flights import fly, is_bad, scenario
+
+# Of each autopilot the first seed whose straight return touches something.
+SEEDS = [pytest.param(2, id="arduplane"), pytest.param(3, id="px4")]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_by_the_checked_path_it_touches_nothing_with_the_service_killed(seed):
+    flight = fly(seed)
+    assert flight.is_killed
+    assert flight.has_path
+    assert not is_bad(flight)
+    straight = fly(seed, is_with_path=False)
+    assert straight.touched
+
+
+def test_the_scenarios_differ_and_are_repeated():
+    names, begins, dialects = zip(
+        *((name, s, d) for _, name, d, s, _, _ in map(scenario, range(40))), strict=True
+    )
+    assert len(set(begins)) == 40
+    assert len(set(names)) >= 5
+    assert dialects.count(dialects[0]) == 20
+    assert scenario(7)[3:] == scenario(7)[3:]
