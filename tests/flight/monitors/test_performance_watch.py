@@ -1,0 +1,73 @@
+"""An aircraft off its path: each kind of deviation, by hand on a straight path, and how long it lasts."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from companion.flight.monitors.performance_watch import LASTS_S, PerformanceWatch
+from companion.flight.state.flight_phase import FlightPhase
+from companion.flight.state.flight_state import StateOwner
+from companion.flight.state.modes import Mode
+from companion.types.mavlink_enums import LandedState
+from tests.flight.state.test_cycle import OPEN, begun, flying, state, straight
+
+# The path leads east at 25 m/s and 100 m.
+KINDS = [
+    (state(east=50.0), ""),
+    (state(east=50.0, north=59.0), ""),
+    (state(east=50.0, north=-61.0), "61 m beside its path"),
+    (state(east=50.0, up=124.0), ""),
+    (state(east=50.0, up=74.0), "26 m below its path"),
+    (state(east=50.0, up=126.0), "26 m above its path"),
+    (state(east=50.0, speed=17.0), "17 m/s over ground, not 25"),
+    (state(east=50.0, speed=18.0), ""),
+]
+
+
+class Watched:
+    """A watch over an aircraft that is where the test says."""
+
+    def __init__(self, mode=Mode.ACTIVE):
+        made = replace(begun(text=OPEN.replace("dimension: 2", "dimension: 3")), mode=mode)
+        made = replace(
+            flying(made, straight()),
+            phase=FlightPhase(0.0, is_armed=True, has_flown=True, landed_state=LandedState.IN_AIR),
+        )
+        self.said, self.here = [], None
+        announcer = SimpleNamespace(decide=lambda kind, text, **_: self.said.append((kind.value, text)))
+        world = SimpleNamespace(ownship=SimpleNamespace(state=lambda _: self.here))
+        self.watch = PerformanceWatch(StateOwner(made), world, announcer)
+
+    def look(self, here, *, until_s, from_s=0.0):
+        self.here = here
+        return [self.watch.look(0.5 * half) for half in range(int(2 * from_s), int(2 * until_s) + 1)]
+
+
+@pytest.mark.parametrize(("here", "words"), KINDS)
+def test_each_kind_is_announced_once_and_makes_a_plan_due(here, words):
+    watched = Watched()
+    due = watched.look(here, until_s=10.0)
+    assert watched.said == ([("off path", words)] if words else [])
+    assert sum(due) == bool(words)
+
+
+def test_a_deviation_counts_only_if_it_lasts():
+    watched = Watched()
+    watched.look(state(east=50.0, north=80.0), until_s=LASTS_S - 0.5)
+    watched.look(state(east=50.0), from_s=LASTS_S, until_s=20.0)
+    assert watched.said == []
+
+
+def test_while_somebody_else_flies_the_path_is_not_kept():
+    watched = Watched(Mode.SUSPENDED)
+    assert not any(watched.look(state(east=50.0, north=500.0), until_s=10.0))
+    assert watched.said == []
+
+
+def test_another_deviation_is_announced_again():
+    watched = Watched()
+    watched.look(state(east=50.0, north=80.0), until_s=10.0)
+    watched.look(state(east=50.0), from_s=10.5, until_s=15.0)
+    watched.look(state(east=50.0, up=60.0), from_s=15.5, until_s=25.0)
+    assert [text for _, text in watched.said] == ["80 m beside its path", "40 m below its path"]
