@@ -11,6 +11,7 @@ PX4 1.17 ``RtlMissionFast::setActiveMissionItems``, ``RTL::setRtlTypeAndDestinat
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -32,10 +33,14 @@ from companion.world.vehicle.guidance import track_of_legs
 
 BY_MISSION = 2.0  # RTL_TYPE.
 MARGIN_SHARE = 0.5  # The way on keeps this share of clearance_min_m.
+DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
 LENGTH_MAX = 80  # A way on has at most so many items.
-ITERATIONS = (4_000, 40_000)  # The first plan takes no longer than a few of the usual ones.
+# The course over the circle's centre, relative to the one from the mission's end: a plan is made for each,
+# until one keeps clear as it is flown.
+TURNS_RAD = tuple(math.radians(turn) for turn in (0.0, 60.0, -60.0, 120.0, -120.0, 180.0))
+ITERATIONS_MAX = 4_000  # A plan takes no longer than a few of the usual ones.
 
 
 def way_on(
@@ -67,8 +72,8 @@ def way_on(
     ends = at_start(path.since(int(np.searchsorted(path.times_s, covered_until_s))), state.wind_enu_m_s)
     centre, _ = waypoints.circle
     landing = landing_region(state, state.tail_enu_m)
-    for iterations in ITERATIONS:
-        home = _path_to(state, landing, _over(ends, centre), snapshot, iterations)
+    for turn_rad in TURNS_RAD:
+        home = _path_to(state, landing, _over(ends, centre, turn_rad), snapshot)
         if home is None:
             continue
         for points in _as_waypoints(state, home, landing):
@@ -107,16 +112,15 @@ def landing_region(state: FlightState, tail_enu_m: tuple[float, float, float]) -
     return state.region_at((float(east), float(north), float(up)))
 
 
-def _over(ends: Ownship, centre: FloatArray) -> Ownship:
-    """Return the aircraft over ``centre`` (3,) [m] of a circle, coming straight from the mission's end."""
+def _over(ends: Ownship, centre: FloatArray, turn_rad: float) -> Ownship:
+    """Return the aircraft over ``centre`` (3,) [m] of a circle, turned from its course to there."""
     east, north = centre[0] - ends.position_enu_m[0], centre[1] - ends.position_enu_m[1]
     place = (float(centre[0]), float(centre[1]), float(centre[2]))
-    return replace(ends, position_enu_m=place, course_rad=float(np.arctan2(east, north)) % (2.0 * np.pi))
+    course = (math.atan2(east, north) + turn_rad) % (2.0 * math.pi)
+    return replace(ends, position_enu_m=place, course_rad=course)
 
 
-def _path_to(
-    state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: Snapshot, iterations: int
-) -> Path | None:
+def _path_to(state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: Snapshot) -> Path | None:
     """Return a path from the mission's end to the operator's landing; None if there is none."""
     start = start_at(
         state.rules, ends, ends.stamp_s, ends.position_enu_m, course_rad=ends.course_rad, climb_rad=0.0,
@@ -124,7 +128,7 @@ def _path_to(
     ).state  # fmt: skip
     settings = replace(
         state.rules.least_threat_settings,
-        max_iterations=min(state.rules.least_threat_settings.max_iterations, iterations),
+        max_iterations=min(state.rules.least_threat_settings.max_iterations, ITERATIONS_MAX),
         optimise_iterations_max=state.rules.least_threat_settings.optimise_iterations,
     )
     problem = Problem(start, (landing,), snapshot, state.rules.vehicle, settings, seed=0)
@@ -135,10 +139,14 @@ def _path_to(
 
 
 def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
-    """Return whether the flight from the mission's end over ``legs`` (N, 3) [m] keeps clear."""
+    """Return whether the flight from the mission's end over ``legs`` (N, 3) [m] keeps clear to the last."""
     length_m = float(np.linalg.norm(np.diff(legs, axis=0), axis=1).sum())
     speed = max(ends.airspeed_m_s - float(np.hypot(*state.wind_enu_m_s)), SLOWEST_M_S)
-    track = track_of_legs(guidance_of(state), ends, legs, ends_s=1.3 * length_m / speed, step_s=0.5)
-    flown = track.positions_enu_m[track.reached < len(legs)]
+    ends_s = 1.3 * length_m / speed + DESCENT_S
+    track = track_of_legs(guidance_of(state), ends, legs, ends_s=ends_s, step_s=0.5)
+    is_flown = track.reached < len(legs)
+    if is_flown.all():
+        return False  # It circles round a place that it does not reach.
+    flown = track.positions_enu_m[is_flown]
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     return not any(entry.rule == "clearance" for entry in state.rules.checker.check_track(flown, margin))
