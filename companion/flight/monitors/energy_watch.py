@@ -61,7 +61,7 @@ class EnergyWatch:
     outlook : EnergyOutlook or None
         What the way home costs; None while that or the battery is not known.
     is_turning_back : bool
-        Whether the service has commanded a return for the battery's sake.
+        Whether a return was commanded for the battery's sake and has not begun yet.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class EnergyWatch:
         """Forget what was told in a flight that is over."""
         self.outlook, self.is_turning_back = None, False
         self._commanded_s, self._told_s = -math.inf, math.inf
-        self._is_ratio_told = self._is_reach_told = self._is_blocked_told = False
+        self._is_ratio_told = self._is_reach_told = self._is_blocked_told = self._has_turned = False
 
     def observe(self, event: Event) -> None:
         """Take an event of the aircraft."""
@@ -133,11 +133,12 @@ class EnergyWatch:
         if state.mode is not Mode.ACTIVE:
             self._told_s = math.inf
             return self._is_unanswered(state, now_s)
+        self.is_turning_back = False
         if outlook is None or state.flown is None:
             return False
         self._tell_reach(state, outlook)
         self._tell_time(outlook)
-        is_due = outlook.turn_back_in_s <= TURN_LEAD_S and not self.is_turning_back
+        is_due = outlook.turn_back_in_s <= TURN_LEAD_S and not self._has_turned
         if not (is_due and state.mission.authority.turn_back):
             return False
         return self._turns_back(state, ownship, outlook, now_s)
@@ -224,7 +225,10 @@ class EnergyWatch:
         """Announce that the service turns back now, or that the way home does not keep clear."""
         found = return_path(state, ownship, self._reader.current)
         if found == ():
-            self.is_turning_back, self._commanded_s = True, now_s
+            self.is_turning_back = self._has_turned = (
+                True  # Once a flight: the pilot may fly on all the same.
+            )
+            self._commanded_s = now_s
             self._announcer.decide(
                 DecisionKind.ENERGY, "turning back now", why=_facts(outlook), tell="battery return"
             )
@@ -238,8 +242,9 @@ class EnergyWatch:
 
     def _is_unanswered(self, state: FlightState, now_s: float) -> bool:
         """Return whether the autopilot has not begun the return that was commanded a while ago."""
-        is_there = state.mode is not Mode.YIELDED or self._reader.position is not MissionPosition.OURS
-        if is_there or not self.is_turning_back or now_s - self._commanded_s < COMMAND_AGAIN_S:
+        if state.mode is not Mode.YIELDED or self._reader.position is not MissionPosition.OURS:
+            self.is_turning_back = False
+        if not self.is_turning_back or now_s - self._commanded_s < COMMAND_AGAIN_S:
             return False
         self._commanded_s = now_s
         return True

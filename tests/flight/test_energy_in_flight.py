@@ -1,0 +1,127 @@
+"""Flights with a worn battery: told in time, turned back in time, home with the reserve.
+
+The campaign `make energy` flies a hundred of them, and as many that know nothing of their battery.
+"""
+
+import numpy as np
+import pytest
+
+from companion.flight.state.modes import Mode
+from companion.types.events import Dialect
+from companion.ui.reports.charts import energy_chart
+from companion.ui.reports.plots import flight_start
+from tests.energy.worn_battery import (
+    DRAIN,
+    drawn,
+    flown,
+    prediction_error,
+    worn_flight,
+)
+from tests.flight.test_app import at, both, switch
+
+SHORT = 8  # A flight in the valley that turns back after 70 s.
+
+
+def told(harness):
+    return [
+        (decision.stamp_s, decision.told or decision.text)
+        for decision in harness.recorder.decisions
+        if decision.kind == "energy"
+    ]
+
+
+@pytest.fixture(scope="module")
+def worn():
+    harness, outcome = worn_flight(SHORT)
+    return harness, outcome
+
+
+def test_it_comes_home_with_the_reserve(worn):
+    _, outcome = worn
+    assert outcome.at_goal_s is None
+    assert outcome.is_home
+    # The way home was predicted with one round of the circle, which it need not fly: 9 Wh at twice the power.
+    assert outcome.left_wh - outcome.reserve_wh < 15.0
+
+
+def test_the_pilot_is_told_before(worn):
+    harness, outcome = worn
+    texts = [text for _, text in told(harness)]
+    assert texts[0].startswith("Battery: goal and home reachable, ")  # As far as the mission file knows.
+    ratio = next(text for text in texts if text.startswith("Battery falls"))
+    assert float(ratio.split()[2]) == pytest.approx(DRAIN, abs=0.3)
+    assert outcome.notice_s >= 30.0
+    assert texts[-1] == "Battery: turning back now"
+
+
+def test_after_the_turn_nothing_is_uploaded_or_commanded(worn):
+    harness, outcome = worn
+    later = harness.changes(after_s=outcome.turned_s + 2.0)
+    assert later == []
+    assert harness.app.mode in (Mode.YIELDED, Mode.SUSPENDED)
+
+
+def test_plans_say_what_would_be_left_at_the_goal_and_at_home(worn):
+    harness, _ = worn
+    plans = [entry for entry in harness.recorder.decisions if entry.kind in ("swap", "keep")]
+    assert plans
+    for entry in plans:
+        assert entry.why["left_at_goal_wh"] > entry.why["left_at_home_wh"]
+
+
+def test_what_is_left_and_needed_is_recorded_and_drawn(worn):
+    harness, outcome = worn
+    record = harness.recorder.record({})
+    at_turn = np.argmin(np.abs(record.energy[:, 0] - outcome.turned_s))
+    _, left_wh, needed_wh = record.energy[at_turn]
+    assert left_wh == pytest.approx(needed_wh, abs=4.0)
+    assert np.all(np.diff(record.energy[:, 1]) <= 0.01 * outcome.capacity_wh)
+    figure = energy_chart(record, flight_start(record))
+    assert [line.get_label() for line in figure.axes[0].lines][:2] == [
+        "left on board", "needed for the way home and the reserve",
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_without_the_section_the_same_flight_is_not_home_with_the_reserve():
+    outcome = flown(SHORT, knows=False)
+    assert not outcome.is_home
+    assert outcome.turned_s is None
+
+
+@pytest.mark.slow
+def test_a_pilot_who_flies_on_all_the_same_is_not_overruled_again():
+    harness, outcome = worn_flight(
+        SHORT, until_s=110.0, on_step=both(switch(80.0, "FBWA"), switch(83.0, "AUTO"))
+    )
+    assert outcome.turned_s < 80.0
+    assert [text for _, text in told(harness)].count("Battery: turning back now") == 1
+    assert harness.app.mode is Mode.ACTIVE
+
+
+@pytest.mark.slow
+def test_where_the_way_home_does_not_keep_clear_it_says_so_and_flies_on():
+    """By RTL_AUTOLAND 0 the return leads straight home, through a ridge of the valley or the knoll."""
+
+    def straight_home(harness):
+        harness.simulator.autopilot.parameters["RTL_AUTOLAND"] = 0
+
+    harness, outcome = worn_flight(4, until_s=125.0, on_step=at(0.0, straight_home))
+    assert "Battery: turn back! RTL does not keep clear" in [text for _, text in told(harness)]
+    assert outcome.turned_s is None
+    assert harness.app.mode is Mode.ACTIVE
+
+
+@pytest.mark.slow
+def test_a_px4_turns_back_by_its_own_return():
+    """In open country: no obstacle lies in the way of a return straight to the landing."""
+    mission = drawn(1).model_copy(update={"obstacles": ()})
+    harness, outcome = worn_flight(1, mission=mission, dialect=Dialect.PX4)
+    assert outcome.is_home, told(harness)
+    assert outcome.notice_s >= 30.0
+
+
+@pytest.mark.slow
+def test_with_a_sound_battery_the_energy_predicted_at_the_takeover_is_that_of_the_flight():
+    errors = [prediction_error(seed) for seed in range(1, 13)]
+    assert abs(float(np.median(errors))) < 0.05
