@@ -248,7 +248,7 @@ TEXTS = {
         "Battery: turning back now",
         "The planner has commanded return to launch, since what is left is needed for the way home "
         "(`authority.turn_back`).",
-        "Watch the return. To fly on all the same, select the mission mode again.",
+        "Watch the return. Any other flight mode ends it, and it is not commanded again in this flight.",
     ),
     "battery blocked": PilotText(
         "energy", Severity.CRITICAL,

@@ -6,6 +6,7 @@ The campaign `make energy` flies a hundred of them, and as many that know nothin
 import numpy as np
 import pytest
 
+from companion.config import load_mission
 from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.ui.reports.charts import energy_chart
@@ -18,8 +19,9 @@ from tests.energy.worn_battery import (
     worn_flight,
 )
 from tests.flight.test_app import at, both, switch
+from tests.support.recorded import replayed
 
-SHORT = 8  # A flight in the valley that turns back after 70 s.
+SHORT = 8  # A flight in the valley that turns back after 85 s.
 
 
 def told(harness):
@@ -90,22 +92,33 @@ def test_without_the_section_the_same_flight_is_not_home_with_the_reserve():
 
 
 @pytest.mark.slow
+def test_a_replay_decides_the_same(tmp_path):
+    worn_flight(SHORT, folder=tmp_path)
+    mission = load_mission(tmp_path / "mission.yaml")
+    recording, found = replayed(tmp_path / "flight.tlog", mission)
+    expected = [(entry.kind, entry.text) for entry in recording.decisions]
+    assert [(entry.kind, entry.text) for entry in found.decisions] == expected
+    assert any(kind == "energy" for kind, _ in expected)
+
+
+def straight_home(harness):
+    """RTL_AUTOLAND 0: a return to launch leads straight home."""
+    harness.simulator.autopilot.parameters["RTL_AUTOLAND"] = 0
+
+
+@pytest.mark.slow
 def test_a_pilot_who_flies_on_all_the_same_is_not_overruled_again():
-    harness, outcome = worn_flight(
-        SHORT, until_s=110.0, on_step=both(switch(80.0, "FBWA"), switch(83.0, "AUTO"))
-    )
-    assert outcome.turned_s < 80.0
+    steps = both(at(0.0, straight_home), switch(105.0, "FBWA"), switch(108.0, "AUTO"))
+    mission = drawn(SHORT).model_copy(update={"obstacles": ()})
+    harness, outcome = worn_flight(SHORT, mission=mission, until_s=125.0, on_step=steps)
+    assert outcome.turned_s < 105.0
     assert [text for _, text in told(harness)].count("Battery: turning back now") == 1
     assert harness.app.mode is Mode.ACTIVE
 
 
 @pytest.mark.slow
 def test_where_the_way_home_does_not_keep_clear_it_says_so_and_flies_on():
-    """By RTL_AUTOLAND 0 the return leads straight home, through a ridge of the valley or the knoll."""
-
-    def straight_home(harness):
-        harness.simulator.autopilot.parameters["RTL_AUTOLAND"] = 0
-
+    """Straight home leads through a ridge of the valley or the knoll."""
     harness, outcome = worn_flight(4, until_s=125.0, on_step=at(0.0, straight_home))
     assert "Battery: turn back! RTL does not keep clear" in [text for _, text in told(harness)]
     assert outcome.turned_s is None

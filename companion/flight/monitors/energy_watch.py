@@ -151,7 +151,7 @@ class EnergyWatch:
         found : Conclusion
             The conclusion.
         plan : Plan
-            Its plan; nothing is added if it does not lead to the goal.
+            The plan behind it. If the plan does not lead to the goal, nothing is added.
         now_s : float
             The clock's reading [s].
         """
