@@ -28,7 +28,7 @@ from companion.flight.state.modes import Mode
 from companion.flight.state.world_model import WorldModel
 from companion.tracking.battery import BatteryEstimator
 from companion.types.events import BatteryReported, Event
-from companion.types.plan import Plan
+from companion.types.path import Path
 from companion.types.state import Ownship
 
 TOLD_S = (60.0, 30.0)  # The pilot is told this long before the aircraft must turn back.
@@ -143,29 +143,37 @@ class EnergyWatch:
             return False
         return self._turns_back(state, ownship, outlook, now_s)
 
-    def annotated(self, found: Conclusion, plan: Plan, now_s: float) -> Conclusion:
+    def annotated(self, found: Conclusion, planned: Path | None, now_s: float) -> Conclusion:
         """Return a plan's conclusion with what would be left at the goal and at home among its numbers.
 
         Parameters
         ----------
         found : Conclusion
             The conclusion.
-        plan : Plan
-            The plan behind it. If the plan does not lead to the goal, nothing is added.
+        planned : Path or None
+            The plan's path; None if it does not lead to the goal.
         now_s : float
             The clock's reading [s].
         """
-        made, now, ownship = found.constructed, self.now(now_s), self._world_model.ownship.state(now_s)
-        path = made.path if made is not None else plan.path if plan.reaches_goal else None
-        if now is None or ownship is None or path is None:
+        made = found.constructed
+        path = planned if made is None else made.path
+        facts = {} if path is None else self.left_after(path, now_s)
+        if not facts:
             return found
-        left = energy_at_ends_wh(self._flight.state, ownship, path, self._reader.current, now)
-        if left is None:
-            return found
-        facts = dict(zip(("left_at_goal_wh", "left_at_home_wh"), left, strict=True))
         decision = replace(found.decision, why={**found.decision.why, **facts})
         made = None if made is None else replace(made, why={**made.why, **facts})
         return replace(found, decision=decision, constructed=made)
+
+    def left_after(self, path: Path, now_s: float) -> dict[str, object]:
+        """Return what would be left at the end of a path to the goal, and at home, for the record.
+
+        The result is empty without a section ``energy``, or if nothing is known of battery or home.
+        """
+        now, ownship = self.now(now_s), self._world_model.ownship.state(now_s)
+        if now is None or ownship is None:
+            return {}
+        left = energy_at_ends_wh(self._flight.state, ownship, path, self._reader.current, now)
+        return {} if left is None else {"left_at_goal_wh": left[0], "left_at_home_wh": left[1]}
 
     def _note_expected(self, state: FlightState, ownship: Ownship | None, now_s: float) -> None:
         """Note the power that the model expects from now on; follow another capacity of the mission file."""

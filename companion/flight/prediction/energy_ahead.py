@@ -101,9 +101,8 @@ def energy_outlook(
     used_j = np.concatenate([[0.0], np.cumsum(model.step_energies_j(path))])
     used_j -= np.interp(begin_s, path.times_s, used_j)
     at_end_wh = now.left_wh - per_j * float(used_j[-1])
-    at_home_wh = at_end_wh - per_j * _way_after_end_j(
-        state, _aircraft_at(path, math.inf, ownship), model, current
-    )
+    after_end_j = _way_after_end_j(state, _aircraft_at(path, math.inf, ownship), model, current) or 0.0
+    at_home_wh = at_end_wh - per_j * after_end_j
     if at_home_wh >= reserve_wh:
         return EnergyOutlook(home_wh, margin_wh, math.inf, at_end_wh, at_home_wh)
     after_s, margins_wh = [0.0], [margin_wh]
@@ -136,6 +135,8 @@ def energy_at_ends_wh(
         return None
     until_begin_j = model.power_w(ownship.airspeed_m_s) * max(float(path.times_s[0]) - ownship.stamp_s, 0.0)
     after_j = _way_after_end_j(state, _aircraft_at(path, math.inf, ownship), model, current)
+    if after_j is None:
+        return None
     per_j = now.ratio / JOULES_PER_WH
     at_end_wh = now.left_wh - per_j * (until_begin_j + model.energy_j(path))
     return at_end_wh, at_end_wh - per_j * after_j
@@ -294,9 +295,12 @@ def _aircraft_at(path: Path, time_s: float, ownship: Ownship) -> Ownship:
 
 def _way_after_end_j(
     state: FlightState, aircraft: Ownship, model: PowerModel, current: MissionCurrent | None
-) -> float:
-    """Return the energy of the way after the last goal: to the operator's landing, else home [J]."""
+) -> float | None:
+    """Return the energy of the way after the last goal: to the operator's landing, else home [J].
+
+    The result is None if home is not known.
+    """
     operator, tail = state.mission_list.operator, state.tail_enu_m
     if operator is not None and operator.has_landing and tail is not None:
         return model.leg_energy_j(aircraft.position_enu_m, tail, state.rules.vehicle, aircraft.wind_enu_m_s)
-    return way_home_j(state, aircraft, model, current) or 0.0
+    return way_home_j(state, aircraft, model, current)

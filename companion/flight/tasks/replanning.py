@@ -231,6 +231,8 @@ class Replanning:
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
+        left = self.energy.left_after(prepared.path, self._clock.now_s())
+        prepared = replace(prepared, why={**prepared.why, **left})
         outcome = await self._hand_over(prepared, 0.0, self._world_model.newest_track_s)
         return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
@@ -244,7 +246,8 @@ class Replanning:
         )
         if self._is_outdated(request):
             return
-        found = self.energy.annotated(found, run.plan, self._clock.now_s())
+        planned = run.plan.path if run.plan.reaches_goal else None
+        found = self.energy.annotated(found, planned, self._clock.now_s())
         if found.constructed is not None:
             await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=request.is_urgent)
             return

@@ -19,7 +19,7 @@ from companion.types.events import BatteryReported
 from companion.types.pilot_texts import pilot_message
 from tests.flight.prediction.test_energy_ahead import SECTION
 from tests.flight.prediction.test_return_path import ARDUPLANE, made
-from tests.flight.state.test_cycle import flying, plan, state, straight
+from tests.flight.state.test_cycle import flying, state, straight
 
 AIRBORNE = FlightPhase(0.0, is_armed=True, is_moving=True)
 BLOCKED = (Violation("clearance", 3, 5.0, 15.0, "distance to wall [m]"),)
@@ -206,10 +206,10 @@ def test_without_the_section_it_does_nothing(monkeypatch):
 def test_a_plan_says_what_would_be_left(monkeypatch):
     scripted = begun(monkeypatch)
     found = Conclusion(SwapDecision(Verdict.KEEP, "kept", {"cost": 1.0}))
-    noted = scripted.watch.annotated(found, plan(straight()), scripted.now_s)
+    noted = scripted.watch.annotated(found, straight(), scripted.now_s)
     assert noted.decision.why["cost"] == 1.0
     assert noted.decision.why["left_at_goal_wh"] > noted.decision.why["left_at_home_wh"]
-    assert scripted.watch.annotated(found, plan(None), scripted.now_s) is found
+    assert scripted.watch.annotated(found, None, scripted.now_s) is found
 
 
 def test_the_recorded_message(monkeypatch):

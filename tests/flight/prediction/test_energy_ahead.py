@@ -181,7 +181,8 @@ def test_nothing_is_said_without_the_section_or_without_home():
     now = EnergyNow(50.0)
     assert energy_outlook(flying(made(UNKNOWN), straight()), state(), None, now) is None
     assert energy_outlook(flying(begun(SECTION, OPEN), straight()), state(), None, now) is None
-    assert energy_at_ends_wh(made(UNKNOWN), state(), straight(), None, now) is None
+    for silent in (made(UNKNOWN), begun(SECTION, OPEN)):
+        assert energy_at_ends_wh(silent, state(), straight(), None, now) is None
     assert energy_outlook(made(UNKNOWN, extra=SECTION), state(), None, now).turn_back_in_s == math.inf
 
 
