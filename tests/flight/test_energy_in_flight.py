@@ -42,8 +42,20 @@ def test_it_comes_home_with_the_reserve(worn):
     _, outcome = worn
     assert outcome.at_goal_s is None
     assert outcome.is_home
-    # The way home was predicted with one round of the circle, which it need not fly: 9 Wh at twice the power.
-    assert outcome.left_wh - outcome.reserve_wh < 15.0
+
+
+def test_the_way_home_costs_no_more_than_was_predicted_and_not_much_less(worn):
+    """One round of the circle was not flown yet: 34 s, which are 4 Wh as told and 8 as drained.
+
+    Measured: 19.1 Wh with that round, 24.6 predicted. On the climb out of the valley the battery fell 2.1
+    times as fast as modelled, on the descent home 1.7 times.
+    """
+    harness, outcome = worn
+    turn = next(entry for entry in harness.recorder.decisions if entry.told == "Battery: turning back now")
+    rows = harness.recorder.record({}).energy
+    at_turn_wh = float(np.interp(outcome.turned_s, rows[:, 0], rows[:, 1]))
+    used_wh = at_turn_wh - outcome.left_wh + 8.0
+    assert 0.67 * turn.why["home_wh"] < used_wh <= turn.why["home_wh"]
 
 
 def test_the_pilot_is_told_before(worn):
