@@ -111,6 +111,10 @@ mutants: warm ## change the program at 360 random places drawn by SEED: do the t
 bench: $(STAMP) ## measure what must be fast, against the stored baseline or the checkout BESIDE
 	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
+.PHONY: energy
+energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home
+	$(BIN)/python -m tests.energy -n $(if $(filter file,$(origin N)),100,$(N)) --jobs $(patsubst logical,1,$(JOBS))
+
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits
 

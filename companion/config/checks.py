@@ -37,6 +37,8 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
 def _energy(config: MissionConfig) -> Iterator[Finding]:
     energy, vehicle = config.energy, config.vehicle
     if energy is None:
+        if config.authority.turn_back:
+            yield ("authority", "turn_back"), "false, since there is no section energy"
         return
     cruise, fastest = vehicle.airspeed_cruise_m_s, vehicle.airspeed_max_m_s
     if not cruise < fastest:

@@ -355,6 +355,9 @@ class Authority(Section):
     keep_return_path: bool = True
     """If true, the service keeps a checked return path in the list of an ArduPlane whose RTL_AUTOLAND is 4.
     A return to launch then joins it, whoever begins the return."""
+    turn_back: bool = False
+    """If true, the service commands return to launch when all that the battery holds beyond `reserve_wh` is
+    needed for the way home, and that way is clear. This needs a section `energy`."""
 
 
 class Takeover(Section):

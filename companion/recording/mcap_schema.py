@@ -53,7 +53,7 @@ class Channel:
 MISSION, LINK = "/mission", "/link"
 OWNSHIP, LOCATION, TRACKS, THREAT = "/ownship", "/location", "/tracks", "/threat"
 SNAPSHOT, PLAN, DECISION, SWAP = "/snapshot", "/plan", "/decision", "/swap"
-TREES, STANDING = "/trees", "/standing"
+TREES, STANDING, ENERGY = "/trees", "/standing", "/energy"
 TREE_NODES_MAX = 6_000  # Only the first nodes of a search are recorded; parents precede their children.
 _TREE_DIGITS = 1  # Decimetres suffice for pictures.
 
@@ -155,6 +155,18 @@ CHANNELS = (
         {
             "mode": TEXT, "autopilot_mode": TEXT, "dialect": TEXT, "vehicle_system_id": WHOLE,
             "counters": TABLE, "missing_streams": NUMBERS,
+        },
+    ),
+    Channel(
+        ENERGY, "companion.Energy", "What is left on board, and what the way home costs, 1 Hz.",
+        {
+            "left_wh": NUMBER, "ratio": NUMBER, "home_wh": NUMBER, "margin_wh": NUMBER,
+            "turn_back_in_s": NUMBER,
+        },
+        {
+            "ratio": "how many times as fast as modelled it falls, at least 1",
+            "margin_wh": "what is left beyond the way home and the reserve",
+            "turn_back_in_s": "null if home can still be reached from the end of the flown path",
         },
     ),
     Channel(

@@ -97,6 +97,7 @@ class Recorder:
     plan_ms: list[float] = field(default_factory=list)
     track_to_mission_ms: list[float] = field(default_factory=list)
     num_rejected: int = 0
+    energy_left: list[list[float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._tlog: TlogWriter | None = None
@@ -283,6 +284,16 @@ class Recorder:
         """Add the state of the link."""
         self._note(channels.LINK, now_s, told)
 
+    def energy(self, now_s: float, told: Mapping[str, object]) -> None:
+        """Add what is left of the battery or tank, and what the way home costs."""
+        left_wh, margin_wh = told["left_wh"], told["margin_wh"]
+        if isinstance(left_wh, float):
+            margin = margin_wh if isinstance(margin_wh, float) else math.nan
+            self.energy_left.append([now_s, left_wh, left_wh - margin])
+        if len(self.energy_left) > STATE_ROWS_MAX:
+            self.energy_left = self.energy_left[1::2]
+        self._note(channels.ENERGY, now_s, told)
+
     def standing(self, now_s: float, told: Mapping[str, object]) -> None:
         """Add the state of the service and the pilot's options."""
         self._note(channels.STANDING, now_s, told)
@@ -299,6 +310,7 @@ class Recorder:
             plan_ms=tuple(self.plan_ms),
             summary=summary,
             epoch_s=self.epoch_s or None,
+            energy=np.array(self.energy_left, dtype=np.float64).reshape(-1, 3),
         )
 
     def close(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from companion.types.events import BatteryReported
@@ -14,7 +15,7 @@ SPAN_MIN_S = 30.0  # Over less than half the window a rate says little.
 # A share is reported in whole percent: over five of them the rate is known to a fifth. An aircraft with
 # twenty minutes of flight uses five percent in a minute, one with five hours in a quarter of an hour.
 SHARE_DROP_MIN = 0.0499  # Five steps, less the rounding of their difference.
-SHARE_WINDOW_S = 900.0
+LONG_WINDOW_S = 900.0
 ROWS_MAX = 2_000  # Two reports a second for the longest window; of more only the newest are kept.
 # A share that rises by less follows the voltage when the motor slows down; by more, the battery was changed.
 RISE_MAX = 0.05
@@ -65,10 +66,10 @@ class BatteryEstimator:
         if report.remaining is not None:
             self._remaining = (now_s, report.remaining)
             row = _Row(now_s, (1.0 - report.remaining) * capacity_wh, self._expected_wh)
-            _append(self._by_share, row, SHARE_WINDOW_S, RISE_MAX * capacity_wh)
+            _append(self._by_share, row, RISE_MAX * capacity_wh)
         if report.consumed_wh is not None:
             self._consumed = (now_s, report.consumed_wh)
-            _append(self._by_charge, _Row(now_s, report.consumed_wh, self._expected_wh), WINDOW_S, 0.0)
+            _append(self._by_charge, _Row(now_s, report.consumed_wh, self._expected_wh), 0.0)
 
     def left_wh(self, now_s: float) -> float | None:
         """Return the energy left [Wh]; None without a fresh report.
@@ -96,37 +97,54 @@ class BatteryEstimator:
         Measured and expected energy are those of the same window of time, of about the last minute. If only
         shares are reported, it begins where the battery had at least five percent more.
         """
-        window = self._window(now_s)
-        if window is None:
+        return _ratio_of(self._window(now_s))
+
+    def long_ratio(self, now_s: float) -> float | None:
+        """Return the same as :meth:`ratio` since the take-off, at most over a quarter of an hour.
+
+        Rising and sinking air changes the ratio of one minute by a tenth, and this one less.
+        """
+        if self._window(now_s) is None:
             return None
-        first, last = window
-        expected_wh = last.expected_wh - first.expected_wh
-        return (last.used_wh - first.used_wh) / expected_wh if expected_wh >= EXPECTED_MIN_WH else None
+        rows = self._fresh_rows(now_s)
+        num_on_ground = sum(row.expected_wh == rows[0].expected_wh for row in rows)
+        return _ratio_of((rows[num_on_ground - 1], rows[-1]))
+
+    def _fresh_rows(self, now_s: float) -> Sequence[_Row]:
+        """Return the reports of what was consumed, or, if they are too old or none, those of the share."""
+        for rows in (self._by_charge, self._by_share):
+            if rows and now_s - rows[-1].stamp_s <= MAX_AGE_S:
+                return rows
+        return ()
 
     def _window(self, now_s: float) -> tuple[_Row, _Row] | None:
         """Return the first and the last report of the window; None if they are too old or too few."""
-        if now_s - self._stamp_s > MAX_AGE_S:
-            return None
-        rows = self._by_charge
-        if rows and now_s - rows[-1].stamp_s <= MAX_AGE_S:
-            return (rows[0], rows[-1]) if rows[-1].stamp_s - rows[0].stamp_s >= SPAN_MIN_S else None
-        rows, enough_wh = self._by_share, SHARE_DROP_MIN * self._capacity_wh
+        rows = self._fresh_rows(now_s)
         if not rows:
             return None
         last = rows[-1]
-        found = (
-            row
-            for row in reversed(rows)
-            if last.used_wh - row.used_wh >= enough_wh and last.stamp_s - row.stamp_s >= SPAN_MIN_S
-        )
-        first = next(found, None)
+        if rows is self._by_charge:
+            enough = (row for row in rows if last.stamp_s - row.stamp_s <= WINDOW_S)
+        else:
+            least_wh = SHARE_DROP_MIN * self._capacity_wh
+            enough = (row for row in reversed(rows) if last.used_wh - row.used_wh >= least_wh)
+        first = next((row for row in enough if last.stamp_s - row.stamp_s >= SPAN_MIN_S), None)
         return None if first is None else (first, last)
 
 
-def _append(rows: deque[_Row], row: _Row, window_s: float, rise_max_wh: float) -> None:
-    """Add a report and drop those before the window; after a larger rise of what is left it begins anew."""
+def _ratio_of(window: tuple[_Row, _Row] | None) -> float | None:
+    """Return measured over expected energy between two reports; None if next to none is expected."""
+    if window is None:
+        return None
+    first, last = window
+    expected_wh = last.expected_wh - first.expected_wh
+    return (last.used_wh - first.used_wh) / expected_wh if expected_wh >= EXPECTED_MIN_WH else None
+
+
+def _append(rows: deque[_Row], row: _Row, rise_max_wh: float) -> None:
+    """Add a report and drop those that are too old; after a larger rise of what is left it begins anew."""
     if rows and row.used_wh < rows[-1].used_wh - rise_max_wh:
         rows.clear()
     rows.append(row)
-    while rows[0].stamp_s < row.stamp_s - window_s:
+    while rows[0].stamp_s < row.stamp_s - LONG_WINDOW_S:
         rows.popleft()

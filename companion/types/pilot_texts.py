@@ -229,6 +229,48 @@ TEXTS = {
         "The aircraft gains energy again.",
         NOTHING,
     ),
+    "battery reach": PilotText(
+        "energy", Severity.INFO,
+        "Battery: goal and home reachable, {left} Wh at home",
+        "The planner has taken over. That much would be left at home after the goal and the way home from "
+        "there, and the reserve is part of it.",
+        NOTHING,
+    ),
+    "battery short": PilotText(
+        "energy", Severity.WARNING,
+        "Battery: goal and home NOT both reachable",
+        "The planner has taken over. After the goal and the way home from there less than the reserve would "
+        "be left.",
+        "Be ready to turn back. The time is told a minute before.",
+    ),
+    "battery ratio": PilotText(
+        "energy", Severity.WARNING,
+        "Battery falls {ratio} times as fast as planned",
+        "Over the last minute at least 1.3 times as much energy was used as the mission file's section "
+        "`energy` says.",
+        "Look for the cause: a weak battery, wind, ice, drag. The planner counts with what it measures.",
+    ),
+    "battery turn": PilotText(
+        "energy", Severity.WARNING,
+        "Battery: turn back in {time} s",
+        "If the aircraft flies on for longer, it does not come home with the reserve. Told a minute and half "
+        "a minute before.",
+        "Select RTL by then, unless `authority.turn_back` has the planner do it.",
+    ),
+    "battery return": PilotText(
+        "energy", Severity.CRITICAL,
+        "Battery: turning back now",
+        "The planner has commanded return to launch, since what is left is needed for the way home "
+        "(`authority.turn_back`).",
+        "Watch the return. Any other flight mode ends it, and it is not commanded again in this flight.",
+    ),
+    "battery blocked": PilotText(
+        "energy", Severity.CRITICAL,
+        "Battery: turn back! RTL does not keep clear",
+        "What is left is needed for the way home, but the autopilot's return meets an obstacle, or is not "
+        "known. The planner flies on.",
+        "Take over and fly home around the obstacle.",
+    ),
     "off path": PilotText(
         "off path", Severity.WARNING,
         "Aircraft {what}",
@@ -395,6 +437,7 @@ SUBJECTS = {
     "return path": "return", "return unsafe": "return", "return safe": "return",
     "meets": "ahead", "meets nothing": "ahead",
     "no thrust": "engine", "thrust": "engine",
+    "battery turn": "battery", "battery return": "battery", "battery blocked": "battery",
     "handback safe": "handback", "handback unsafe": "handback",
     "flood": "flood", "calm": "flood", "fences": "fences", "bad fence": "fences",
 }  # fmt: skip

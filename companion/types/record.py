@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from companion.frames import FloatArray
 from companion.types.encounter import Encounter
 from companion.types.mission import MissionItem
@@ -127,6 +129,8 @@ class FlightRecord:
         Time shown as 00:00 [s]; by default that of the first row of ``flown``.
     encounters : tuple of Encounter
         Encounter with each threat, by the most accurate paths known.
+    energy : ndarray, shape (N, 3)
+        Time [s], energy left, and energy that the way home and the reserve need, nan if not known [Wh].
     """
 
     flown: FloatArray
@@ -141,3 +145,4 @@ class FlightRecord:
     note: str = ""
     begin_s: float | None = None
     encounters: tuple[Encounter, ...] = ()
+    energy: FloatArray = field(default_factory=lambda: np.empty((0, 3)))

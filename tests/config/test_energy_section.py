@@ -111,3 +111,9 @@ def test_goals_of_the_operator_have_no_budget_before_they_are_known():
     mission = mission_from_text(text, "m.yaml")
     assert mission_budget(mission) is None
     assert "energy" not in mission_summary(mission)
+
+
+def test_turning_back_needs_the_section():
+    found = fault(f"{PLAIN}authority: {{turn_back: true}}\n")
+    assert (found.key, found.expected) == ("authority.turn_back", "false, since there is no section energy")
+    assert mission_from_text(text_with("authority: {turn_back: true}\n"), "m.yaml").authority.turn_back

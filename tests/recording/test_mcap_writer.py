@@ -86,8 +86,8 @@ def flown():
     return recorded("first-flight", 3, Dialect.PX4)
 
 
-def test_the_file_opens_with_its_own_reader_and_every_message_keeps_to_its_schema(flown):
-    folder, _ = flown
+def topics_in(folder):
+    """Number of messages by topic, each of which keeps to its schema."""
     seen = Counter()
     with (folder / "flight.mcap").open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
@@ -99,7 +99,27 @@ def test_the_file_opens_with_its_own_reader_and_every_message_keeps_to_its_schem
                 wanted = properties[key]["type"]
                 names = [wanted] if isinstance(wanted, str) else wanted
                 assert any(isinstance(value, KINDS[name]) for name in names), (channel.topic, key, value)
-    assert seen.keys() == {channel.topic for channel in channels.CHANNELS}
+    return seen
+
+
+def test_the_file_opens_with_its_own_reader_and_every_message_keeps_to_its_schema(flown):
+    folder, _ = flown
+    # The mission file has no section `energy`.
+    assert topics_in(folder).keys() == {channel.topic for channel in channels.CHANNELS} - {channels.ENERGY}
+
+
+def test_what_is_left_on_board_keeps_to_its_schema(tmp_path):
+    mission = load_mission(CONFIGS / "first-flight.yaml")
+    recorder = Recorder(tmp_path, 1e9, About(mission, 7, step_s=0.1))
+    recorder.begin(0.0)
+    known = {"left_wh": 40.0, "ratio": 1.5, "home_wh": 9.0, "margin_wh": 21.0, "turn_back_in_s": math.inf}
+    recorder.energy(1.0, known)
+    recorder.energy(2.0, {**known, "left_wh": 39.0, "home_wh": None, "margin_wh": None})
+    recorder.energy(3.0, {**known, "left_wh": 38.0, "turn_back_in_s": 71.5})
+    recorder.close()
+    assert topics_in(tmp_path)[channels.ENERGY] == 3
+    rows = [[1.0, 40.0, 19.0], [2.0, 39.0, math.nan], [3.0, 38.0, 17.0]]
+    np.testing.assert_array_equal(recorder.record({}).energy, rows)
 
 
 def test_the_folder_says_what_was_flown_with_what(flown):

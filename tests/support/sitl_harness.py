@@ -33,8 +33,10 @@ def is_changing(message):
 class SitlHarness:
     """A short flight, with the bridge between service and simulator in the test's hands."""
 
-    def __init__(self, mission, seed=1, folder=None, dialect=Dialect.ARDUPILOT, *, on_ground=False):
-        self.flight = Flight(mission, seed, folder, dialect, on_ground=on_ground)
+    def __init__(
+        self, mission, seed=1, folder=None, dialect=Dialect.ARDUPILOT, *, on_ground=False, battery_drain=1.0
+    ):
+        self.flight = Flight(mission, seed, folder, dialect, on_ground=on_ground, battery_drain=battery_drain)
         self.simulator = self.flight.simulator
         self.recorder = self.flight.recorder
         self.heard = []

@@ -118,3 +118,48 @@ def test_the_ratio_is_that_of_the_powers(power, expected, seconds, period):
     ratio = estimator.ratio(now)
     assert ratio is None or ratio == pytest.approx(power / expected, rel=1e-6)
     assert (ratio is None) == (now < 30.0)
+
+
+def after(*stretches, percent=False):
+    """An estimator after stretches of flight: seconds, measured power and expected power [W]."""
+    estimator, used_wh, now = BatteryEstimator(200.0), 0.0, 0
+    estimator.observe(report(0.0, 1.0, None if percent else 0.0))
+    for seconds, power_w, expected_w in stretches:
+        estimator.note_expected(float(now), expected_w)
+        for _ in range(0, seconds, 2):
+            now += 2
+            used_wh += power_w / 1_800.0
+            share = math.ceil(100.0 - 0.5 * used_wh) / 100.0
+            estimator.observe(report(float(now), share, None if percent else used_wh))
+    return estimator, float(now)
+
+
+def test_the_ratio_since_the_take_off_is_that_of_all_the_energy():
+    """60 s at twice and 120 s at once the expected 400 W: 240/180."""
+    estimator, now = after((60, 800.0, 400.0), (120, 400.0, 400.0))
+    assert estimator.ratio(now) == pytest.approx(1.0)
+    assert estimator.long_ratio(now) == pytest.approx(240.0 / 180.0)
+
+
+def test_what_was_used_on_the_ground_does_not_count():
+    estimator, now = after((600, 50.0, 0.0), (120, 400.0, 400.0))
+    assert estimator.long_ratio(now) == pytest.approx(1.0)
+
+
+def test_from_shares_it_is_known_as_soon_as_that_of_the_last_minute():
+    estimator, now = after((30, 400.0, 400.0), percent=True)
+    assert estimator.long_ratio(now) is None
+    estimator, now = after((300, 800.0, 400.0), percent=True)
+    assert estimator.long_ratio(now) == pytest.approx(2.0, rel=0.1)
+
+
+def test_it_forgets_what_is_older_than_a_quarter_of_an_hour():
+    estimator, now = after((1_200, 800.0, 400.0), (900, 400.0, 400.0))
+    assert estimator.long_ratio(now) == pytest.approx(1.0, abs=0.01)
+
+
+@given(st.lists(st.tuples(st.integers(30, 200), st.floats(0.5, 3.0)), min_size=1, max_size=4))
+def test_it_lies_between_the_least_and_the_greatest(stretches):
+    estimator, now = after(*((2 * (seconds // 2), 400.0 * ratio, 400.0) for seconds, ratio in stretches))
+    ratios = [ratio for _, ratio in stretches]
+    assert min(ratios) - 1e-6 <= estimator.long_ratio(now) <= max(ratios) + 1e-6

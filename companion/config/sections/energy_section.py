@@ -17,7 +17,8 @@ class EnergyConfig(Section):
     at the battery, as its monitor measures; for a combustion engine at the shaft, where a litre of petrol is
     about 2 kWh. `companion identify` estimates the first three from recorded flights. With this section the
     service asks the autopilot for its battery messages, `companion check` tells what each goal costs, and
-    `companion doctor` compares it with the battery."""  # noqa: D205, D209 - A paragraph of the reference page.
+    `companion doctor` compares it with the battery. In flight the pilot is told when to turn back, and with
+    `authority.turn_back` the service does it."""  # noqa: D205, D209 - A paragraph of the reference page.
 
     power_cruise_w: Power
     """Power of level flight at `airspeed_cruise_m_s`."""

@@ -72,6 +72,12 @@ def is_over(state: FlightState, ownship: Ownship) -> bool:
     return is_on_last_leg(state, ownship, lead_s(state))
 
 
+def ends_within(state: FlightState, after_s: float) -> bool:
+    """Return whether the flown mission ends less than a time [s] after a plan begun now takes effect."""
+    flown = state.flown if state.may_act else None
+    return flown is not None and flown.covered_s(flown.row) < lead_s(state) + after_s
+
+
 def flown_passes(state: FlightState, start: Start) -> bool:
     """Return whether a path of the service is flown, and its rest passes the check."""
     return flown_violations(state, start) == ()

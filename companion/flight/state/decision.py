@@ -46,6 +46,7 @@ class DecisionKind(Enum):
     HANDBACK = "handback"
     AHEAD = "ahead"
     ENGINE = "engine"
+    ENERGY = "energy"
     OFF_PATH = "off path"
     RETURN = "return"
     RESTART = "restart"

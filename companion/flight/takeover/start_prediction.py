@@ -9,13 +9,14 @@ import numpy as np
 
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.mission_simulation import guidance_of
-from companion.flight.state.progress import Start, lead_s, start_after, start_at
+from companion.flight.state.progress import Start, as_of_now, lead_s, start_after, start_at
 from companion.flight.takeover.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
 from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, altitude_amsl_of, position_of
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
+from companion.world.snapshot import Snapshot
 from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 TAKEOVER_MARGIN_S = 1.0  # Time from the takeover to the entry, in addition to the exchange.
@@ -39,6 +40,18 @@ def begin(
         return start
     track = list_track(state, current, ownship)
     return start if track is None else start_on(state, ownship, track, ahead_s)
+
+
+def begin_now(
+    state: FlightState,
+    ownship: Ownship,
+    current: MissionCurrent | None,
+    snapshot: Snapshot,
+    *,
+    is_urgent: bool = False,
+) -> Start:
+    """Return the same as :func:`begin`, with the rest of the flown path reassessed in a snapshot's world."""
+    return as_of_now(state, begin(state, ownship, current, is_urgent=is_urgent), snapshot)
 
 
 def start_at_takeover(state: FlightState, current: MissionCurrent, ownship: Ownship) -> Start | None:

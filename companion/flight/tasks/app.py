@@ -50,6 +50,7 @@ SILENT_S = 5.0  # The autopilot counts as lost after this time without a heartbe
 HOUSEKEEPING_S = 1.0  # Period of the housekeeping task.
 FENCES_S = 0.2  # Period of the task that decides whether fences are read.
 STATE_S = 0.2  # Period of the task that records the state.
+ENERGY_S = 1.0  # Period of the task that compares the battery with the way home.
 OTHER_MODES_S = 0.5  # Period of the task that predicts what somebody else flies.
 RELEASE_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
 LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # Limits for logging the autopilot's texts; a boot sends about forty.
@@ -113,6 +114,7 @@ class App:
                 tasks_by_name = {
                     "housekeeping": self._housekeeping, "states": self._states,
                     "fences": self._keep_up_fences, "other modes": self._watch_other_modes,
+                    "energy": self._watch_energy,
                 }  # fmt: skip
                 for name, task in tasks_by_name.items():
                     tasks.create_task(_guarded(name, task), name=name)
@@ -206,6 +208,7 @@ class App:
                 self._flight.apply(after_movement_reported, event.height_above_home_m, speed_m_s)
             self.world_model.observe(event, now)
             self.replanning.performance.observe(event)
+            self.replanning.energy.observe(event)
             self._progress_notices.note(event, now)
 
     def _take_heartbeat(self, event: Heartbeat, now: float) -> None:
@@ -274,7 +277,9 @@ class App:
         """Return why the service is suspended: the recorded words, and the key of the pilot's text."""
         if self.replanning.handover.reader.position is MissionPosition.RETURNING:
             return "on the return path", "returning"
-        if self.emergency is EmergencyStep.RETURN_TO_LAUNCH:
+        if self.replanning.energy.is_turning_back and self.mode is Mode.YIELDED:
+            return "turning back", ""  # The pilot knows already.
+        if EmergencyStep.RETURN_TO_LAUNCH is self.emergency or self.replanning.energy.is_turning_back:
             return "return to launch", tell
         if self._link_watch.is_contradicted:
             return "heartbeats contradict", "contradiction"
@@ -380,6 +385,18 @@ class App:
         while True:
             self._departure.other_modes.look()
             await self._clock.sleep_until(self._clock.now_s() + OTHER_MODES_S)
+
+    async def _watch_energy(self) -> None:
+        """Compute once a second what the battery allows; return to launch when it is time."""
+        while True:
+            now = self._clock.now_s()
+            if self.replanning.energy.look(now):
+                self.change(ModeEvent.OTHER_MISSION)  # Nothing is planned or uploaded from now on.
+                await self.replanning.handover.return_to_launch()
+            status = self.replanning.energy.status(now)
+            if status is not None:
+                self.recorder.energy(now, status)
+            await self._clock.sleep_until(now + ENERGY_S)
 
     async def _keep_up_fences(self) -> None:
         """Read the fences repeatedly, besides planning, from the first plan to the landing."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
+from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.return_path import return_path
 from companion.flight.state.cycle import (
     RALLY_POINTS_TRIED,
@@ -15,6 +16,7 @@ from companion.flight.state.cycle import (
     conclude_either,
     conclude_emergency,
     conclude_rally,
+    ends_within,
     flown_passes,
     is_over,
     rally_points_near,
@@ -22,8 +24,7 @@ from companion.flight.state.cycle import (
 from companion.flight.state.decision import DecisionKind, Verdict
 from companion.flight.state.mission_construction import ConstructedMission
 from companion.flight.state.modes import ModeEvent
-from companion.flight.state.progress import as_of_now, lead_s
-from companion.flight.takeover.start_prediction import begin
+from companion.flight.takeover.start_prediction import begin, begin_now
 from companion.flight.tasks.look_ahead import LookAhead
 from companion.flight.tasks.plan_maker import (
     PlanBrokenOffError,
@@ -75,6 +76,8 @@ class Replanning:
         Detects stale inputs; without the vital ones nothing is planned or handed over.
     performance : PerformanceWatch
         Notices when the aircraft does not do what its plan says.
+    energy : EnergyWatch
+        Knows what is left on board and what the way home costs.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -87,6 +90,7 @@ class Replanning:
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)
         self.freshness, self.performance = parts.freshness, parts.performance
+        self.energy = EnergyWatch(parts.flight, parts.world_model, parts.handover.reader, parts.announcer)
         self._surprises = SurpriseWatch(parts.flight, parts.world_model, parts.handover.reader)
 
     @property
@@ -114,7 +118,7 @@ class Replanning:
     def is_due(self) -> bool:
         """Return whether a plan is due."""
         state, now = self._flight.state, self._clock.now_s()
-        surprise, flown = self._surprises.look(now), state.flown if state.may_act else None
+        surprise = self._surprises.look(now)
         return self._schedule.is_due(
             now,
             state.rules.time_horizon_s,
@@ -122,7 +126,7 @@ class Replanning:
             state.mission_list.suspected,
             flies_to_goal=state.flies_to_goal and state.may_act and not self._surprises.is_failing,
             surprise=surprise,
-            ends_soon=flown is not None and flown.covered_s(flown.row) < lead_s(state) + ENDS_S,
+            ends_soon=ends_within(state, ENDS_S),
         )
 
     def look_for_surprise(self) -> None:
@@ -193,8 +197,8 @@ class Replanning:
         track_s = self._world_model.newest_track_s
         if not is_over(state, ownship):
             is_urgent = self._is_urgent(snapshot)
-            start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
-            start = as_of_now(state, start, snapshot)
+            current = self.handover.reader.current
+            start = begin_now(state, ownship, current, snapshot, is_urgent=is_urgent)
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
             self._surprises.note_judgement(start.rest, is_failing=request.is_failing)
             await self._plan(request, track_s)
@@ -227,6 +231,8 @@ class Replanning:
         prepared = self.look_ahead.take_prepared()
         if prepared is None or not self._flight.state.may_act:
             return False
+        left = self.energy.left_after(prepared.path, self._clock.now_s())
+        prepared = replace(prepared, why={**prepared.why, **left})
         outcome = await self._hand_over(prepared, 0.0, self._world_model.newest_track_s)
         return outcome in (SwapOutcome.FLOWN, SwapOutcome.FOREIGN)
 
@@ -240,6 +246,8 @@ class Replanning:
         )
         if self._is_outdated(request):
             return
+        planned = run.plan.path if run.plan.reaches_goal else None
+        found = self.energy.annotated(found, planned, self._clock.now_s())
         if found.constructed is not None:
             await self._hand_over(found.constructed, run.plan_ms, track_s, is_urgent=request.is_urgent)
             return
@@ -284,8 +292,7 @@ class Replanning:
         state = self._flight.update_world(ownship, snapshot.picture)
         self._surprises.note_known(snapshot.picture.tracks, is_answer=is_surprised)
         is_urgent = request.is_urgent or request.start.rest is not None
-        start = begin(state, ownship, self.handover.reader.current, is_urgent=is_urgent)
-        start = as_of_now(state, start, snapshot)
+        start = begin_now(state, ownship, self.handover.reader.current, snapshot, is_urgent=is_urgent)
         if flown_passes(state, start):
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return

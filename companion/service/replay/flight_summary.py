@@ -88,6 +88,7 @@ class _ReportData:
         self.about: mcap_reader.Document = {}
         self.flown: list[list[float]] = []
         self.threat: list[list[float]] = []
+        self.energy: list[list[float]] = []
         self.plan_ms: list[float] = []
         self.missions: list[UploadedMission] = []
         self.num_not_entered = 0
@@ -104,6 +105,7 @@ class _ReportData:
             channels.DECISION: self._decision,
             channels.TRACKS: self._tracks,
             channels.SNAPSHOT: self._snapshot,
+            channels.ENERGY: self._energy,
         }
 
     def take(self, topic: str, row: mcap_reader.Document) -> None:
@@ -158,6 +160,11 @@ class _ReportData:
             rows.append([stamp_of(row), *place, reach])
             self._num_rows += 1
 
+    def _energy(self, row: mcap_reader.Document) -> None:
+        left, margin = _float(row.get("left_wh")), _float(row.get("margin_wh"))
+        if math.isfinite(left):
+            self.energy.append([stamp_of(row), left, left - margin])
+
     def _snapshot(self, row: mcap_reader.Document) -> None:
         self.fences = row.get("obstacles", self.fences)
 
@@ -179,6 +186,7 @@ def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snap
         note=ON_BOARD,
         begin_s=mcap_reader.number(about["stamp_s"]),
         encounters=known_encounters(flown, told.tracks.items(), mission.radar_list, mission.obstacle_list),
+        energy=_table(told.energy, 3, ROWS_MAX),
     )
     return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
 

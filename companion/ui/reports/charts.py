@@ -86,6 +86,20 @@ def threat_chart(record: FlightRecord, start_s: float) -> Figure:
     return figure
 
 
+def energy_chart(record: FlightRecord, start_s: float) -> Figure:
+    """Return what was left on board over time, and what the way home and the reserve needed of it."""
+    figure, axes = _new_chart()
+    times, left, needed = record.energy[:, 0] - start_s, record.energy[:, 1], record.energy[:, 2]
+    axes.plot(times, left, color=style.FLOWN, lw=2.0, label="left on board")
+    axes.plot(times, needed, color=style.GOAL, lw=1.6, label="needed for the way home and the reserve")
+    if record.missions:
+        axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
+    axes.set_ylim(0.0, 1.08 * float(np.nanmax(record.energy[:, 1:], initial=1.0)))
+    axes.set_ylabel("energy [Wh]")
+    _finish(axes, record, start_s, "Energy")
+    return figure
+
+
 def encounter_chart(record: FlightRecord, start_s: float) -> Figure:
     """Return the distances to the moving threats over time, with reach, sight and closest approach."""
     figure, axes = _new_chart()

@@ -16,6 +16,7 @@ from companion.ui.reports.charts import (
     altitude_chart,
     decision_chart,
     encounter_chart,
+    energy_chart,
     latency_chart,
     threat_chart,
 )
@@ -27,6 +28,7 @@ from companion.world.snapshot import Snapshot
 
 UNITS = (
     ("_m_s", "m/s"),
+    ("_wh", "Wh"),
     ("_ms", "ms"),
     ("_deg", "°"),
     ("_rad", "rad"),
@@ -143,6 +145,9 @@ def write_report(
                 "How long each plan took to compute, in the order they were made.",
             ),
         ]
+        if len(record.energy):
+            energy = style.inline_svg(energy_chart(record, start_s), "energy", "Energy left over flight time")
+            charts.append((energy, "Where the lines meet, what is left is just enough for the way home."))
     replace_file(page, _page(mission, record, drawn, charts, start_s).encode(), SHARED)
     return page, picture
 

@@ -42,6 +42,7 @@ KINDS: Final = {
     "handback": Words("Handing back"),
     "ahead": Words("Ahead", WATCH),
     "engine": Words("Engine", DANGER),
+    "energy": Words("Battery", WATCH),
     "return": Words("Return path"),
     "off path": Words("Not on its path", WATCH),
     "restart": Words("Restarted"),

@@ -107,7 +107,11 @@ class PowerModel:
         return max(0.0, level + self.climb_j_m * climb_rate_m_s)
 
     def energy_j(self, path: Path) -> float:
-        """Return the energy of a path with its times, airspeeds and wind [J].
+        """Return the energy of a path with its times, airspeeds and wind [J]; see :meth:`step_energies_j`."""
+        return float(self.step_energies_j(path).sum())
+
+    def step_energies_j(self, path: Path) -> FloatArray:
+        """Return the energy of each step from one row of a path to the next, shape (N - 1,) [J].
 
         The bank of each step is that of a coordinated turn by the change of heading, which is the course less
         the drift of the wind triangle.
@@ -121,7 +125,8 @@ class PowerModel:
         load_square = 1.0 + np.minimum(sideways**2, math.tan(BANK_MAX_RAD) ** 2)
         level_w = self.parasite_w_s3_m3 * mean**3 + self.induced_w_m_s * load_square / mean
         heights = path.positions_enu_m[:, 2] + airspeed**2 / (2.0 * GRAVITY_M_S2)
-        return float(np.maximum(level_w * steps_s + self.climb_j_m * np.diff(heights), 0.0).sum())
+        energies: FloatArray = np.maximum(level_w * steps_s + self.climb_j_m * np.diff(heights), 0.0)
+        return energies
 
     def leg_energy_j(
         self,

@@ -36,6 +36,14 @@ def test_of_a_flight_beyond_the_longest_the_rows_are_counted_that_are_left_out(m
     assert told.counters == {"beyond_the_longest_flight": 2}
 
 
+def test_what_was_left_on_board_and_what_home_needed_of_it():
+    told = flight_summary._ReportData(Counter())
+    rows = [(1.0, 40.0, 21.0), (2.0, 39.0, None), (3.0, None, 5.0)]
+    for stamp_s, left_wh, margin_wh in rows:
+        told.take(channels.ENERGY, {"stamp_s": stamp_s, "left_wh": left_wh, "margin_wh": margin_wh})
+    np.testing.assert_array_equal(told.energy, [[1.0, 40.0, 19.0], [2.0, 39.0, np.nan]])
+
+
 def test_it_shows_what_the_service_knew(flown):
     folder, flight = flown
     mission, world, record = flight_of(folder)

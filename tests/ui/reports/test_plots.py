@@ -143,6 +143,17 @@ def test_of_many_threats_the_chart_has_the_nearest():
     assert [label[:9] for label in labels_of(figure)] == [f"vehicle {number}" for number in range(4)]
 
 
+def test_the_chart_of_energy_has_what_is_left_and_what_is_needed():
+    rows = np.array([[1_000.0, 60.0, 15.0], [1_001.0, 59.0, np.nan], [1_002.0, 58.0, 20.0]])
+    with style.drawing():
+        axes = charts.energy_chart(replace(record(), energy=rows), 1000.0).axes[0]
+    left, needed = axes.lines[:2]
+    np.testing.assert_array_equal(left.get_xdata(), [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(left.get_ydata(), rows[:, 1])
+    np.testing.assert_array_equal(needed.get_ydata(), rows[:, 2])
+    assert axes.get_ylim()[1] > 60.0
+
+
 def test_without_moving_threats_the_chart_says_so():
     with style.drawing():
         axes = charts.encounter_chart(empty_record(), 0.0).axes[0]

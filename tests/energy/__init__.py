@@ -1,0 +1,1 @@
+"""Flights whose battery falls twice as fast as told: ``make energy``. Uses the simulator and the service."""
