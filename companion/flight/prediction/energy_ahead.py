@@ -1,8 +1,10 @@
 """What the way home costs, from here and from places ahead, and when the aircraft must turn back.
 
 The way home is the track that the autopilot flies in a return to launch, up to and including one round of the
-circle at its end, at cruise in the present wind. The energy left at a place ahead is that of now less that of
-the flown path up to there. Both are multiplied by how many times as fast as modelled the battery falls.
+circle at its end, at cruise in the present wind. That cruise counts as true airspeed for the time and as
+reported airspeed for the power: a return may be flown at either, and so the larger cost is taken. The energy
+left at a place ahead is that of now less that of the flown path up to there. Both are multiplied by how many
+times as fast as modelled the battery falls.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import FloatArray, speed_made_good
 from companion.mission.energy_budget import JOULES_PER_WH
 from companion.mission.path_progress import progress_on, time_at
+from companion.mission.waypoints import density_ratio
 from companion.types.events import MissionCurrent
 from companion.types.path import Path
 from companion.types.state import Ownship
@@ -98,7 +101,8 @@ def energy_outlook(
     if state.flown is None:
         return EnergyOutlook(home_wh, margin_wh)
     path, begin_s = state.flown.path, _time_on_path(state, ownship)
-    used_j = np.concatenate([[0.0], np.cumsum(model.step_energies_j(path))])
+    steps_j = model.step_energies_j(_as_commanded(state, path))
+    used_j = np.concatenate([[0.0], np.cumsum(steps_j)])
     used_j -= np.interp(begin_s, path.times_s, used_j)
     at_end_wh = now.left_wh - per_j * float(used_j[-1])
     after_end_j = _way_after_end_j(state, _aircraft_at(path, math.inf, ownship), model, current) or 0.0
@@ -138,7 +142,7 @@ def energy_at_ends_wh(
     if after_j is None:
         return None
     per_j = now.ratio / JOULES_PER_WH
-    at_end_wh = now.left_wh - per_j * (until_begin_j + model.energy_j(path))
+    at_end_wh = now.left_wh - per_j * (until_begin_j + model.energy_j(_as_commanded(state, path)))
     return at_end_wh, at_end_wh - per_j * after_j
 
 
@@ -264,6 +268,15 @@ def until_once_round(positions_enu_m: FloatArray) -> FloatArray:
     joined = int(np.argmax(away <= JOINED_SHARE * radius))
     is_round = np.abs(courses[joined:] - courses[joined]) >= 2.0 * math.pi
     return positions_enu_m[: joined + int(np.argmax(is_round)) + 2] if is_round.any() else positions_enu_m
+
+
+def _as_commanded(state: FlightState, path: Path) -> Path:
+    """Return a path with the airspeeds that are commanded and reported, by which the model of power counts.
+
+    A path has true airspeeds. In thin air they are higher.
+    """
+    altitude_m = state.mission.frame.altitude_amsl_m + float(path.positions_enu_m[:, 2].mean())
+    return replace(path, speeds_m_s=math.sqrt(density_ratio(altitude_m)) * path.speeds_m_s)
 
 
 def _time_on_path(state: FlightState, ownship: Ownship) -> float:

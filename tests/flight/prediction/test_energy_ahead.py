@@ -28,6 +28,9 @@ SECTION = (
     "energy: {power_cruise_w: 400, power_max_airspeed_w: 943.75, climb_energy_j_m: 100, capacity_wh: 100, "
     "reserve_wh: 10}\n"
 )
+# A path's 25 m/s are true airspeed. At 684 m, the height of these paths, the standard atmosphere has 1.1467 of
+# 1.225 kg/m3 (ISO 2533), so that 24.19 m/s are commanded.
+PATH_WH_S = MODEL.power_w(25.0 * math.sqrt(1.1467 / 1.225)) / 3_600.0
 UNKNOWN = replace(ARDUPLANE, return_kind=None)  # The autopilot's way home is not known.
 
 
@@ -125,7 +128,7 @@ def test_the_flown_return_costs_its_turn_its_way_and_one_round():
 
 
 def test_the_time_to_turn_back_by_hand():
-    """Outbound costs 1/9 Wh a second and the way home 1.3 times as much: 2.3/9 Wh a second of the margin.
+    """Outbound costs 0.106 Wh a second, and home 1.3/9 Wh more for each.
 
     From 500 m east home costs 1.3 * 8000 / 3600 Wh; of 20 Wh left 10 are the reserve.
     """
@@ -133,17 +136,19 @@ def test_the_time_to_turn_back_by_hand():
     outlook = energy_outlook(flown, state(east=500.0), None, now)
     assert outlook.home_wh == pytest.approx(2.889, abs=0.001)
     assert outlook.margin_wh == pytest.approx(7.111, abs=0.001)
-    assert outlook.turn_back_in_s == pytest.approx(7.111 / (2.3 / 9.0), abs=0.01)
+    assert outlook.turn_back_in_s == pytest.approx(7.111 / (PATH_WH_S + 1.3 / 9.0), abs=0.01)
     # 40 s are left of the path, 1500 m from home.
-    assert outlook.at_end_wh == pytest.approx(20.0 - 40.0 / 9.0, abs=0.001)
-    assert outlook.at_home_wh == pytest.approx(20.0 - 40.0 / 9.0 - 1.3 * 60.0 / 9.0, abs=0.001)
+    assert outlook.at_end_wh == pytest.approx(20.0 - 40.0 * PATH_WH_S, abs=0.001)
+    assert outlook.at_home_wh == pytest.approx(20.0 - 40.0 * PATH_WH_S - 1.3 * 60.0 / 9.0, abs=0.001)
 
 
 def test_a_battery_that_falls_twice_as_fast_halves_what_it_is_worth():
     flown, now = flight(left_wh=20.0, ratio=2.0)
     outlook = energy_outlook(flown, state(east=500.0), None, now)
     assert outlook.home_wh == pytest.approx(2.0 * 2.889, abs=0.002)
-    assert outlook.turn_back_in_s == pytest.approx((10.0 - 2.0 * 2.889) / (2.0 * 2.3 / 9.0), abs=0.01)
+    assert outlook.turn_back_in_s == pytest.approx(
+        (10.0 - 2.0 * 2.889) / (2.0 * (PATH_WH_S + 1.3 / 9.0)), abs=0.01
+    )
 
 
 def test_if_home_is_reached_from_the_end_nobody_turns_back():
@@ -173,7 +178,7 @@ def test_of_a_plan_what_is_left_at_its_end_and_at_home():
     flown, now = flight(left_wh=50.0)
     path = replace(straight(), times_s=straight().times_s - straight().times_s[0] + 60.0)
     at_end_wh, at_home_wh = energy_at_ends_wh(flown, state(stamp=50.0), path, None, now)
-    assert at_end_wh == pytest.approx(50.0 - 70.0 / 9.0, abs=0.001)
+    assert at_end_wh == pytest.approx(50.0 - 10.0 / 9.0 - 60.0 * PATH_WH_S, abs=0.001)
     assert at_home_wh == pytest.approx(at_end_wh - 1.3 * 60.0 / 9.0, abs=0.001)
 
 
