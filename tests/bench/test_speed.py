@@ -8,8 +8,8 @@ import pytest
 from companion.assurance.checker import Checker
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
+from companion.flight.construction.mission_construction import construct
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.mission_construction import construct
 from companion.planning.solver import solve
 from companion.research.campaign.runs import offline_problem, offline_world
 from sim.simulator import Simulator

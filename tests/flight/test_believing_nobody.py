@@ -8,7 +8,7 @@ import pytest
 from companion.assurance.exposure import Exposure
 from companion.config import mission_from_text
 from companion.planning import solver
-from tests.flight.tasks.test_surprise import LONG
+from tests.flight.replanning.test_surprise import LONG
 from tests.flight.test_geofences import BOTH
 from tests.support.sitl_harness import SitlHarness
 

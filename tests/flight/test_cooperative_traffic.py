@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import mission_from_text
 from companion.tracking import threat_assigner
 from companion.types.events import Dialect
-from tests.flight.tasks.test_surprise import LONG
+from tests.flight.replanning.test_surprise import LONG
 from tests.flight.test_geofences import BOTH
 from tests.support.sitl_harness import SitlHarness
 

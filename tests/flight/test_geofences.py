@@ -11,7 +11,7 @@ from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.mission_types import MissionKind
-from tests.flight.state.test_cycle import BLOCK
+from tests.flight.construction.test_cycle import BLOCK
 from tests.flight.test_app import at
 from tests.sim.client import PLAIN
 from tests.support.operator_places import home_at, put

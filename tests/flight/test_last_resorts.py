@@ -7,12 +7,12 @@ import pytest
 from shapely import LineString, Polygon
 
 from companion.config import mission_from_text
+from companion.flight.replanning import replanning
 from companion.flight.state.modes import Mode
-from companion.flight.tasks import replanning
 from companion.types.events import Dialect
 from companion.types.mission import MavFrame, MissionItem
 from sim.vehicle.control import Level
-from tests.flight.state.test_cycle import BLOCK, OPEN
+from tests.flight.construction.test_cycle import BLOCK, OPEN
 from tests.flight.test_app import at
 from tests.support.operator_places import home_at, rally_points
 from tests.support.sitl_harness import SitlHarness

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.state import mission_construction
+from companion.flight.construction import mission_construction
 from companion.types.events import Dialect
 from companion.types.path import Path, run_on
 from sim.bench.reaction import MISSION

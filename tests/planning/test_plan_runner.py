@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from companion.clock import ManualClock
-from companion.flight.tasks.plan_maker import LOOK_INTERVAL_S, PlanMaker, plan_request
+from companion.flight.replanning.plan_maker import LOOK_INTERVAL_S, PlanMaker, plan_request
 from companion.planning.plan_runner import (
     InlineRunner,
     PlanBrokenOffError,

@@ -8,13 +8,13 @@ import sys
 from dataclasses import replace
 
 from companion.config import mission_from_text
+from companion.flight.replanning.plan_maker import Planner, least_threat_request
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import start_by_motion
-from companion.flight.tasks.plan_maker import Planner, least_threat_request
 from companion.kernels.native.kernel import refuse_compiling
 from companion.kernels.native.ready import make_ready
 from companion.types.events import Dialect
-from tests.flight.tasks.test_surprise import ahead, sighted
+from tests.flight.replanning.test_surprise import ahead, sighted
 from tests.flight.test_app import at, both, switch
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness

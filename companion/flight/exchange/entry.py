@@ -14,8 +14,8 @@ from functools import partial
 
 import numpy as np
 
+from companion.flight.construction.mission_simulation import at_start, guidance_over
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import at_start, guidance_over
 from companion.frames import wrapped_angle
 from companion.mission.path_progress import distance_along, progress_on
 from companion.mission.waypoints import Waypoints

@@ -11,6 +11,7 @@ import math
 from collections.abc import Coroutine
 
 from companion.errors import CompanionError
+from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.exchange.protocols import SwapProtocols
 from companion.flight.exchange.swap_protocol import SwapOrder, order_for
@@ -26,7 +27,6 @@ from companion.flight.state.list_state import (
     after_swap_ended,
     after_unwanted,
 )
-from companion.flight.state.mission_construction import ConstructedMission
 from companion.mission.swap import SwapOutcome
 from companion.recording.recorder import Recorder
 from companion.types.mission import Mission

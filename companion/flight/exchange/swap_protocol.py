@@ -8,10 +8,10 @@ from functools import partial
 from typing import Protocol
 
 from companion.clock import Clock
+from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.entry import DELAY_VARIATION_S, entry_of, may_be_entered
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.list_state import FlownPath, PendingSwap, after_reading, after_waiting
-from companion.flight.state.mission_construction import ConstructedMission
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.list_layout import Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id

@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 
 from companion.config.compose import power_model_of
+from companion.flight.construction.cycle import Conclusion
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.messages.announcer import Announcer
 from companion.flight.prediction.energy_ahead import (
@@ -20,7 +21,6 @@ from companion.flight.prediction.energy_ahead import (
     energy_outlook,
 )
 from companion.flight.prediction.return_path import return_path
-from companion.flight.state.cycle import Conclusion
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import FlightState, StateOwner
 from companion.flight.state.list_state import MissionPosition

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.prediction.mode_tracks import AHEAD_S, ModeTracks
 from companion.flight.prediction.return_path import MARGIN_SHARE, STEP_S
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import guidance_of
 from companion.frames import FloatArray
 from companion.tracking.ownship import predicted
 from companion.types.state import Ownship

@@ -24,9 +24,9 @@ from dataclasses import replace
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.flight.construction.mission_simulation import guidance_of
+from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import guidance_of
-from companion.flight.state.way_on import BY_MISSION
 from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.prediction.obstacle_ahead import first_met
 from companion.flight.prediction.return_path import (
     BY_RETURN_PATH,
@@ -13,7 +14,6 @@ from companion.flight.prediction.return_path import (
     return_tracks,
 )
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.way_on import BY_MISSION
 from companion.types.state import Ownship
 
 

@@ -48,17 +48,15 @@ def shortfalls(
         asked = cruise * math.sin(math.radians(float(angle_deg)))
         if mission.dimension == 3 and most and asked > most * TOLERANCE:
             found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
-    start = mission.start
-    home = home_enu_m or (float(start.east_m), float(start.north_m), 0.0)
-    found += _beyond_fences(mission, settings, home)
+    found += _beyond_fences(mission, settings, home_enu_m)
     return tuple(found)
 
 
 def _beyond_fences(
-    mission: MissionConfig, settings: AutopilotSettings, home_enu_m: tuple[float, float, float]
+    mission: MissionConfig, settings: AutopilotSettings, home_enu_m: tuple[float, float, float] | None
 ) -> list[str]:
     """Return goals beyond the fences that are parameters: height above home, and distance from it."""
-    east, north, up = home_enu_m
+    east, north, up = home_enu_m or (float(mission.start.east_m), float(mission.start.north_m), 0.0)
     found = []
     height = settings.fence_limit_m(settings.fence_height_m, FENCE_HEIGHT)
     radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)

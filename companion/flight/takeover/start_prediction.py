@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import guidance_of
 from companion.flight.state.progress import Start, as_of_now, lead_s, start_after, start_at
 from companion.flight.takeover.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
 from companion.frames import FloatArray

@@ -1,4 +1,4 @@
 """The tasks of one flight: they wait, receive and plan, and apply what they learn to the flight's state.
 
-The package composes all others of the flight. The decisions are in :mod:`companion.flight.state`.
+The package composes all others of the flight.
 """

@@ -11,14 +11,14 @@ from companion.config.pilot_parameters import Parameters
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.replanning.plan_maker import PlanRunner
+from companion.flight.replanning.replanning import Replanning
+from companion.flight.replanning.replanning_parts import parts_for
+from companion.flight.replanning.way_home import WayHome
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner, first_state
 from companion.flight.state.world_model import WorldModel
 from companion.flight.tasks.departure import Departure
-from companion.flight.tasks.plan_maker import PlanRunner
-from companion.flight.tasks.replanning import Replanning
-from companion.flight.tasks.replanning_parts import parts_for
-from companion.flight.tasks.way_home import WayHome
 from companion.recording.recorder import Recorder
 
 

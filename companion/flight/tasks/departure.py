@@ -6,13 +6,13 @@ import math
 
 from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.prediction.return_words import return_in_words
+from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import after_takeover
 from companion.flight.state.list_state import after_suspicion
 from companion.flight.takeover.capability import shortfalls
 from companion.flight.takeover.takeover import is_due
 from companion.flight.tasks.other_modes import OtherModes
-from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.types.mission import MissionItem
 
 READ_AGAIN_S = 2.0  # Shortest time between two readings, of which the first may have failed.

@@ -14,10 +14,10 @@ from companion.flight.monitors.return_watch import ReturnWatch
 from companion.flight.prediction.mode_tracks import ModeTracks, mode_tracks
 from companion.flight.prediction.obstacle_ahead import ObstacleAhead, obstacle_ahead
 from companion.flight.prediction.resume_path import ResumePath, lasting_resume_path
+from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.modes import Mode
-from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.types.state import Ownship
 
 SAFE_AGAIN_S = 5.0  # A handback is called safe again only this long after the last text about it.

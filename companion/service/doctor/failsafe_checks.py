@@ -6,12 +6,11 @@ The actions are those for fixed-wing aircraft of ArduPlane 4.7 (``Parameters.cpp
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from companion.service.doctor.finding import Finding, ok, warn
-from companion.types.events import Dialect
 
 RETURN: Final = "return to launch"
 UNPREDICTED: Final = "the planner does not predict it: {name} {value} flies it where nothing was checked"
@@ -64,69 +63,66 @@ _LINK_LOST: Final = {
     0.0: "nothing", 1.0: "it circles where it is", 2.0: RETURN, 3.0: "it lands where it is",
     5.0: "it terminates", 6.0: "the motor stops",
 }  # fmt: skip
-FAILSAFES: Final = {
-    Dialect.ARDUPILOT: (
-        FailsafeAction("BATT_FS_LOW_ACT", "battery low", _BATTERY, "BATT_MONITOR"),
-        FailsafeAction("BATT_FS_CRT_ACT", "battery critical", _BATTERY, "BATT_MONITOR"),
-        FailsafeAction(
-            "FS_SHORT_ACTN",
-            "remote control lost",
-            {
-                0.0: "nothing in missions", 1.0: "it circles where it is", 2.0: "it glides straight on",
-                3.0: "nothing", 4.0: "it flies straight on",
-            },
-        ),
-        FailsafeAction(
-            "FS_LONG_ACTN",
-            "remote control or ground station lost for long",
-            {
-                0.0: "nothing in missions", 1.0: RETURN, 2.0: "it glides straight on", 3.0: "the parachute",
-                4.0: "it flies the mission", 5.0: "AUTOLAND, or return to launch",
-            },
-        ),
-        FailsafeAction(
-            "FENCE_ACTION",
-            "fence crossed",
-            {
-                0.0: "a warning", 1.0: RETURN, 6.0: "it flies to the fence's return point",
-                7.0: "it flies to the fence's return point", 8.0: "AUTOLAND, or return to launch",
-            },
-            "FENCE_ENABLE",
-        ),
+ARDUPLANE_FAILSAFES: Final = (
+    FailsafeAction("BATT_FS_LOW_ACT", "battery low", _BATTERY, "BATT_MONITOR"),
+    FailsafeAction("BATT_FS_CRT_ACT", "battery critical", _BATTERY, "BATT_MONITOR"),
+    FailsafeAction(
+        "FS_SHORT_ACTN",
+        "remote control lost",
+        {
+            0.0: "nothing in missions", 1.0: "it circles where it is", 2.0: "it glides straight on",
+            3.0: "nothing", 4.0: "it flies straight on",
+        },
     ),
-    Dialect.PX4: (
-        FailsafeAction(
-            "COM_LOW_BAT_ACT",
-            "battery low",
-            {
-                0.0: "a warning", 2.0: "it lands where it is",
-                3.0: f"{RETURN}, and a landing where it is at last",
-            },
-        ),
-        FailsafeAction("NAV_RCL_ACT", "remote control lost", _LINK_LOST),
-        FailsafeAction("NAV_DLL_ACT", "ground station lost", _LINK_LOST),
-        FailsafeAction(
-            "GF_ACTION",
-            "fence crossed",
-            {
-                0.0: "nothing", 1.0: "a warning", 2.0: "it circles where it is", 3.0: RETURN,
-                4.0: "it terminates", 5.0: "it lands where it is",
-            },
-        ),
+    FailsafeAction(
+        "FS_LONG_ACTN",
+        "remote control or ground station lost for long",
+        {
+            0.0: "nothing in missions", 1.0: RETURN, 2.0: "it glides straight on", 3.0: "the parachute",
+            4.0: "it flies the mission", 5.0: "AUTOLAND, or return to launch",
+        },
     ),
-}  # fmt: skip
+    FailsafeAction(
+        "FENCE_ACTION",
+        "fence crossed",
+        {
+            0.0: "a warning", 1.0: RETURN, 6.0: "it flies to the fence's return point",
+            7.0: "it flies to the fence's return point", 8.0: "AUTOLAND, or return to launch",
+        },
+        "FENCE_ENABLE",
+    ),
+)  # fmt: skip
+PX4_FAILSAFES: Final = (
+    FailsafeAction(
+        "COM_LOW_BAT_ACT",
+        "battery low",
+        {
+            0.0: "a warning", 2.0: "it lands where it is",
+            3.0: f"{RETURN}, and a landing where it is at last",
+        },
+    ),
+    FailsafeAction("NAV_RCL_ACT", "remote control lost", _LINK_LOST),
+    FailsafeAction("NAV_DLL_ACT", "ground station lost", _LINK_LOST),
+    FailsafeAction(
+        "GF_ACTION",
+        "fence crossed",
+        {
+            0.0: "nothing", 1.0: "a warning", 2.0: "it circles where it is", 3.0: RETURN,
+            4.0: "it terminates", 5.0: "it lands where it is",
+        },
+    ),
+)  # fmt: skip
 
 
-def failsafe_names(dialect: Dialect) -> tuple[str, ...]:
+def failsafe_names(failsafes: Sequence[FailsafeAction]) -> tuple[str, ...]:
     """Return the names of the parameters to read."""
-    failsafes = FAILSAFES[dialect]
     switches = sorted({failsafe.switch for failsafe in failsafes} - {"", *map(_name, failsafes)})
     return (*map(_name, failsafes), *switches)
 
 
-def failsafe_findings(dialect: Dialect, values: Mapping[str, float]) -> list[Finding]:
+def failsafe_findings(failsafes: Sequence[FailsafeAction], values: Mapping[str, float]) -> list[Finding]:
     """Return what the autopilot does in each failsafe, given the parameters that were read."""
-    findings = (failsafe.finding(values) for failsafe in FAILSAFES[dialect])
+    findings = (failsafe.finding(values) for failsafe in failsafes)
     return [finding for finding in findings if finding is not None]
 
 

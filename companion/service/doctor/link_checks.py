@@ -18,7 +18,12 @@ from companion.service.doctor.energy_checks import EnergyDoctor
 from companion.service.doctor.failsafe_checks import failsafe_findings, failsafe_names
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.service.doctor.mission_checks import MissionDoctor
-from companion.service.doctor.parameter_checks import parameter_findings, parameter_names, version
+from companion.service.doctor.parameter_checks import (
+    FAILSAFES,
+    parameter_findings,
+    parameter_names,
+    version,
+)
 from companion.types.events import Dialect, Heartbeat
 from companion.types.mavlink_enums import MessageId
 
@@ -94,7 +99,7 @@ class LinkDoctor:
             self.is_heard = True
             dialect = self._heartbeat.dialect
             needed = parameter_names(dialect)
-            names = needed + failsafe_names(dialect)  # An autopilot need not have each failsafe.
+            names = needed + failsafe_names(FAILSAFES[dialect])  # An autopilot need not have each failsafe.
             await self._until(
                 lambda: self._version is not None and self._values.keys() >= set(needed),
                 REQUESTS_MAX_S,
@@ -114,7 +119,7 @@ class LinkDoctor:
             self._loss(),
             *rates,
             *parameter_findings(dialect, values, self._mission, self._baud_rate()),
-            *failsafe_findings(dialect, values),
+            *failsafe_findings(FAILSAFES[dialect], values),
             *of_mission,
         ]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from companion.config import MissionConfig
 from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.mission.waypoints import FLY_BY_M
+from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FAILSAFES
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
 
@@ -114,6 +115,7 @@ SPEEDS = {
     Dialect.ARDUPILOT: ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE"),
     Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
 }
+FAILSAFES = {Dialect.ARDUPILOT: ARDUPLANE_FAILSAFES, Dialect.PX4: PX4_FAILSAFES}
 PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
 # These parameters exist only if the other one enables avoidance.
 ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}

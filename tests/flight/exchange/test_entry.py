@@ -10,12 +10,12 @@ import pytest
 
 from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
+from companion.flight.construction.mission_construction import construct
+from companion.flight.construction.mission_simulation import guidance_of, guidance_over
 from companion.flight.exchange import entry
 from companion.flight.exchange.entry import entry_of, may_be_entered
 from companion.flight.exchange.swap_protocol import Entry
 from companion.flight.state.flight_state import first_state
-from companion.flight.state.mission_construction import construct
-from companion.flight.state.mission_simulation import guidance_of, guidance_over
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
 from companion.world.vehicle.guidance import track_of_legs

@@ -7,19 +7,19 @@ from types import SimpleNamespace
 import pytest
 
 from companion.assurance.violation import Violation
+from companion.flight.construction.cycle import Conclusion
 from companion.flight.monitors import energy_watch
 from companion.flight.monitors.energy_watch import COMMAND_AGAIN_S, EnergyWatch
 from companion.flight.prediction.energy_ahead import EnergyOutlook
-from companion.flight.state.cycle import Conclusion
 from companion.flight.state.decision import SwapDecision, Verdict
 from companion.flight.state.flight_phase import FlightPhase
 from companion.flight.state.list_state import MissionPosition
 from companion.flight.state.modes import Mode
 from companion.types.events import BatteryReported
 from companion.types.pilot_texts import pilot_message
+from tests.flight.construction.test_cycle import flying, state, straight
 from tests.flight.prediction.test_energy_ahead import SECTION
 from tests.flight.prediction.test_return_path import ARDUPLANE, made
-from tests.flight.state.test_cycle import flying, state, straight
 
 AIRBORNE = FlightPhase(0.0, is_armed=True, is_moving=True)
 BLOCKED = (Violation("clearance", 3, 5.0, 15.0, "distance to wall [m]"),)

@@ -10,7 +10,7 @@ from companion.flight.state.flight_phase import FlightPhase
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.modes import Mode
 from companion.types.mavlink_enums import LandedState
-from tests.flight.state.test_cycle import OPEN, begun, flying, state, straight
+from tests.flight.construction.test_cycle import OPEN, begun, flying, state, straight
 
 # The path leads east at 25 m/s and 100 m.
 KINDS = [

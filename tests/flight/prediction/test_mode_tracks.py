@@ -14,8 +14,8 @@ from companion.flight.prediction.return_path import STEP_S
 from companion.flight.state.flight_state import after_heartbeat, after_target_reported
 from companion.types.events import Dialect, Heartbeat, Motion, SteeringTarget
 from sim.simulator import Simulator
+from tests.flight.construction.test_cycle import BLOCK, state
 from tests.flight.prediction.test_return_path import ARDUPLANE, BOTH, PX4, made
-from tests.flight.state.test_cycle import BLOCK, state
 from tests.sim.client import plain_mission
 from tests.world.vehicle.test_guidance import state_of
 

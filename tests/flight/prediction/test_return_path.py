@@ -21,7 +21,7 @@ from companion.types.events import Dialect, HomePosition
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings
 from sim.simulator import Simulator
-from tests.flight.state.test_cycle import BLOCK, begun, state
+from tests.flight.construction.test_cycle import BLOCK, begun, state
 from tests.sim.client import plain_mission
 from tests.support.operator_places import home_at, rally_points
 from tests.world.vehicle.test_guidance import state_of

@@ -32,7 +32,7 @@ from companion.mission.operator import OperatorGoal
 from companion.types.mission import Mission
 from companion.types.state import Ownship
 from companion.types.threat import Obstacle
-from tests.flight.state.test_cycle import OPEN, TWO_GOALS, WALL, straight
+from tests.flight.construction.test_cycle import OPEN, TWO_GOALS, WALL, straight
 from tests.mission.made import item
 from tests.support.sources import ROOT, SOURCES, nodes_of
 

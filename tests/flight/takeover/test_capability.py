@@ -5,8 +5,8 @@ import math
 import pytest
 
 from companion.config import mission_from_text
+from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.state.flight_state import after_settings_reported, first_state
-from companion.flight.state.mission_simulation import guidance_of
 from companion.flight.takeover.capability import shortfalls
 from companion.types.state import AutopilotSettings
 from tests.flight.test_app import at, both

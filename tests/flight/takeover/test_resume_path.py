@@ -10,7 +10,7 @@ from companion.config import mission_from_text
 from companion.planning import solver
 from companion.types.events import Dialect
 from companion.types.plan import PlanStatus
-from tests.flight.tasks.test_surprise import CHANGED_S, LONG
+from tests.flight.replanning.test_surprise import CHANGED_S, LONG
 from tests.flight.test_app import at, both, switch
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
 from tests.planning.test_solver import random_problem

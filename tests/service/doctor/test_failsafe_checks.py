@@ -4,6 +4,7 @@ import pytest
 
 from companion.service.doctor.failsafe_checks import failsafe_findings, failsafe_names
 from companion.service.doctor.finding import Verdict
+from companion.service.doctor.parameter_checks import FAILSAFES
 from companion.types.events import Dialect
 from sim.autopilot.autopilot_parameters import Parameters
 
@@ -33,14 +34,14 @@ CASES = [
 
 @pytest.mark.parametrize(("dialect", "values", "verdict", "words"), CASES)
 def test_the_action_of_a_failsafe_is_told_in_words(dialect, values, verdict, words):
-    (finding,) = failsafe_findings(dialect, values)
+    (finding,) = failsafe_findings(FAILSAFES[dialect], values)
     assert (finding.verdict, finding.found) == (verdict, words)
     assert bool(finding.advice) is (verdict is WARN)
 
 
 @pytest.mark.parametrize("dialect", list(Dialect))
 def test_parameters_that_an_autopilot_does_not_have_are_left_out(dialect):
-    assert failsafe_findings(dialect, {}) == []
+    assert failsafe_findings(FAILSAFES[dialect], {}) == []
 
 
 @pytest.mark.parametrize(
@@ -48,7 +49,9 @@ def test_parameters_that_an_autopilot_does_not_have_are_left_out(dialect):
 )
 def test_the_defaults_of_the_autopilots_are_predicted(dialect, parameters):
     parameters.add_battery()
-    values = {name: parameters[name] for name in failsafe_names(dialect) if name in parameters.names}
-    findings = failsafe_findings(dialect, values)
+    values = {
+        name: parameters[name] for name in failsafe_names(FAILSAFES[dialect]) if name in parameters.names
+    }
+    findings = failsafe_findings(FAILSAFES[dialect], values)
     assert len(findings) >= 4
     assert {finding.verdict for finding in findings} == {OK}

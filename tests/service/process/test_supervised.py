@@ -14,8 +14,8 @@ from tests.service.process.processes import FIRST_FLIGHT, Manager, ended, free_p
 HANG = """
 import threading
 from companion.service.process import service
-from companion.flight.tasks.plan_maker import Planner
-from companion.flight.tasks import replanning
+from companion.flight.replanning.plan_maker import Planner
+from companion.flight.replanning import replanning
 service.make_ready = lambda report: None  # it plans, too
 def hang(*parts, **named):
     threading.Event().wait()

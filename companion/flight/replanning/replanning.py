@@ -8,9 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from companion.assurance.emergency import EmergencyStep
-from companion.flight.monitors.energy_watch import EnergyWatch
-from companion.flight.prediction.return_path import return_path
-from companion.flight.state.cycle import (
+from companion.flight.construction.cycle import (
     RALLY_POINTS_TRIED,
     EmergencyConclusion,
     conclude_either,
@@ -21,12 +19,11 @@ from companion.flight.state.cycle import (
     is_over,
     rally_points_near,
 )
-from companion.flight.state.decision import DecisionKind, Verdict
-from companion.flight.state.mission_construction import ConstructedMission
-from companion.flight.state.modes import ModeEvent
-from companion.flight.takeover.start_prediction import begin, begin_now
-from companion.flight.tasks.look_ahead import LookAhead
-from companion.flight.tasks.plan_maker import (
+from companion.flight.construction.mission_construction import ConstructedMission
+from companion.flight.monitors.energy_watch import EnergyWatch
+from companion.flight.prediction.return_path import return_path
+from companion.flight.replanning.look_ahead import LookAhead
+from companion.flight.replanning.plan_maker import (
     PlanBrokenOffError,
     PlanRequest,
     PlanRun,
@@ -34,9 +31,12 @@ from companion.flight.tasks.plan_maker import (
     plan_request,
     rally_request,
 )
-from companion.flight.tasks.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S, known_threats
-from companion.flight.tasks.replanning_parts import ReplanningParts
-from companion.flight.tasks.surprise_watch import SurpriseWatch
+from companion.flight.replanning.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S, known_threats
+from companion.flight.replanning.replanning_parts import ReplanningParts
+from companion.flight.replanning.surprise_watch import SurpriseWatch
+from companion.flight.state.decision import DecisionKind, Verdict
+from companion.flight.state.modes import ModeEvent
+from companion.flight.takeover.start_prediction import begin, begin_now
 from companion.mission.swap import SwapOutcome
 from companion.world.snapshot import Snapshot
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from companion.flight.construction.cycle import conclude
+from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.prediction.resume_path import resume_path
-from companion.flight.state.cycle import conclude
+from companion.flight.replanning.plan_maker import plan_request
+from companion.flight.replanning.plan_schedule import known_threats
+from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.mission_construction import ConstructedMission
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import Start, lead_s, start_by_motion
 from companion.flight.takeover.start_prediction import start_at_takeover
-from companion.flight.tasks.plan_maker import plan_request
-from companion.flight.tasks.plan_schedule import known_threats
-from companion.flight.tasks.replanning_parts import ReplanningParts
 from companion.mission.swap import SwapOutcome
 from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-from collections.abc import Iterator
 from functools import partial
 from itertools import product
 
@@ -19,17 +18,13 @@ import numpy as np
 
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission
-from companion.flight.prediction.return_path import BY_RETURN_PATH
-from companion.flight.state.cycle import rally_points_near
+from companion.flight.prediction.return_places import is_return_wanted, return_places
+from companion.flight.replanning.plan_maker import return_request
+from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import start_after
-from companion.flight.state.way_on import landing_region
-from companion.flight.tasks.plan_maker import return_request
-from companion.flight.tasks.replanning_parts import ReplanningParts
-from companion.mission.list_layout import TwoBankLayout
 from companion.planning.problem import GoalRegion
-from companion.types.mission import Command
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.types.state import Ownship
@@ -90,7 +85,7 @@ class WayHome:
     def _is_due(self, state: FlightState, now_s: float) -> bool:
         """Return whether the return path is to be judged: once in a while, or since another path is flown."""
         is_storing = self._storing is not None and not self._storing.done()
-        if is_storing or not is_wanted(state) or self._num_failures >= FAILURES_MAX:
+        if is_storing or not is_return_wanted(state) or self._num_failures >= FAILURES_MAX:
             return False
         is_other = state.flown is not None and state.flown.path is not self._judged
         return is_other or now_s >= self._next_s
@@ -120,7 +115,7 @@ class WayHome:
         if begun.rest is None:
             return None
         snapshot = parts.world_model.snapshot(parts.clock.now_s())
-        for ahead_s, (place, is_landing) in product(AHEAD_S, places_of(state, ownship.position_enu_m)):
+        for ahead_s, (place, is_landing) in product(AHEAD_S, return_places(state, ownship.position_enu_m)):
             start = start_after(state, ownship, ahead_s)
             if start.rest is None:
                 continue
@@ -161,46 +156,3 @@ def _concluded(
     away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
     path = flown.until(int(np.argmin(away))).followed_by(plan.path)
     return return_mission(state, ownship, path, place, is_landing=is_landing)
-
-
-def is_wanted(state: FlightState) -> bool:
-    """Return whether a return path is to be kept: an ArduPlane would join it, and no other one.
-
-    Parameters
-    ----------
-    state : FlightState
-        Mode, the autopilot's parameters and list, and the mission file.
-    """
-    listed, operator = state.mission_list, state.mission_list.operator
-    if not (state.may_act and state.flies_by and state.mission.authority.keep_return_path):
-        return False
-    if state.settings.return_kind != BY_RETURN_PATH or listed.pending is not None or listed.is_mixed:
-        return False
-    if operator is None or not isinstance(listed.layout, TwoBankLayout) or state.flown is None:
-        return False
-    return all(item.command != Command.DO_RETURN_PATH_START for item in operator.items)
-
-
-def places_of(
-    state: FlightState, from_enu_m: tuple[float, float, float]
-) -> Iterator[tuple[GoalRegion, bool]]:
-    """Yield where a return may end, the preferred place first, and whether it is the operator's landing.
-
-    Parameters
-    ----------
-    state : FlightState
-        The operator's landing, home and rally points.
-    from_enu_m : tuple of float
-        Where the return begins [m].
-    """
-    operator = state.mission_list.operator
-    if operator is not None and operator.has_landing and state.tail_enu_m is not None:
-        yield landing_region(state, state.tail_enu_m), True
-    if state.home_enu_m is not None:
-        east, north, up = state.home_enu_m
-        height = state.settings.return_height_m
-        above = from_enu_m[2] if height is None or height < 0.0 else up + height
-        low, high = state.rules.checker.limits.bounds[4:6]
-        yield state.region_at((east, north, min(max(above, low), high))), False
-    for place in rally_points_near(state, from_enu_m):
-        yield place, False

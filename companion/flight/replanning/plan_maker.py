@@ -11,9 +11,9 @@ from typing import TypeVar
 from companion.clock import Clock
 from companion.config.rules import Rules
 from companion.flight.messages.observer import Observer
+from companion.flight.replanning.plan_schedule import PlanSchedule
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start, budget_s
-from companion.flight.tasks.plan_schedule import PlanSchedule
 from companion.planning.plan_runner import PlanBrokenOffError, PlanRunner, PlanTiming, StopRule
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve

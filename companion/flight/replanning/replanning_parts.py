@@ -13,10 +13,10 @@ from companion.flight.monitors.freshness_watch import FreshnessWatch
 from companion.flight.monitors.geofences import Geofences
 from companion.flight.monitors.performance_watch import PerformanceWatch
 from companion.flight.monitors.rally_points import RallyPoints
+from companion.flight.replanning.plan_maker import PlanMaker, PlanRunner
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.world_model import WorldModel
-from companion.flight.tasks.plan_maker import PlanMaker, PlanRunner
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.recording.recorder import Recorder
 

@@ -18,9 +18,9 @@ from itertools import product
 
 import numpy as np
 
+from companion.flight.construction.mission_construction import construct
+from companion.flight.construction.mission_simulation import at_start, guidance_of
 from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, bound_for
-from companion.flight.state.mission_construction import construct
-from companion.flight.state.mission_simulation import at_start, guidance_of
 from companion.flight.state.progress import start_at
 from companion.frames import FloatArray
 from companion.mission.waypoints import Waypoints, waypoints_from_path

@@ -9,13 +9,13 @@ from shapely import LineString, Point, Polygon
 
 from companion.assurance.emergency import EmergencyStep
 from companion.config import mission_from_text
-from companion.flight.state import fallback
-from companion.flight.state.fallback import flown_violations, respond, straight_ahead
-from companion.flight.state.mission_construction import construct_until
+from companion.flight.construction import fallback
+from companion.flight.construction.fallback import flown_violations, respond, straight_ahead
+from companion.flight.construction.mission_construction import construct_until
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import is_on_last_leg, start_after
 from companion.types.plan import PlanStatus
-from tests.flight.state.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
+from tests.flight.construction.test_cycle import BLOCK, OPEN, WALL, begun, flying, plan, state, straight
 from tests.support.sitl_harness import SitlHarness
 
 NO_PLAN = plan(None, status=PlanStatus.APPROXIMATE)

@@ -13,6 +13,9 @@ import numpy as np
 
 from companion.assurance.emergency import EmergencyOptions, EmergencyStep
 from companion.assurance.violation import Violation, keeps_hard_constraints
+from companion.flight.construction.fallback import Response, flown_violations, respond, respond_by_rally_point
+from companion.flight.construction.mission_construction import Candidate, ConstructedMission, construct
+from companion.flight.construction.way_on import way_on
 from companion.flight.state.decision import (
     SwapDecision,
     Verdict,
@@ -21,11 +24,8 @@ from companion.flight.state.decision import (
     gain_of,
     judge,
 )
-from companion.flight.state.fallback import Response, flown_violations, respond, respond_by_rally_point
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_construction import Candidate, ConstructedMission, construct
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, problem_at
-from companion.flight.state.way_on import way_on
 from companion.mission.waypoints import mission_part
 from companion.planning.problem import GoalRegion
 from companion.planning.route import reassessed

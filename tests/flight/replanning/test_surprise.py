@@ -9,9 +9,9 @@ from shapely.geometry import Point
 
 from companion.config import mission_from_text
 from companion.flight.exchange.handover import Handover
-from companion.flight.tasks.plan_maker import PlanMaker
-from companion.flight.tasks.replanning import Replanning
-from companion.flight.tasks.surprise_watch import SurpriseWatch
+from companion.flight.replanning.plan_maker import PlanMaker
+from companion.flight.replanning.replanning import Replanning
+from companion.flight.replanning.surprise_watch import SurpriseWatch
 from companion.planning.plan_runner import InlineRunner, PlanTiming, StopRule
 from companion.types.events import Dialect
 from sim.bench.reaction import MISSION, reaction_in

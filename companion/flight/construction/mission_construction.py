@@ -22,9 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.flight.state.decision import Verdict
-from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_simulation import (
+from companion.flight.construction.mission_simulation import (
     NO_FAULTS,
     Faults,
     airspeed_at_end,
@@ -35,6 +33,8 @@ from companion.flight.state.mission_simulation import (
     lacking_in_other_winds,
     simulated,
 )
+from companion.flight.state.decision import Verdict
+from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
 from companion.frames import FloatArray
 from companion.kernels.arrays import IntArray

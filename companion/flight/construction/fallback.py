@@ -18,8 +18,8 @@ from companion.assurance.emergency import (
     emergency_decision,
 )
 from companion.assurance.violation import Violation, keeps_hard_constraints
+from companion.flight.construction.mission_construction import construct, construct_until
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.mission_construction import construct, construct_until
 from companion.flight.state.progress import Start
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints

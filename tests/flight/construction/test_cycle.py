@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from companion.config import mission_from_text
 from companion.config.compose import world_of
-from companion.flight.state.cycle import conclude, conclude_either, flown_passes
+from companion.flight.construction.cycle import conclude, conclude_either, flown_passes
+from companion.flight.replanning.plan_maker import Planner, plan_request
 from companion.flight.state.decision import Verdict, judge
 from companion.flight.state.flight_state import after_position, first_state
 from companion.flight.state.list_state import FlownPath
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, start_after, start_at
-from companion.flight.tasks.plan_maker import Planner, plan_request
 from companion.mission.waypoints import merge_close_waypoints
 from companion.planning.plan_runner import StopRule
 from companion.types.mission import Mission
@@ -449,14 +449,14 @@ def test_a_hurried_plan_is_judged_as_it_is_carried(monkeypatch):
         seen.append(found)
         return judge(made, found, begin)
 
-    monkeypatch.setattr("companion.flight.state.cycle.judge", judged)
+    monkeypatch.setattr("companion.flight.construction.cycle.judge", judged)
     hurried_beside(1500.0)
     assert [found.path.duration_s for found in seen] == pytest.approx([80.0])
     seen.clear()
     hurried_beside(330.0)
     assert [found.path.duration_s for found in seen] == pytest.approx([80.0, 116.9], abs=0.3)
     monkeypatch.setattr(
-        "companion.flight.state.cycle.reassessed",
+        "companion.flight.construction.cycle.reassessed",
         lambda _, path: (replace(path, threat_levels=np.linspace(0.0, 1.0, len(path))), PursuitRisk()),
     )
     assert hurried_beside(330.0)[0] is None

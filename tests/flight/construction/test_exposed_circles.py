@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
-from companion.flight.state import mission_construction
-from companion.flight.state.mission_construction import construct
-from companion.flight.state.mission_simulation import is_circle_exposed
+from companion.flight.construction import mission_construction
+from companion.flight.construction.mission_construction import construct
+from companion.flight.construction.mission_simulation import is_circle_exposed
 from companion.types.events import Dialect
-from tests.flight.tasks.test_surprise import LONG
+from tests.flight.replanning.test_surprise import LONG
 from tests.support.sitl_harness import SitlHarness
 
 FAR = LONG.replace("sensing_horizon_m: 825", "sensing_horizon_m: 1500").replace(

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.assurance.checker import Checker
-from companion.flight.state import mission_construction
-from companion.flight.state.mission_construction import construct, construct_until
-from companion.flight.state.mission_simulation import (
+from companion.flight.construction import mission_construction
+from companion.flight.construction.mission_construction import construct, construct_until
+from companion.flight.construction.mission_simulation import (
     BOUNDS_TOLERANCE_M,
     airspeed_at_end,
     at_start,
@@ -23,7 +23,7 @@ from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import mission_part, waypoints_from_path
 from companion.types.mission import Command
 from companion.world.vehicle.guidance import track_of_legs
-from tests.flight.state.test_cycle import BLOCK, EAST, begun, straight
+from tests.flight.construction.test_cycle import BLOCK, EAST, begun, straight
 from tests.mission.made import item, path_along
 
 BOTH = pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
