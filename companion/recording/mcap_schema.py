@@ -175,13 +175,14 @@ CHANNELS = (
             "mode": TEXT, "autopilot_mode": TEXT, "is_heard": FLAG, "is_warm": FLAG, "is_armed": FLAG,
             "is_airborne": FLAG, "is_recording": FLAG, "is_in_trouble": FLAG, "emergency": TEXT,
             "goals": ROWS, "next_goal": WHOLE, "item": WHOLE, "num_items": WHOLE, "handback": TABLE,
-            "operator_enu_m": ROWS,
+            "operator_enu_m": ROWS, "returns": TABLE,
         },
         {
             "goals": "rows of east, north, up, acceptance radius [m]",
             "item": "of its list that the autopilot flies to",
             "handback": "is_safe and text of handing back here and now, and the way flown then",
             "operator_enu_m": "the operator's items that have a place",
+            "returns": "is_safe and text of a return to launch from here, and the way flown then",
         },
     ),
 )  # fmt: skip

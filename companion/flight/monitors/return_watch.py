@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from companion.flight.messages.announcer import Announcer
-from companion.flight.prediction.return_path import return_path
+from companion.flight.prediction.return_path import return_tracks, violations_of
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.modes import Mode
 from companion.flight.state.world_model import WorldModel
+from companion.frames import FloatArray
 from companion.link.missions.autopilot_link import AutopilotLink
 
 LOOK_S = 2.0  # Period of the judgement.
 LASTS_S = 8.0  # Another result is announced after this time.
+NO_TRACK: FloatArray = np.empty((0, 3))
 WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
 
 
@@ -30,6 +34,13 @@ class ReturnWatch:
         The mission item being flown.
     announcer : Announcer
         Informs the pilot.
+
+    Attributes
+    ----------
+    track_enu_m : ndarray, shape (K, 3)
+        The most likely return path from here [m]; empty while none is predicted.
+    is_safe : bool
+        Whether a return keeps clear, as it was last announced.
     """
 
     def __init__(
@@ -38,27 +49,29 @@ class ReturnWatch:
         self._flight, self._world_model, self._link = flight, world_model, link
         self._announcer = announcer
         self._next_s = -math.inf
-        self._is_safe = True
         self._since_s = -math.inf
-        self._was_safe = True
+        self._was_safe = self.is_safe = True
+        self.track_enu_m: FloatArray = NO_TRACK
 
     def look(self, now_s: float) -> None:
         """Judge a return from here; call it twice a second."""
         state, ownship = self._flight.state, self._world_model.ownship.state(now_s)
         if state.mode not in WATCHED or not state.phase.is_airborne or ownship is None:
-            self._is_safe = self._was_safe = True
+            self.is_safe = self._was_safe = True
+            self.track_enu_m = NO_TRACK
             return
         if now_s < self._next_s:
             return
         self._next_s = now_s + LOOK_S
-        wrong = return_path(state, ownship, self._link.current)
-        near = [entry for entry in wrong or () if entry.rule == "clearance"]
+        tracks = return_tracks(state, ownship, self._link.current) or []
+        self.track_enu_m = tracks[0] if tracks else NO_TRACK
+        near = [entry for entry in violations_of(state, tracks) if entry.rule == "clearance"]
         if bool(near) is self._was_safe:
             self._was_safe, self._since_s = not near, now_s
-        if self._was_safe is self._is_safe or now_s - self._since_s < LASTS_S:
+        if self._was_safe is self.is_safe or now_s - self._since_s < LASTS_S:
             return
-        self._is_safe = self._was_safe
-        if self._is_safe:
+        self.is_safe = self._was_safe
+        if self.is_safe:
             self._announcer.decide(DecisionKind.RETURN, "RTL from here is safe", tell="return safe")
         else:
             what = near[0].in_short

@@ -67,8 +67,19 @@ def return_path(
         The mission item being flown, from which a PX4 may return by its mission.
     """
     tracks = return_tracks(state, ownship, current)
-    if tracks is None:
-        return None
+    return None if tracks is None else violations_of(state, tracks)
+
+
+def violations_of(state: FlightState, tracks: Sequence[FloatArray]) -> tuple[Violation, ...]:
+    """Return the violations of the first return path that has any.
+
+    Parameters
+    ----------
+    state : FlightState
+        The rules.
+    tracks : sequence of ndarray, each of shape (K, 3)
+        East, north, up along each path [m].
+    """
     margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
     wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in tracks)
     return next(filter(None, wrong), ())

@@ -36,6 +36,8 @@ class OtherModes:
 
     Attributes
     ----------
+    return_watch : ReturnWatch
+        Where a return would lead while the service flies.
     resume : ResumePath or None
         The last resume path; None unless the service is suspended.
     tracks : ModeTracks or None
@@ -46,7 +48,7 @@ class OtherModes:
         self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._announcer, self._reader = parts.announcer, parts.handover.reader
         self._link = parts.handover.protocols.parts.link
-        self._return_watch = ReturnWatch(parts.flight, parts.world_model, self._link, parts.announcer)
+        self.return_watch = ReturnWatch(parts.flight, parts.world_model, self._link, parts.announcer)
         self.resume: ResumePath | None = None
         self.tracks: ModeTracks | None = None
         self._is_called_safe: bool | None = None
@@ -58,7 +60,7 @@ class OtherModes:
         """Predict and check what is flown next, and inform the pilot of changes; twice a second."""
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
-        self._return_watch.look(now)
+        self.return_watch.look(now)
         if ownship is None or state.mode not in SOMEBODY_ELSE or not state.phase.is_airborne:
             self.tracks = self.resume = self._is_called_safe = self._met = None
             return

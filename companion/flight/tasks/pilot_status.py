@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.prediction.return_words import return_in_words
 from companion.flight.tasks.composition import Composition
 from companion.mission.operator import Operator, position_of
 
@@ -37,6 +38,7 @@ class PilotStatus:
         parts, state = self._parts, self._parts.flight.state
         replanning, found = parts.replanning, parts.departure.other_modes.resume
         current, emergency = replanning.handover.reader.current, replanning.emergency
+        watch = parts.departure.other_modes.return_watch
         handback: dict[str, object] = {}
         if found is not None:
             places = np.round(found.positions_enu_m[::4], _DIGITS)
@@ -56,6 +58,11 @@ class PilotStatus:
             "item": None if current is None else current.sequence,
             "num_items": len(state.mission_list.stored),
             "handback": handback,
+            "returns": {
+                "is_safe": watch.is_safe,
+                "text": return_in_words(state),
+                "way_enu_m": np.round(watch.track_enu_m[::8], _DIGITS),
+            },
             "operator_enu_m": self._operator_places(),
         }
 

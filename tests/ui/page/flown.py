@@ -95,7 +95,7 @@ class Told:
             "mode": mode, "autopilot_mode": "AUTO", "is_heard": True, "is_warm": True, "is_armed": True,
             "is_airborne": True, "is_recording": True, "is_in_trouble": False, "emergency": None,
             "goals": [[1900.0, 750.0, 120.0, 60.0]], "next_goal": 0, "item": 3, "num_items": 5,
-            "handback": {}, "operator_enu_m": [],
+            "handback": {}, "operator_enu_m": [], "returns": {},
         }  # fmt: skip
         self.recorder.standing(stamp_s, told | more)
         self.recorder.link(

@@ -607,8 +607,11 @@ def test_three_dimensions_have_what_the_map_has(window, live):
 
     page.until("window.companionPage.page.solid?.isShown")
     page.run("window.companionPage.page.show('threatTree', true)")
-    told.standing(21.0, operator_enu_m=items)
+    told.standing(
+        21.0, operator_enu_m=items, returns={"is_safe": True, "text": "flies straight home", "way_enu_m": way}
+    )
     page.until("window.companionPage.page.store.standing.operator_enu_m.length === 2")
+    assert "RTL here flies straight home. Choosing AUTO" in page.run("return document.body.innerText")
     page.until("window.companionPage.page.map.field && window.companionPage.page.map.reach.lines.length")
     whole = parts()
     for layer in (
@@ -616,6 +619,7 @@ def test_three_dimensions_have_what_the_map_has(window, live):
         "mission",
         "ahead",
         "operator",
+        "returns",
         "tracks",
         "reach",
         "field",

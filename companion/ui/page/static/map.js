@@ -10,6 +10,7 @@ export const LAYERS = [
   ["ahead", "next 30 s and its spread (2σ)", true],
   ["candidate", "last plan, not handed over", true],
   ["operator", "operator's own items", true],
+  ["returns", "return to launch from here", true],
   ["tracks", "moving threats and their radius", true],
   ["reach", "where they can be by then", true],
   ["field", "radar threat at this height", true],
@@ -541,6 +542,10 @@ export class GroundMap {
     }
     if (this.layers.flown) line(this.flownPlaces(), this.ink.flown, 3);
     if (this.layers.ahead) this.drawAhead(context);
+    const home = store.standing?.returns;
+    if (this.layers.returns && home?.way_enu_m?.length) {
+      line(home.way_enu_m, home.is_safe ? this.ink.back : this.ink.goal, 1.5, [8, 4]);
+    }
     const back = store.standing?.handback?.way_enu_m;
     if (back?.length) line(back, store.standing.handback.is_safe ? this.ink.back : this.ink.goal, 3, [3, 6]);
   }
@@ -708,6 +713,7 @@ export class GroundMap {
       },
       candidate: () => stroke(ink.candidate, 2, [9, 4, 1, 4]),
       operator: () => stroke(ink.operator, 1.5, [2, 4]),
+      returns: () => stroke(ink.back, 1.5, [8, 4]),
       tracks: () => {
         context.fillStyle = ink.dynamic;
         square(context, 15, 7, 5);

@@ -162,6 +162,12 @@ export function fears(store) {
   return found.slice(0, 6).map(([, kind, text, small]) => [kind, text, small]);
 }
 
+// What a return to launch does, and whether it keeps clear from here.
+function returnWords({ returns }) {
+  if (!returns?.text) return "";
+  return `RTL here ${returns.text}${returns.is_safe ? "" : ": NOT safe from here"}. `;
+}
+
 // What the pilot can do now.
 export function pilotWords(store) {
   const { standing, world } = store;
@@ -170,7 +176,7 @@ export function pilotWords(store) {
   const auto = store.link?.dialect === "px4" ? "MISSION" : "AUTO";
   switch (standing.mode) {
     case "active":
-      return ["Take over at any time: choose another flight mode.", resumes ? `Choosing ${auto} again hands back.` : "The service then stays back for the rest of the flight."];
+      return ["Take over at any time: choose another flight mode.", returnWords(standing) + (resumes ? `Choosing ${auto} again hands back.` : "The service then stays back for the rest of the flight.")];
     case "suspended": {
       if (!resumes) return ["You fly. The mission file does not let the service take over again.", ""];
       const back = standing.handback;

@@ -148,7 +148,7 @@ export class SolidView {
     this.renew("field", `${look}/${this.field?.height_m}/${layers.field}`, (group) => layers.field && this.makeField(group));
     this.renew("trees", `${look}/${store.version.trees}/${layers.tree}/${layers.threatTree}`, (group) => this.makeTrees(group));
     const { standing, version } = store;
-    const handed = `${layers.operator}/${JSON.stringify(standing?.operator_enu_m)}/${JSON.stringify(standing?.handback?.way_enu_m)}/${standing?.mode}`;
+    const handed = `${layers.operator}/${JSON.stringify(standing?.operator_enu_m)}/${JSON.stringify(standing?.handback?.way_enu_m)}/${layers.returns}/${JSON.stringify(standing?.returns?.way_enu_m)}/${standing?.mode}`;
     this.renew("ways", `${look}/${version.plan}/${layers.mission}/${layers.candidate}/${handed}`, (group) => this.makeWays(group));
     this.renew("goals", `${look}/${version.trees}/${layers.horizon}`, (group) => layers.horizon && this.makeSubGoals(group));
     this.renew("moving", `${look}/${store.now}`, (group) => this.makeMoving(group));
@@ -321,6 +321,10 @@ export class SolidView {
       this.way(group, store.candidateOnly.path.map((row) => row.slice(1, 4)), ink.candidate, { dashed: true });
     }
     if (this.map.layers.operator) this.line(group, store.standing?.operator_enu_m ?? [], ink.operator, { dashed: true });
+    const home = store.standing?.returns;
+    if (this.map.layers.returns && home?.way_enu_m?.length) {
+      this.line(group, home.way_enu_m, home.is_safe ? ink.back : ink.goal, { dashed: true });
+    }
     const back = store.standing?.handback;
     if (back?.way_enu_m?.length) this.way(group, back.way_enu_m, back.is_safe ? ink.back : ink.goal, { dashed: true });
   }
