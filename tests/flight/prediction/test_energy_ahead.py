@@ -28,8 +28,8 @@ SECTION = (
     "energy: {power_cruise_w: 400, power_max_airspeed_w: 943.75, climb_energy_j_m: 100, capacity_wh: 100, "
     "reserve_wh: 10}\n"
 )
-# A path's 25 m/s are true airspeed. At 684 m, the height of these paths, the standard atmosphere has 1.1467 of
-# 1.225 kg/m3 (ISO 2533), so that 24.19 m/s are commanded.
+# A path's 25 m/s are true airspeed. At 684 m, the height of these paths, the standard atmosphere has 1.1467
+# of 1.225 kg/m3 (ISO 2533), so that 24.19 m/s are commanded.
 PATH_WH_S = MODEL.power_w(25.0 * math.sqrt(1.1467 / 1.225)) / 3_600.0
 UNKNOWN = replace(ARDUPLANE, return_kind=None)  # The autopilot's way home is not known.
 
