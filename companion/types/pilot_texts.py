@@ -180,7 +180,8 @@ TEXTS = {
         "Autopilot returns by the checked path",
         "A return to launch, begun by anybody, has joined the return path in the autopilot's list. The "
         "planner does not interfere.",
-        "Watch the return. To end it, leave the mission mode and select it again.",
+        "Watch the return. To end it, leave the mission mode, choose an item of the mission, and select the "
+        "mission mode again.",
     ),
     "return path": PilotText(
         "return", Severity.INFO,

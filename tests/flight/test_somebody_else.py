@@ -117,3 +117,22 @@ def test_after_safe_a_handback_within_ten_seconds_hits_nothing(taken_s):
         back_s + 40.0, both(until_it_hits, switch(taken_s, "LOITER"), switch(back_s, "AUTO"))
     )
     assert not flown.simulator.truth.collision
+
+
+def test_a_return_by_the_checked_path_is_left_alone_until_an_item_of_the_mission_is_chosen():
+    def leaves(harness):
+        autopilot = harness.simulator.autopilot
+        autopilot._set_current(harness.app.state.mission_list.layout.flown_span[0] + 1)
+
+    returns = at(50.0, lambda harness: harness.simulator.autopilot.fail_safe("RTL"))
+    reselected = both(switch(60.0, "LOITER"), switch(62.0, "AUTO"))
+    ended = both(switch(70.0, "LOITER"), both(at(72.0, leaves), switch(74.0, "AUTO")))
+    harness = SitlHarness(VALLEY)
+    harness.simulator.autopilot.parameters["RTL_AUTOLAND"] = 4.0
+    harness.fly(76.0, both(returns, both(reselected, ended)))
+    told = [text for stamp, text in texts(harness, 50.0) if text.startswith(("Auto", "Fail", "Planner"))]
+    assert told == [
+        "Failsafe: autopilot flies RTL. AUTO resumes", "Autopilot returns by the checked path",
+        "Planner flies the mission",
+    ]  # fmt: skip
+    assert harness.changes(after_s=50.0, before_s=74.0) == []

@@ -27,6 +27,7 @@ DEPARTING      autopilot silent    WAITING
 ACTIVE         mission not flown   SUSPENDED
 ACTIVE         goal reached        ARRIVED
 ACTIVE         foreign mission     YIELDED
+ACTIVE         return path flown   YIELDED
 ACTIVE         autopilot silent    LOST
 ACTIVE         landed              STANDBY
 LOST           mission flown       ACTIVE
@@ -35,6 +36,7 @@ LOST           landed              STANDBY
 YIELDED        mission not flown   SUSPENDED
 YIELDED        landed              STANDBY
 SUSPENDED      mission flown       ACTIVE (resume: auto), else SUSPENDED
+SUSPENDED      return path flown   YIELDED
 SUSPENDED      landed              STANDBY
 ARRIVED        landed              STANDBY
 =============  ==================  =============
@@ -72,6 +74,7 @@ class ModeEvent(Enum):
     GOAL_REACHED = "goal reached"
     AUTOPILOT_SILENT = "autopilot silent"
     OTHER_MISSION = "foreign mission"
+    RETURN_FLOWN = "return path flown"
     LANDED = "landed"
 
 
@@ -86,11 +89,13 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
+    (Mode.ACTIVE, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
     (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
     (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.SUSPENDED, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     **{
         (mode, ModeEvent.LANDED): Mode.STANDBY
         for mode in (Mode.ACTIVE, Mode.LOST, Mode.YIELDED, Mode.SUSPENDED, Mode.ARRIVED)

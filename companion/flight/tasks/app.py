@@ -40,6 +40,7 @@ from companion.types.events import (
     HomePosition,
     LandedReported,
     MissionCurrent,
+    Motion,
     StatusText,
     SteeringTarget,
 )
@@ -90,6 +91,7 @@ class App:
         self._is_warm = is_warm
         self._heartbeat_s = -math.inf
         self._boot_s: float | None = None
+        self._awaits_item = False
         self._reported_failure = self._reported_landed = False
         self._planning: asyncio.Task[None] | None = None
         self._changed: MissionConfig | None = None
@@ -196,6 +198,7 @@ class App:
             self._flight.apply(after_home_reported, event)
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
+            self._awaits_item = self._awaits_item and not isinstance(event, MissionCurrent)
             self._follow(self.replanning.handover.reader.position)
             if isinstance(event, StatusText) and self._logged.takes(now):
                 _log.info("autopilot: %s", event.text)
@@ -218,11 +221,17 @@ class App:
         if event.is_contradicted:
             self.change(ModeEvent.MISSION_NOT_FLOWN)
             return
+        was_returning = self.state.motion is Motion.RETURN
         self._flight.apply(after_heartbeat, event)
         self._note_armed(now, is_armed=event.is_armed)
         flown = event.is_mission_mode and event.is_armed
-        self.change(ModeEvent.MISSION_FLOWN if flown else ModeEvent.MISSION_NOT_FLOWN)
-        if flown:
+        # A return to launch may go on by the mission; the next item that is reported says whether it does.
+        self._awaits_item = flown and (was_returning or self._awaits_item)
+        if not flown:
+            self.change(ModeEvent.MISSION_NOT_FLOWN)
+        elif not self._awaits_item:
+            self._follow(self.replanning.handover.reader.position)
+            self.change(ModeEvent.MISSION_FLOWN)
             self._follow(self.replanning.handover.reader.position)
 
     def _note_boot(self, boot_s: float) -> None:
@@ -245,8 +254,10 @@ class App:
         """Leave a mission alone that continues after the goal, or at another station's item."""
         if position is MissionPosition.PAST_GOAL:
             self.change(ModeEvent.GOAL_REACHED)
-        elif position in (MissionPosition.ELSEWHERE, MissionPosition.RETURNING):
+        elif position is MissionPosition.ELSEWHERE:
             self.change(ModeEvent.OTHER_MISSION)
+        elif position is MissionPosition.RETURNING and self.state.motion is Motion.MISSION:
+            self.change(ModeEvent.RETURN_FLOWN)
 
     def change(self, event: ModeEvent) -> None:
         """Apply an event to the table of modes; announce a change of the mode."""

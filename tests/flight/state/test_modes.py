@@ -19,6 +19,7 @@ ROWS = {
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
+    (Mode.ACTIVE, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
     (Mode.ACTIVE, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
@@ -27,6 +28,7 @@ ROWS = {
     (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.YIELDED, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
+    (Mode.SUSPENDED, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.SUSPENDED, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.ARRIVED, ModeEvent.LANDED): Mode.STANDBY,
 }
