@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
 from companion.config.sections.energy_section import EnergyConfig
+from companion.config.sections.glide_section import GlideConfig
 from companion.config.sections.section_base import Section
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
@@ -355,6 +356,8 @@ class Authority(Section):
     keep_return_path: bool = True
     """If true, the service keeps a checked return path in the list of an ArduPlane whose RTL_AUTOLAND is 4.
     A return to launch then joins it, whoever begins the return."""
+    glide: bool = False
+    """If true, the service flies the aircraft to a field of the section `glide` when thrust is missing."""
 
 
 class Takeover(Section):
@@ -423,6 +426,8 @@ class MissionConfig(Section):
     """When the service takes over in the air."""
     energy: EnergyConfig | None = None
     """What flying costs, and what is on board; by default energy is not considered."""
+    glide: GlideConfig | None = None
+    """How far it glides without thrust, and where to; by default no field is sought."""
 
     @property
     def goals_from_autopilot(self) -> bool:
