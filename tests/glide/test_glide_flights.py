@@ -7,7 +7,7 @@ import pytest
 from companion.flight.state.modes import Mode
 from companion.types.mission import Command
 from tests.flight.test_app import at, both
-from tests.glide.glide_flights import GlideHarness, flown, mission_of
+from tests.glide.glide_flights import GlideHarness, flown, judged, mission_of
 from tests.support.sitl_harness import SitlHarness
 
 STOPS_S = 30.0
@@ -108,6 +108,20 @@ def test_a_new_path_names_its_stretches_and_the_pilot_reads_them_once():
     told = [text for _, text in told_of(harness) if text.startswith("No field in glide for ")]
     assert len(told) == len(set(told))
     assert bool(told) is any(entry.why["no_field_s"] for entry in swaps)
+
+
+@pytest.mark.slow
+def test_after_a_handback_the_glide_begins_anew():
+    mission, dialect, _ = mission_of(NUMBERS["ardupilot"])
+    harness = GlideHarness(mission, 1, dialect, STOPS_S)
+    pilot = at(STOPS_S + 12.0, lambda flight: flight.simulator.set_mode("FBWA"))
+    back = at(STOPS_S + 16.0, lambda flight: flight.simulator.set_mode("AUTO"))
+    harness.fly(STOPS_S + 200.0, both(harness.act, pilot, back))
+    swaps = [entry for entry in harness.recorder.decisions if entry.kind == "swap"]
+    swaps = [entry for entry in swaps if entry.text.startswith("glide to")]
+    assert any(entry.stamp_s < STOPS_S + 12.0 for entry in swaps)
+    assert any(entry.stamp_s > STOPS_S + 16.0 for entry in swaps)
+    assert judged(1, mission, dialect, harness).verdict == "at the field"
 
 
 @pytest.mark.slow

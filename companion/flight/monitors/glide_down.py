@@ -113,13 +113,19 @@ class GlideDown:
             return
         if ownship is None:
             return
-        if self._stage is Stage.FINAL and self._choice is not None and self._options is not None:
-            self._choice = from_now(self._options, begin_of(self._options, ownship), self._choice)
-            return
         if self._options is None:
             self._options = state.rules.glide_options(state.home_enu_m, state.rally_points)
         if self._options is not None:
-            self._choose(self._options, state, ownship)
+            self._look_from(self._options, state, ownship)
+
+    def _look_from(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
+        """Choose a place from where the aircraft is; on the final, the place is not changed any more."""
+        if self._stage is not Stage.NONE and state.mode in (Mode.SUSPENDED, Mode.YIELDED):
+            self._stage, self._is_bound = Stage.CHOSEN, False  # After a handback the glide begins anew.
+        if self._stage is Stage.FINAL and self._choice is not None:
+            self._choice = from_now(options, begin_of(options, ownship), self._choice)
+        else:
+            self._choose(options, state, ownship)
 
     def _choose(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
         """Keep the chosen place while it is within reach, else choose another."""
