@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: returns mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: returns glide mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -104,6 +104,9 @@ campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pi
 	$(BIN)/python -m tests.torture losses -n 100
 	$(BIN)/python -m tests.torture kills -n 50
 	$(BIN)/python -m tests.torture pilots -n 50
+
+glide: $(STAMP) ## stop the engine anywhere in N flights over random fields, on both autopilots; prints where they end
+	$(BIN)/python -m tests.glide -n $(N) --jobs $(patsubst logical,1,$(JOBS))
 
 mutants: warm ## change the program at 360 random places drawn by SEED: do the tests notice 9 of 10? FLAGS=--again for survivors
 	$(BIN)/python -m tests.mutants --seed $(SEED) $(FLAGS)

@@ -93,7 +93,13 @@ def check(
 ) -> None:
     """Validate a mission file, and print a summary of it."""
     from companion.config import load_mission, require_goals
-    from companion.config.mission_summary import energy_table, mission_budget, mission_summary, summary_table
+    from companion.config.mission_summary import (
+        energy_table,
+        mission_budget,
+        mission_coverage,
+        mission_summary,
+        summary_table,
+    )
 
     if plot is not None:
         from companion.config.compose import world_of
@@ -109,6 +115,8 @@ def check(
             console.print(summary_table(config))
             if (budget := mission_budget(config)) is not None:
                 console.print(energy_table(config, budget))
+            if (coverage := mission_coverage(config)) is not None:
+                console.print(f"glide, straight legs: {coverage.words}")
     if plot is not None:
         require_goals(config, str(mission))
         with _writing(plot, "--plot"):
@@ -143,7 +151,7 @@ def plan(
         time_limit_s=time_limit, get_ready=lambda: make_ready_with_bar(Console(stderr=True)),
     )  # fmt: skip
     if json_file is not None:
-        write_json(json_file, [result_of(entry) for entry in plans])
+        write_json(json_file, [result_of(entry, config) for entry in plans])
     if json_file is None or str(json_file) != "-":
         console.print(results_table(config.name, config.dimension, plans))
     if plot is not None:

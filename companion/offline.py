@@ -69,7 +69,7 @@ class Planned:
     @property
     def measures(self) -> Mapping[str, object]:
         """Measures of the paper's tables by name, as in ``companion plan --json``."""
-        told = result_of(self.answer)
+        told = result_of(self.answer, self.mission)
         del told["path"]
         return told
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
+from companion.config.sections.glide_section import FieldConfig
 from companion.config.source import KeyPath
 from companion.planning.comparators import METHODS
 from companion.world.vehicle.energy import level_power_range
@@ -32,6 +33,7 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _weather(config)
     yield from _takeover(config)
     yield from _energy(config)
+    yield from _glide(config)
 
 
 def _energy(config: MissionConfig) -> Iterator[Finding]:
@@ -54,6 +56,34 @@ def _energy(config: MissionConfig) -> Iterator[Finding]:
         )
     if energy.reserve_wh > energy.capacity_wh:
         yield ("energy", "reserve_wh"), f"at most capacity_wh, {energy.capacity_wh:g}"
+
+
+def _glide(config: MissionConfig) -> Iterator[Finding]:
+    glide, vehicle = config.glide, config.vehicle
+    if glide is None:
+        if config.authority.glide:
+            yield ("authority", "glide"), "a section glide as well: it says where to glide to"
+        return
+    low, cruise = vehicle.airspeed_min_m_s, vehicle.airspeed_cruise_m_s
+    if not low <= glide.airspeed_m_s <= cruise:
+        expected = f"between airspeed_min_m_s and airspeed_cruise_m_s, {low:g} to {cruise:g}"
+        yield ("glide", "airspeed_m_s"), expected
+    if config.simulation.wind_speed_m_s >= glide.airspeed_m_s:
+        yield ("glide", "airspeed_m_s"), f"above the wind, {config.simulation.wind_speed_m_s:g}"
+    areas = []
+    for index, area in enumerate(glide.people):
+        fault = _polygon_fault(area.polygon_enu_m)
+        if fault is not None:
+            yield ("glide", "people", index, "polygon_enu_m"), fault
+        else:
+            areas.append((area.name, shapely.Polygon(area.polygon_enu_m)))
+    for index, place in enumerate(glide.fields):
+        for name, polygon in areas:
+            if polygon.covers(shapely.Point(place.east_m, place.north_m)):
+                yield ("glide", "fields", index), f"a point outside of people, {name!r}"
+        for obstacle in config.obstacles:
+            if _is_inside(place, obstacle):
+                yield ("glide", "fields", index), f"a point outside the obstacle {obstacle.name!r}"
 
 
 def _takeover(config: MissionConfig) -> Iterator[Finding]:
@@ -141,11 +171,19 @@ def _names(config: MissionConfig) -> Iterator[Finding]:
         "obstacles": [entry.name for entry in config.obstacles],
     }
     for kind, names in kinds.items():
-        firsts: dict[str, int] = {}
-        for index, name in enumerate(names):
-            first = firsts.setdefault(name, index)
-            if first < index:
-                yield (kind, index, "name"), f"a name of its own; {kind}.{first} has this one"
+        yield from _names_apart((kind,), names)
+    if config.glide is not None:
+        yield from _names_apart(("glide", "fields"), [entry.name for entry in config.glide.fields])
+        yield from _names_apart(("glide", "people"), [entry.name for entry in config.glide.people])
+
+
+def _names_apart(path: KeyPath, names: Sequence[str]) -> Iterator[Finding]:
+    firsts: dict[str, int] = {}
+    for index, name in enumerate(names):
+        first = firsts.setdefault(name, index)
+        if first < index:
+            where = ".".join(map(str, path))
+            yield (*path, index, "name"), f"a name of its own; {where}.{first} has this one"
 
 
 def _obstacles(config: MissionConfig) -> Iterator[Finding]:
@@ -195,7 +233,7 @@ def _points_in_obstacles(config: MissionConfig) -> Iterator[Finding]:
                 yield path, f"a point outside the obstacle {obstacle.name!r}"
 
 
-def _is_inside(place: Start | Goal, obstacle: ObstacleConfig) -> bool:
+def _is_inside(place: Start | Goal | FieldConfig, obstacle: ObstacleConfig) -> bool:
     if not obstacle.base_m <= place.up_m <= obstacle.top_m:
         return False
     polygon = shapely.Polygon(obstacle.polygon_enu_m)

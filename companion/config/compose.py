@@ -9,14 +9,17 @@ from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
 from companion.mission.energy_budget import EnergyBudget, budget_of
+from companion.mission.glide.landing_choice import LandingPlace, Place
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
 from companion.world.snapshot import Snapshot, first_snapshot
 from companion.world.vehicle.energy import PowerModel
+from companion.world.vehicle.glide import GlideModel
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 ALTITUDE_TOLERANCE_M = 20.0
+HOME_RADIUS_M = 60.0  # Home and rally points name no radius in which to come down.
 
 
 def vehicle_of(mission: MissionConfig) -> VehicleModel:
@@ -88,6 +91,48 @@ def energy_budget_of(
         on_board_wh=float(energy.capacity_wh) if on_board_wh is None else on_board_wh,
         reserve_wh=float(energy.reserve_wh),
     )
+
+
+def glide_model_of(mission: MissionConfig) -> GlideModel | None:
+    """Return the model of the glide; None if the mission file has no section ``glide``.
+
+    The turns have the bank of the tightest turn at cruise.
+    """
+    glide, vehicle = mission.glide, mission.vehicle
+    if glide is None:
+        return None
+    share = float(glide.airspeed_m_s / vehicle.airspeed_cruise_m_s)
+    return GlideModel(
+        float(glide.ratio), float(glide.airspeed_m_s), float(vehicle.turn_radius_min_m) * share**2
+    )
+
+
+def landing_places_of(
+    mission: MissionConfig, home_enu_m: Place | None = None, rally_points_enu_m: tuple[Place, ...] = ()
+) -> tuple[LandingPlace, ...]:
+    """Return the places to come down: the mission file's fields, home, and the rally points.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file, with a section ``glide``.
+    home_enu_m : tuple of float, optional
+        Home; by default the start's place at the origin's height [m].
+    rally_points_enu_m : tuple of tuple of float
+        Rally points, at flying height; their ground counts as home's [m].
+    """
+    fields = () if mission.glide is None else mission.glide.fields
+    places = [
+        LandingPlace(
+            entry.name, (float(entry.east_m), float(entry.north_m), float(entry.up_m)), float(entry.radius_m)
+        )
+        for entry in fields
+    ]
+    home = home_enu_m or (float(mission.start.east_m), float(mission.start.north_m), 0.0)
+    places.append(LandingPlace("home", home, HOME_RADIUS_M))
+    for number, (east, north, _) in enumerate(rally_points_enu_m, 1):
+        places.append(LandingPlace(f"rally {number}", (east, north, home[2]), HOME_RADIUS_M))
+    return tuple(places)
 
 
 def planner_settings_of(mission: MissionConfig, method: str | None = None) -> PlannerSettings:

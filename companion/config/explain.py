@@ -115,16 +115,26 @@ def _nearest(path: KeyPath, model: type[BaseModel]) -> str:
     known = dict(_sections(model))
     section = ".".join(part for part in path[:-1] if isinstance(part, str))
     wanted = str(path[-1])
-    score, near, place = max(
-        (_similarity(wanted, key) + (_SAME_SECTION_BONUS if name == section else 0.0), key, name)
-        for name, keys in known.items()
-        for key in keys
-    )
+    score, near, place = _most_similar(wanted, section, known)
     if score < _SIMILARITY_MIN:
         return "one of " + ", ".join(known.get(section, []))
     unit = unit_of(near)
     described = near if unit is None else f"{near} ({unit})"
     return described if place == section else f"{described}, in {place or 'the file itself'}"
+
+
+def _most_similar(wanted: str, section: str, known: dict[str, list[str]]) -> tuple[float, str, str]:
+    """Return similarity, name and section of the key that is meant.
+
+    That is a key of the same section, if any is similar enough; the file itself holds keys of all kinds.
+    """
+    rated = [
+        (_similarity(wanted, key) + (_SAME_SECTION_BONUS if name == section else 0.0), key, name)
+        for name, keys in known.items()
+        for key in keys
+    ]
+    own = [entry for entry in rated if section and entry[2] == section and entry[0] >= _SIMILARITY_MIN]
+    return max(own or rated)
 
 
 def _similarity(wanted: str, key: str) -> float:

@@ -9,8 +9,11 @@ from rich.text import Text
 
 from companion.config import MissionConfig
 from companion.config.compose import energy_budget_of, goals_of, wind_of
+from companion.config.rules import rules_of
 from companion.mission.energy_budget import EnergyBudget
+from companion.mission.glide.glide_coverage import Coverage, coverage_of_legs, coverage_of_path
 from companion.plain_text import printable
+from companion.types.path import Path
 
 
 def mission_summary(mission: MissionConfig) -> dict[str, object]:
@@ -52,13 +55,41 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             for threat in mission.dynamic_threats
         ],
     }
-    budget = mission_budget(mission)
-    return summary if budget is None else summary | {"energy": _energy_document(mission, budget)}
+    budget, coverage = mission_budget(mission), mission_coverage(mission)
+    if budget is not None:
+        summary["energy"] = _energy_document(mission, budget)
+    if coverage is not None:
+        summary["glide"] = coverage.document()
+    return summary
 
 
 def mission_budget(mission: MissionConfig) -> EnergyBudget | None:
     """Return the budget of the mission file's goals; None without goals or without a section ``energy``."""
     return None if mission.goals_from_autopilot else energy_budget_of(mission, goals_of(mission))
+
+
+def mission_coverage(mission: MissionConfig, path: Path | None = None) -> Coverage | None:
+    """Return the fields within glide along the straight legs to the goals, or along a path.
+
+    The result is None without goals or without a section ``glide``. The wind is the mission file's, and home
+    is the start's place.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    path : Path, optional
+        A planned path.
+    """
+    options = rules_of(mission).glide_options()
+    if options is None or (path is None and mission.goals_from_autopilot):
+        return None
+    if path is not None:
+        return coverage_of_path(options, path, wind_of(mission))
+    start = mission.start
+    places = [(start.east_m, start.north_m, start.up_m)]
+    places += [(goal.east_m, goal.north_m, goal.up_m) for goal in mission.goals]
+    return coverage_of_legs(options, places, mission.vehicle.airspeed_cruise_m_s, wind_of(mission))
 
 
 def _energy_document(mission: MissionConfig, budget: EnergyBudget) -> dict[str, object]:

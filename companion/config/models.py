@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
 from companion.config.sections.energy_section import EnergyConfig
+from companion.config.sections.glide_section import GlideConfig
 from companion.config.sections.section_base import Section
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
@@ -358,6 +359,8 @@ class Authority(Section):
     turn_back: bool = False
     """If true, the service commands return to launch when all that the battery holds beyond `reserve_wh` is
     needed for the way home, and that way is clear. This needs a section `energy`."""
+    glide: bool = False
+    """If true, the service flies the aircraft to a field of the section `glide` when thrust is missing."""
 
 
 class Takeover(Section):
@@ -426,6 +429,8 @@ class MissionConfig(Section):
     """When the service takes over in the air."""
     energy: EnergyConfig | None = None
     """What flying costs, and what is on board; by default energy is not considered."""
+    glide: GlideConfig | None = None
+    """How far it glides without thrust, and where to; by default no field is sought."""
 
     @property
     def goals_from_autopilot(self) -> bool:

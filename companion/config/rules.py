@@ -5,10 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from companion.assurance.checker import Checker
 from companion.assurance.exposure import Exposure
-from companion.config.compose import check_limits_of, exposure_of, goals_of, planner_settings_of, vehicle_of
+from companion.config.compose import (
+    check_limits_of,
+    exposure_of,
+    glide_model_of,
+    goals_of,
+    landing_places_of,
+    planner_settings_of,
+    vehicle_of,
+)
 from companion.config.models import MissionConfig
+from companion.mission.glide.landing_choice import GlideOptions, Place
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
 from companion.types.state import AutopilotSettings
@@ -67,6 +78,26 @@ class Rules:
     def time_horizon_s(self) -> float:
         """Longest time between two plans [s]."""
         return float(self.mission.planning.time_horizon_s)
+
+    def glide_options(
+        self, home_enu_m: Place | None = None, rally_points_enu_m: tuple[Place, ...] = ()
+    ) -> GlideOptions | None:
+        """Return what a choice of fields depends on; None if the mission file has no section ``glide``.
+
+        Parameters
+        ----------
+        home_enu_m : tuple of float, optional
+            Home; by default the start's place at the origin's height [m].
+        rally_points_enu_m : tuple of tuple of float
+            Rally points, at flying height [m].
+        """
+        model, glide = glide_model_of(self.mission), self.mission.glide
+        if model is None or glide is None:
+            return None
+        people = tuple(np.array(area.polygon_enu_m, dtype=np.float64) for area in glide.people)
+        places = landing_places_of(self.mission, home_enu_m, rally_points_enu_m)
+        ground = 0.0 if home_enu_m is None else home_enu_m[2]
+        return GlideOptions(model, places, people, self.obstacles, self.checker, ground)
 
 
 def rules_of(

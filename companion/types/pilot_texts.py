@@ -224,6 +224,32 @@ TEXTS = {
         "time is that to the height of home at the present sink.",
         "Fly to a place where the aircraft can land, or restart the engine.",
     ),
+    "glide": PilotText(
+        "engine", Severity.CRITICAL,
+        "NO THRUST: glide to {field}, {away} km left, {spare} m spare",
+        "Thrust is missing, and this field of the mission file, home or rally point is within glide; spare "
+        "is the height left over it. With `authority.glide` the planner flies there.",
+        "Without `authority.glide`, fly to the field. Otherwise watch, and take over to land.",
+    ),
+    "no field": PilotText(
+        "engine", Severity.CRITICAL,
+        "NO THRUST: no field in glide, {where}",
+        "Thrust is missing, and no field is within glide. With `authority.glide` the planner flies to open "
+        "ground away from obstacles and people.",
+        "Choose a place to come down.",
+    ),
+    "final": PilotText(
+        "engine", Severity.CRITICAL,
+        "NO THRUST: final to {field}",
+        "The glide straight to the field needs all of the height: the autopilot was sent to the landing.",
+        "Take over to flare, if the autopilot does not.",
+    ),
+    "no field ahead": PilotText(
+        "engine", Severity.WARNING,
+        "No field in glide for {seconds} s from {time}",
+        "A new path has stretches from which no field is within glide; the first begins in that time.",
+        "Fly higher, or name more fields in the mission file.",
+    ),
     "thrust": PilotText(
         "engine", Severity.NOTICE,
         "Thrust again",
@@ -437,7 +463,7 @@ SUBJECTS = {
     "failsafe": "mode", "returning": "mode", "arrived": "mode",
     "return path": "return", "return unsafe": "return", "return safe": "return",
     "meets": "ahead", "meets nothing": "ahead",
-    "no thrust": "engine", "thrust": "engine",
+    "no thrust": "engine", "thrust": "engine", "glide": "glide", "no field": "glide", "final": "glide",
     "battery turn": "battery", "battery return": "battery", "battery blocked": "battery",
     "handback safe": "handback", "handback unsafe": "handback",
     "flood": "flood", "calm": "flood", "fences": "fences", "bad fence": "fences",

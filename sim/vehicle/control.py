@@ -205,8 +205,12 @@ class Flight:
         limits.climb_m_s, limits.sink_m_s = parameters["TECS_CLMB_MAX"], parameters["TECS_SINK_MAX"]
         limits.pitch_max_rad = math.radians(parameters["PTCH_LIM_MAX_DEG"])
         limits.pitch_min_rad = math.radians(parameters["PTCH_LIM_MIN_DEG"])
+        limits.airspeed_min_m_s = parameters["AIRSPEED_MIN"]
         height = self.target_height_m()
-        output.pitch_rad, output.throttle = self.energy.update(estimate, height, self.airspeed_m_s)
+        output.pitch_rad, output.throttle = self.energy.update(
+            estimate, height, self.airspeed_m_s, has_thrust=self.has_thrust,
+            descends=steering.height_m < estimate.up_m,
+        )  # fmt: skip
         output.bearing_rad = self.lateral.bearing_rad
         output.cross_track_m = self.lateral.cross_track_m
         output.height_error_m = height - estimate.up_m

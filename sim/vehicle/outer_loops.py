@@ -113,17 +113,26 @@ def bank_for(acceleration_m_s2: float, limit_rad: float) -> float:
 
 @dataclass(slots=True)
 class EnergyLimits:
-    """Greatest climb and sink rate [m/s], acceleration [m/s²], pitch [rad]."""
+    """Greatest climb and sink rate [m/s], acceleration [m/s²], pitch [rad], lowest airspeed [m/s]."""
 
     climb_m_s: float = 7.0
     sink_m_s: float = 7.0
     acceleration_m_s2: float = 1.0
     pitch_max_rad: float = math.radians(20.0)
     pitch_min_rad: float = math.radians(-20.0)
+    airspeed_min_m_s: float = 12.0
+
+
+# ArduPlane's TECS counts as underspeed an airspeed below this share of AIRSPEED_MIN, with this throttle.
+UNDERSPEED_SHARE, THROTTLE_OPEN = 0.9, 0.95
 
 
 class EnergyControl:
     """Total energy by throttle, its split into height and speed by pitch.
+
+    Without thrust, pitch alone keeps an airspeed, as in ArduPlane's TECS (``AP_TECS``, its speed weight then
+    is 2): the lowest one while the aircraft is too slow at full throttle and too low, the commanded one in
+    descents.
 
     Parameters
     ----------
@@ -147,9 +156,21 @@ class EnergyControl:
         self._speed_m_s: float | None = None
         self._pitch_integral = 0.0
         self._throttle_integral = 0.0
+        self._is_underspeed = False
 
-    def update(self, estimate: Estimate, height_m: float, airspeed_m_s: float) -> tuple[float, float]:
-        """Pitch [rad] and throttle for a height [m] and an equivalent airspeed [m/s]."""
+    def update(
+        self,
+        estimate: Estimate,
+        height_m: float,
+        airspeed_m_s: float,
+        *,
+        has_thrust: bool = True,
+        descends: bool = False,
+    ) -> tuple[float, float]:
+        """Pitch [rad] and throttle for a height [m] and an equivalent airspeed [m/s].
+
+        ``descends`` says whether what is flown to lies below; it matters without thrust only.
+        """
         limits, airframe, period = self.limits, self._airframe, self._period_s
         climb = self._climb_demand(estimate, height_m)
         # The pitot's noise is not to shake the throttle.
@@ -169,12 +190,33 @@ class EnergyControl:
         gamma -= 0.06 * slow
         acceleration += slow
         throttle = self._throttle(estimate, gamma, acceleration, (available, lift, speed_error, true_speed))
+        if not has_thrust:
+            self._note_underspeed(estimate, throttle)
+            if self._is_underspeed or descends:
+                gamma = self._glide_angle(estimate, airspeed_m_s)
         error = gamma - estimate.velocity_up_m_s / true_speed
         integral = self._pitch_integral + 0.25 * error * period
         self._pitch_integral = max(-0.12, min(0.12, integral))
         pitch = min(airframe.angle_of_attack_rad(lift), 0.19) * math.cos(estimate.bank_rad)
         pitch += gamma + 0.4 * error + self._pitch_integral
         return max(limits.pitch_min_rad, min(limits.pitch_max_rad, pitch)), throttle
+
+    def _note_underspeed(self, estimate: Estimate, throttle: float) -> None:
+        """Note whether the aircraft is too slow at full throttle; it stays so until the height is reached."""
+        is_slow = estimate.airspeed_m_s < UNDERSPEED_SHARE * self.limits.airspeed_min_m_s
+        is_below = estimate.up_m < self._height_m
+        self._is_underspeed = (is_slow and throttle >= THROTTLE_OPEN) or (self._is_underspeed and is_below)
+
+    def _glide_angle(self, estimate: Estimate, airspeed_m_s: float) -> float:
+        """Flight path angle [rad] that keeps an airspeed without thrust: in underspeed the lowest one."""
+        limits, airframe = self.limits, self._airframe
+        wanted = limits.airspeed_min_m_s if self._is_underspeed else airspeed_m_s
+        speed = estimate.airspeed_m_s if self._speed_m_s is None else self._speed_m_s
+        acceleration = (wanted - speed) / self._SPEED_TIME_S
+        acceleration = max(-limits.acceleration_m_s2, min(limits.acceleration_m_s2, acceleration))
+        lift = airframe.lift_coefficient(max(speed, 8.0), load_factor(estimate.bank_rad))
+        drag = airframe.drag_n(speed, lift) / (airframe.mass_kg * GRAVITY_M_S2)
+        return -drag - acceleration / GRAVITY_M_S2
 
     def _climb_demand(self, estimate: Estimate, height_m: float) -> float:
         """Climb rate [m/s] that follows the demanded height, moved no faster than the limits."""

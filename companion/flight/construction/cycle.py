@@ -21,6 +21,7 @@ from companion.flight.state.decision import (
     Verdict,
     covered_min_s,
     covered_s,
+    field_facts,
     gain_of,
     judge,
 )
@@ -239,7 +240,7 @@ def _emergency_mission(
         return EmergencyConclusion(step, reason, response.options, None)
     part = mission_part(route.waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s)
     constructed = ConstructedMission(
-        route.path, route.waypoints, part, route.covered_until_s, start, Verdict.EMERGENCY, step.value, {},
-        cost,
+        route.path, route.waypoints, part, route.covered_until_s, start, Verdict.EMERGENCY, step.value,
+        field_facts(state, route.path), cost,
     )  # fmt: skip
     return EmergencyConclusion(step, reason, response.options, constructed)

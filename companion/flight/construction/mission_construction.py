@@ -91,6 +91,9 @@ class ConstructedMission:
         The numbers behind the reason.
     cost : float
         The path's objective.
+    enters_at : int or None
+        The item of the part at which the mission is entered, wherever the aircraft is; None for a waypoint
+        with a clear way to it.
     """
 
     path: Path
@@ -102,6 +105,7 @@ class ConstructedMission:
     text: str
     why: Mapping[str, object]
     cost: float
+    enters_at: int | None = None
 
 
 class Candidate(NamedTuple):

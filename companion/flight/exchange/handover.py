@@ -79,6 +79,43 @@ class Handover:
         self._observer = observer
         self._offered: Mission | None = None
         self._exchanging: asyncio.Task[tuple[SwapOutcome, str]] | None = None
+        self._is_reserved = False
+
+    def reserve(self, *, is_reserved: bool) -> None:
+        """Hand over no planned mission while the aircraft glides down, and end the exchange of one."""
+        if is_reserved and not self._is_reserved:
+            self.break_off()
+        self._is_reserved = is_reserved
+
+    async def glide(self, constructed: ConstructedMission) -> tuple[bool, str]:
+        """Hand over a mission to a field at once, whatever is reserved; nothing is announced.
+
+        Returns whether it is flown, and the result in words.
+        """
+        begun_s = self._clock.now_s()
+        outcome, reason = await self.swap(constructed, 0.0, 0, is_urgent=True)
+        self._note_exchange(constructed, outcome, reason, begun_s)
+        is_flown = outcome is SwapOutcome.FLOWN
+        if is_flown:
+            self._announcer.flown(constructed.waypoints.positions_enu_m, constructed.text)
+        return is_flown, f"{outcome.value}, {reason}"
+
+    async def fly_item(self, number: int) -> str:
+        """Make an item of the flown mission current; return why the autopilot refuses, '' if it does not.
+
+        Parameters
+        ----------
+        number : int
+            Number of the item, counted from the mission's first.
+        """
+        flown = self._flight.state.flown
+        if flown is None:
+            return "no mission of the service is flown"
+        try:
+            await self._link.set_current(flown.mission.entry + number)
+        except CompanionError as error:
+            return str(error)
+        return ""
 
     def is_settled(self) -> bool:
         """Return whether the flown mission is known; learn it from the autopilot if an answer was lost.
@@ -146,13 +183,8 @@ class Handover:
         outcome, reason = await self._unless_withdrawn(
             self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
         )
-        self._observer.exchanged(outcome)
-        now, mission, places = self._clock.now_s(), self._offered, constructed.waypoints.positions_enu_m
-        if mission is not None:
-            self._recorder.swap(
-                now,
-                SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
-            )
+        self._note_exchange(constructed, outcome, reason, begun_s)
+        now, places = self._clock.now_s(), constructed.waypoints.positions_enu_m
         facts = {"occasion": occasion, **constructed.why}
         if outcome is not SwapOutcome.FLOWN:
             self._announcer.count_rejected()
@@ -167,7 +199,20 @@ class Handover:
             self._announcer.news.of(state, constructed.path, before, now) if is_acting else ("", "", "")
         )
         self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, time=time)
+        self._announcer.tell_of_fields(constructed.why)
         return outcome
+
+    def _note_exchange(
+        self, constructed: ConstructedMission, outcome: SwapOutcome, reason: str, begun_s: float
+    ) -> None:
+        """Count and record an exchange."""
+        self._observer.exchanged(outcome)
+        now, mission, places = self._clock.now_s(), self._offered, constructed.waypoints.positions_enu_m
+        if mission is not None:
+            self._recorder.swap(
+                now,
+                SwapRecord(outcome.value, reason, begun_s, now, mission.plan_number, mission.items, places),
+            )
 
     async def swap(
         self, constructed: ConstructedMission, enter_s: float, plan_number: int, *, is_urgent: bool = False
@@ -210,7 +255,8 @@ class Handover:
         self, exchange: Coroutine[object, object, tuple[SwapOutcome, str]]
     ) -> tuple[SwapOutcome, str]:
         """Carry out an exchange; :meth:`break_off` cancels it."""
-        if not self._flight.state.may_write:  # The pilot may have taken over since the plan was made.
+        # The pilot may have taken over, or the thrust be gone, since the plan was made.
+        if not self._flight.state.may_write or self._is_reserved:
             exchange.close()
             return WITHDRAWN
         self._exchanging = asyncio.create_task(exchange)

@@ -44,6 +44,8 @@ class SwapOrder:
         When the aircraft reaches the start of the path, by the clock [s].
     is_urgent : bool
         Whether the mission is entered earlier, as soon as a safe entry exists.
+    enters_at : int or None
+        Same as in ``ConstructedMission``.
     """
 
     flown: FlownPath
@@ -52,6 +54,7 @@ class SwapOrder:
     identity: int
     enter_s: float
     is_urgent: bool = False
+    enters_at: int | None = None
 
     def pending(self, asked_s: float, identity: int) -> PendingSwap:
         """Return the pending swap once the entry is requested."""
@@ -90,7 +93,10 @@ def order_for(
         layout = replace(layout, flown=items)
     mission, after = layout.with_new(items, plan_number)
     flown = FlownPath(constructed.path, mission, constructed.covered_until_s, cost=constructed.cost)
-    return SwapOrder(flown, constructed.waypoints, after, mission_id(mission.items), enter_s, is_urgent)
+    return SwapOrder(
+        flown, constructed.waypoints, after, mission_id(mission.items), enter_s, is_urgent,
+        constructed.enters_at,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +131,7 @@ class SwapParts:
     def may_be_entered(self, order: SwapOrder) -> bool:
         """Return whether a mission can be entered; while the pilot flies, it is only kept ready."""
         ownship, state = self.state(), self.flight.state
-        if ownship is None or not state.may_act:
+        if ownship is None or not state.may_act or order.enters_at is not None:
             return True
         return may_be_entered(state, ownship, order.flown.path, order.waypoints)
 
@@ -191,6 +197,8 @@ class Entry:
         """Return the sequence of the entry; None if there is none, or the chosen one is no longer safe."""
         self.asked_s = now_s = self._parts.clock.now_s()
         ownship, order = self._parts.state(), self._order
+        if order.enters_at is not None:
+            return order.flown.mission.entry + order.enters_at
         if ownship is None:
             return None
         # A repeated call comes before the last message: what is left to be sent may be sent at once.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 
@@ -14,6 +15,7 @@ from companion.recording.recorder import Recorder
 from companion.types.pilot_texts import PilotMessage, pilot_message
 from companion.types.record import UploadedMission
 
+SAME_STRETCH_S = 10.0  # A stretch without a field that changes by less is not told again.
 REPEAT_S = 30.0  # A text is not repeated within this time, unless another about its subject was sent.
 
 
@@ -44,6 +46,7 @@ class Announcer:
         self._recorder = recorder
         self._clock = clock
         self._sent: dict[str, tuple[str, float]] = {}
+        self._stretch = -math.inf, 0
 
     def decide(
         self,
@@ -93,6 +96,26 @@ class Announcer:
         """Return whether a text differs from the last one about its subject, or that one is old."""
         text, sent_s = self._sent.get(message.subject, ("", 0.0))
         return text != message.text or now_s - sent_s >= REPEAT_S
+
+    def tell_of_fields(self, why: Mapping[str, object]) -> None:
+        """Inform the pilot of a stretch of a new path without a field, unless the last text named it.
+
+        Parameters
+        ----------
+        why : mapping
+            The numbers behind the path.
+        """
+        seconds, stretches = why.get("no_field_s"), why.get("no_field_stretches_s")
+        if not isinstance(seconds, int) or not isinstance(stretches, tuple) or not stretches:
+            return
+        after_s = int(stretches[0][0])
+        begin_s, (told_s, told_seconds) = self._clock.now_s() + after_s, self._stretch
+        if abs(begin_s - told_s) <= SAME_STRETCH_S and abs(seconds - told_seconds) <= SAME_STRETCH_S:
+            return
+        self._stretch = begin_s, seconds
+        words = f"{after_s // 60}:{after_s % 60:02d}"
+        text = f"no field within glide for {seconds} s, first from {words}"
+        self.decide(DecisionKind.ENGINE, text, tell="no field ahead", seconds=seconds, time=words)
 
     def flown(self, positions_enu_m: FloatArray, reason: str, latency_ms: float | None = None) -> None:
         """Note for the report that a mission is flown.

@@ -47,6 +47,11 @@ class PerformanceWatch:
         self._since_s = self._thrust_s = -math.inf
         self._announced = ""
         self.has_thrust = True
+        self._is_gliding = False
+
+    def note_glide(self, *, is_gliding: bool) -> None:
+        """Note whether the aircraft glides to a field, for which no path is followed exactly."""
+        self._is_gliding = is_gliding
 
     def observe(self, event: Event) -> None:
         """Take an event of the aircraft."""
@@ -72,7 +77,8 @@ class PerformanceWatch:
             return False
         had_thrust = self.has_thrust
         self._look_at_thrust(state, ownship, now_s)
-        deviation, words = _deviation(state, ownship) if state.mode is Mode.ACTIVE else ("", "")
+        is_judged = state.mode is Mode.ACTIVE and not self._is_gliding
+        deviation, words = _deviation(state, ownship) if is_judged else ("", "")
         if deviation != self._deviation:
             self._deviation, self._since_s = deviation, now_s
         is_new = deviation != self._announced and (not deviation or now_s - self._since_s >= LASTS_S)

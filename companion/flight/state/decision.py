@@ -16,6 +16,7 @@ from functools import cached_property
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
+from companion.mission.glide.glide_coverage import coverage_of_path
 from companion.types.path import Path
 from companion.types.plan import Plan
 
@@ -275,6 +276,23 @@ _RULES: tuple[Callable[[_Case, _Facts], _Answer], ...] = (
 )
 
 
+def field_facts(state: FlightState, path: Path) -> dict[str, object]:
+    """Return for how many seconds of a path no field is within glide, and the stretches [s].
+
+    Parameters
+    ----------
+    state : FlightState
+        The rules, home, rally points and the wind.
+    path : Path
+        The path.
+    """
+    options = state.rules.glide_options(state.home_enu_m, state.rally_points)
+    if options is None:
+        return {}
+    found = coverage_of_path(options, path, state.wind_enu_m_s)
+    return {"no_field_s": found.without_s, "no_field_stretches_s": found.stretches}
+
+
 def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
     """Judge whether a plan replaces the flown one.
 
@@ -302,5 +320,7 @@ def judge(state: FlightState, plan: Plan, start: Start) -> SwapDecision:
         answer = rule(case, why)
         if answer is not None:
             is_flyable = answer[0] is Verdict.REJECTED and keeps_hard_constraints(case.violations)
+            if answer[0].is_swap:
+                why |= field_facts(state, case.path)
             return SwapDecision(*answer, why, case.holds_flown, is_flyable)
     raise AssertionError("the table's last row always answers")

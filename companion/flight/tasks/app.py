@@ -341,6 +341,7 @@ class App:
         """Plan whenever a plan is due, while the aircraft is left to the service, or will be."""
         while True:
             self._begin_round()
+            await self._departure.glide.carry_out()
             if self._may_plan() and self.mode is Mode.ACTIVE:
                 event = await self.replanning.plan()
                 if event is not None:
@@ -352,7 +353,7 @@ class App:
                 await self._clock.sleep_until(self.replanning.next_look_s())
                 self._begin_round()
                 await self._keep_up_list()
-                is_due = self.replanning.is_due()
+                is_due = self.replanning.is_due() or self._departure.glide.is_commanded
                 if not is_due and self._may_plan() and not self.replanning.freshness.is_blind:
                     is_due = await self.replanning.unless_surprised(self._way_home.keep_up())
             await self._way_home.stop()
@@ -374,6 +375,7 @@ class App:
     def _may_plan(self) -> bool:
         """Return whether plans can be made, and are wanted."""
         is_wanted = self._is_warm and self._parameters.is_replanning
+        is_wanted = is_wanted and not self._departure.glide.is_commanded
         return is_wanted and self.world_model.ownship.state(self._clock.now_s()) is not None
 
     async def _housekeeping(self) -> None:
@@ -395,6 +397,7 @@ class App:
         """Predict what is flown while somebody else flies, twice a second."""
         while True:
             self._departure.other_modes.look()
+            self._departure.glide.look()
             await self._clock.sleep_until(self._clock.now_s() + OTHER_MODES_S)
 
     async def _watch_energy(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from companion.flight.messages.operator_summary import operator_summary_of
+from companion.flight.monitors.glide_down import GlideDown
 from companion.flight.prediction.return_words import return_in_words
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
@@ -34,6 +35,8 @@ class Departure:
     ----------
     other_modes : OtherModes
         Informs the pilot, while somebody else flies, of what lies ahead.
+    glide : GlideDown
+        Leads the aircraft to a field when thrust is missing.
     """
 
     def __init__(self, parts: ReplanningParts) -> None:
@@ -41,6 +44,9 @@ class Departure:
         self._announcer, self._rally_points = parts.announcer, parts.rally_points
         self._reader, self._protocols = parts.handover.reader, parts.handover.protocols
         self.other_modes = OtherModes(parts)
+        self.glide = GlideDown(
+            parts.flight, parts.world_model, parts.handover, parts.announcer, parts.performance, parts.clock
+        )
         self._read_s = -math.inf
         self._began_s: float | None = None
         self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None

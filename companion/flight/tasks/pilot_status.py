@@ -43,7 +43,9 @@ class PilotStatus:
         if found is not None:
             places = np.round(found.positions_enu_m[::4], _DIGITS)
             handback = {"is_safe": found.is_safe, "text": found.text, "way_enu_m": places}
+        gliding = parts.departure.glide.status()
         return {
+            **({"glide": gliding} if gliding else {}),
             "mode": state.mode.name.lower(),
             "autopilot_mode": state.autopilot_mode,
             "is_heard": is_received,

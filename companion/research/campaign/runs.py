@@ -12,6 +12,7 @@ from rich.table import Table
 
 from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
+from companion.config.mission_summary import mission_coverage
 from companion.errors import ConfigError
 from companion.frames import direction_from_course
 from companion.kernels.native.ready import make_ready
@@ -90,10 +91,15 @@ def plan_runs(
     return snapshot, plans
 
 
-def result_of(plan: Plan) -> dict[str, object]:
-    """One object of ``plan --json``: the measures of the paper's tables, and the path."""
+def result_of(plan: Plan, mission: MissionConfig | None = None) -> dict[str, object]:
+    """One object of ``plan --json``: the measures of the paper's tables, and the path.
+
+    With a mission that has a section ``glide``, it also names the fields within glide along the path.
+    """
     m = plan.measures
-    return {
+    coverage = None if mission is None or plan.path is None else mission_coverage(mission, plan.path)
+    glide = {} if coverage is None else {"glide": coverage.document()}
+    return glide | {
         "seed": plan.seed,
         "method": plan.method,
         "success": plan.reaches_goal,

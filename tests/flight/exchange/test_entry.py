@@ -189,7 +189,7 @@ def test_an_entry_once_chosen_is_only_confirmed():
         link=SimpleNamespace(round_trip_s=0.1),
     )  # fmt: skip
     flown = SimpleNamespace(path=path, mission=Mission(items, 0, 1))
-    entry = Entry(parts, SimpleNamespace(flown=flown, waypoints=places), 1.5)
+    entry = Entry(parts, SimpleNamespace(flown=flown, waypoints=places, enters_at=None), 1.5)
     assert entry.sequence() == 0
     assert entry.sequence() == 0
     places_now["state"] = at(45.0)
@@ -213,7 +213,8 @@ def test_over_a_slow_line_an_entry_is_judged_for_when_it_takes_effect(round_trip
         link=SimpleNamespace(round_trip_s=round_trip_s),
     )  # fmt: skip
     flown = SimpleNamespace(path=straight(), mission=Mission(items, 0, 1))
-    order = SimpleNamespace(flown=flown, waypoints=placed((40, 150, 100), (60, 700, 100)))
+    places = placed((40, 150, 100), (60, 700, 100))
+    order = SimpleNamespace(flown=flown, waypoints=places, enters_at=None)
     assert (Entry(parts, order).sequence() is not None) == is_entered
 
 
@@ -302,3 +303,10 @@ def test_out_of_a_fast_circle_over_to_the_right_and_back_to_the_left_before_a_wa
     for name in ("ROLL_RATE_FACTOR", "PERIOD_FACTOR"):
         monkeypatch.setattr(entry, name, 1.0)
     assert entry_of(made, state, from_there(state), places) == 0
+
+
+def test_a_mission_to_a_field_is_entered_at_its_item_wherever_the_aircraft_is():
+    """The engine has stopped: no way into the mission is looked for, and none would be found behind it."""
+    parts = SimpleNamespace(clock=ManualClock(), state=lambda: None)
+    order = SimpleNamespace(flown=SimpleNamespace(mission=Mission((), 7, 0)), enters_at=1)
+    assert Entry(parts, order).sequence() == 8

@@ -1,0 +1,118 @@
+"""How a glide to a field goes on: where it begins, whether the field is kept, when the final is due."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from companion.mission.glide.landing_choice import (
+    RESERVE_M,
+    Begin,
+    GlideOptions,
+    LandingChoice,
+    best_field,
+    choice_for,
+    open_ground,
+)
+from companion.tracking.ownship import predicted
+from companion.types.state import Ownship
+from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, glide_to
+
+# The final begins when the height that would be left over the field is less than this, and so much for each
+# second of the glide to it: air that rises or sinks may change the rate of sink by so much.
+FINAL_M, FINAL_M_S = 1.0, 0.25
+# A final that would leave more than this goes back towards the circle, unless the field is nearer than so
+# many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
+HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
+# A final whose turn is not clear waits for another place on the circle, until so much height is missing.
+WAITS_M = -12.0
+THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
+BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.
+KEPT_M = -5.0  # A field is given up for another if the model says that so much height is missing.
+ENERGY_LOST_MAX_M = 20.0  # A slow aircraft gives up at most this height for airspeed.
+KEPT_MARGIN_M = 12.0  # A glide that comes nearer to an obstacle is given up for another.
+
+
+def begin_of(options: GlideOptions, ownship: Ownship, ahead_s: float = 0.0) -> Begin:
+    """Return where the glide begins: the height is less for an aircraft slower than the glide.
+
+    Parameters
+    ----------
+    options : GlideOptions
+        The glide.
+    ownship : Ownship
+        The aircraft.
+    ahead_s : float
+        After this time the glide begins [s].
+    """
+    ownship = predicted(ownship, ahead_s)
+    wind, (east, north, up) = ownship.wind_enu_m_s, ownship.position_enu_m
+    air_east, air_north = (own - air for own, air in zip(ownship.velocity_m_s, wind, strict=True))
+    lacking = max(options.model.airspeed_m_s**2 - ownship.airspeed_m_s**2, 0.0) / (2.0 * GRAVITY_M_S2)
+    height = up - min(lacking, ENERGY_LOST_MAX_M)
+    return Begin((east, north, height), math.atan2(air_east, air_north), wind)
+
+
+def best_place(options: GlideOptions, begin: Begin, kept: LandingChoice | None) -> LandingChoice | None:
+    """Return the chosen place while it is within reach, else another; the chosen one if there is no other."""
+    if kept is None:
+        return best_field(options, begin) or open_ground(options, begin)
+    is_lost = not is_kept(options, kept)
+    if kept.place not in options.places:  # A field is better than open ground, if it can be reached for sure.
+        found = best_field(options, begin)
+        if found is not None and found.spare_m >= RESERVE_M:
+            return found
+        return (open_ground(options, begin) if is_lost else None) or kept
+    if not is_lost:
+        return kept
+    found = choice_for(options, begin, kept.place) or best_field(options, begin)
+    return found or open_ground(options, begin) or kept
+
+
+def is_kept(options: GlideOptions, choice: LandingChoice) -> bool:
+    """Return whether a chosen place is still within reach, on a way that is clear."""
+    centre, radius = choice.approach
+    away = min(choice.away_m, math.dist(choice.direct.begin_enu_m[:2], centre[:2]))
+    return away < THERE_RADII * radius or (
+        choice.spare_m >= KEPT_M and is_clear_now(options, choice, choice.to_circle)
+    )
+
+
+def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> bool:
+    """Return whether a glide from where the aircraft is now is clear."""
+    return options.is_clear(glide.track(choice.place.position_enu_m[2]), KEPT_MARGIN_M)
+
+
+def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
+    """Return whether the aircraft on its final is too high, and far enough for another turn that is clear."""
+    is_above = choice.spare_m > HIGH_M + HIGH_M_S * choice.direct.duration_s
+    is_above = is_above and abs(choice.direct.turned_rad) < POINTED_RAD
+    is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
+    return is_above and is_far and is_clear_now(options, choice, choice.to_circle)
+
+
+def is_past(choice: LandingChoice) -> bool:
+    """Return whether the field lies behind the aircraft, which is high enough to turn back to it."""
+    (east, north, up), (to_east, to_north, ground) = choice.direct.begin_enu_m, choice.place.position_enu_m
+    heading = choice.direct.heading_rad
+    ahead = (to_east - east) * math.sin(heading) + (to_north - north) * math.cos(heading)
+    return ahead < 0.0 and up - ground > BACK_MIN_M
+
+
+def final_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
+    """Return whether the glide straight to the field needs all of the height, and is clear."""
+    if choice.spare_m > FINAL_M + FINAL_M_S * choice.direct.duration_s:
+        return False
+    return choice.spare_m < WAITS_M or is_clear_now(options, choice, choice.direct)
+
+
+def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:
+    """Return a choice from where the aircraft is now, its circle unchanged."""
+    glides = [
+        glide_to(options.model, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
+        for place in (choice.place.position_enu_m, choice.approach.centre_enu_m)
+    ]
+    direct, to_circle = glides
+    if direct is None:  # The field lies within the circle of a turn: what was last known is lost from here.
+        direct = replace(choice.direct, begin_enu_m=begin.position_enu_m, heading_rad=begin.heading_rad)
+    return choice._replace(direct=direct, to_circle=to_circle or choice.to_circle)
