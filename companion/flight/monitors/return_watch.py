@@ -6,14 +6,16 @@ import math
 
 import numpy as np
 
+from companion.assurance.violation import Violation
 from companion.flight.messages.announcer import Announcer
 from companion.flight.prediction.return_path import return_tracks, violations_of
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import StateOwner
+from companion.flight.state.flight_state import FlightState, StateOwner
 from companion.flight.state.modes import Mode
 from companion.flight.state.world_model import WorldModel
 from companion.frames import FloatArray
 from companion.link.missions.autopilot_link import AutopilotLink
+from companion.types.state import Ownship
 
 LOOK_S = 2.0  # Period of the judgement.
 LASTS_S = 8.0  # Another result is announced after this time.
@@ -63,9 +65,7 @@ class ReturnWatch:
         if now_s < self._next_s:
             return
         self._next_s = now_s + LOOK_S
-        tracks = return_tracks(state, ownship, self._link.current) or []
-        self.track_enu_m = tracks[0] if tracks else NO_TRACK
-        near = [entry for entry in violations_of(state, tracks) if entry.rule == "clearance"]
+        near = self._violations(state, ownship)
         if bool(near) is self._was_safe:
             self._was_safe, self._since_s = not near, now_s
         if self._was_safe is self.is_safe or now_s - self._since_s < LASTS_S:
@@ -77,3 +77,9 @@ class ReturnWatch:
             what = near[0].in_short
             text = f"RTL from here is NOT safe: {near[0].detail} {near[0].value:.0f}"
             self._announcer.decide(DecisionKind.RETURN, text, tell="return unsafe", what=what)
+
+    def _violations(self, state: FlightState, ownship: Ownship) -> list[Violation]:
+        """Predict a return from here, and return where it comes too near to something."""
+        tracks = return_tracks(state, ownship, self._link.current) or []
+        self.track_enu_m = tracks[0] if tracks else NO_TRACK
+        return [entry for entry in violations_of(state, tracks) if entry.rule == "clearance"]
