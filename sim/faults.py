@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -38,6 +39,8 @@ class LinkFaults:
         Fixed delay, and the largest random addition to it; with jitter frames overtake each other.
     mission_nack, command_nack : int
         Verdict put in the place of ACCEPTED in MISSION_ACK and COMMAND_ACK; 0 leaves them alone.
+    bytes_per_s : float
+        Rate of a serial line, on which each frame waits for those before it: a tenth of its baud rate.
     """
 
     loss: float = 0.0
@@ -47,6 +50,7 @@ class LinkFaults:
     jitter_s: float = 0.0
     mission_nack: int = 0
     command_nack: int = 0
+    bytes_per_s: float = math.inf
 
 
 class FaultKind(Enum):
@@ -172,6 +176,7 @@ class _Pipe:
         self._generator = generator
         self._waiting: list[tuple[float, int, bytes]] = []
         self._order = itertools.count()
+        self._free_s = -math.inf
 
     def put(self, now_s: float, data: bytes, faults: LinkFaults) -> None:
         for frame in frames_in(data):
@@ -184,7 +189,8 @@ class _Pipe:
         if corrupt < faults.corruption:
             index = int(place * len(data))
             data = data[:index] + bytes([data[index] ^ 0x55]) + data[index + 1 :]
-        due_s = now_s + faults.delay_s + jitter * faults.jitter_s
+        self._free_s = max(self._free_s, now_s) + len(data) / faults.bytes_per_s
+        due_s = self._free_s + faults.delay_s + jitter * faults.jitter_s
         for _ in range(2 if double < faults.duplication else 1):
             heapq.heappush(self._waiting, (due_s, next(self._order), data))
 

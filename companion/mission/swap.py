@@ -23,7 +23,7 @@ class MissionLink(Protocol):
         """Overwrite a part of an ArduPlane's list."""
         ...
 
-    async def read_back(self) -> tuple[MissionItem, ...]:
+    async def read_back(self, *, num_left_out: int = 0) -> tuple[MissionItem, ...]:
         """Read an ArduPlane's list."""
         ...
 

@@ -89,9 +89,9 @@ class ScriptedLink:
         self.stored = (*self.stored[:first], *items, *self.stored[first + len(items) :])
         self._call("write")
 
-    async def read_back(self):
+    async def read_back(self, *, num_left_out=0):
         self._call("read_back")
-        return self.alter(self.stored)
+        return self.alter(self.stored[: len(self.stored) - num_left_out])
 
     async def set_current(self, sequence, is_ahead=None):
         self._call("set_current")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.faults import FaultyLink, LinkFaults
 from sim.simulator import Simulator
@@ -36,6 +37,20 @@ def test_corrupted_and_doubled_bytes_do_no_harm(faults):
     client.upload(ITEMS)
     client.step(10.0)
     assert client.simulator.autopilot.mode == "AUTO"
+
+
+def test_on_a_serial_line_each_frame_waits_for_those_before_it():
+    """A heartbeat has 21 bytes; at 2,100 bytes a second each takes 10 ms."""
+    link = FaultyLink(Simulator(plain_mission(), seed=1), LinkFaults(bytes_per_s=2100.0), seed=1)
+    sender = mavlink.MAVLink(None)
+    frames = [mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(sender) for _ in range(3)]
+    assert {len(frame) for frame in frames} == {21}
+    arrived = []
+    link.simulator.receive = lambda _: arrived.append(round(link.now_s, 3))
+    link.receive(b"".join(frames))
+    for _ in range(4):
+        link.step(0.01)
+    assert arrived == [0.01, 0.02, 0.03]
 
 
 def test_a_delay_is_kept():

@@ -44,7 +44,7 @@ class ReturnExchange:
     """
 
     def __init__(self, parts: SwapParts) -> None:
-        self._is_stopped = False
+        self._is_stopped = self._is_reading = False
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
 
     async def store(self, bank: tuple[MissionItem, ...]) -> str:
@@ -64,9 +64,10 @@ class ReturnExchange:
         finally:
             self._flight.apply_to_list(after_swap_ended, self._clock.now_s())
 
-    def stop(self) -> None:
-        """End the exchange that is under way before its next part."""
+    def stop(self) -> bool:
+        """End the exchange that is under way before its next part; return whether it may be cancelled."""
         self._is_stopped = True
+        return self._is_reading
 
     async def _store(self, bank: tuple[MissionItem, ...]) -> str:
         if not self._layout().returns:
@@ -78,7 +79,11 @@ class ReturnExchange:
             if self._is_stopped:
                 return STOPPED
             await self._write(index, offset, items)
-        read = await self._link.read_back(gives_way=True)
+        self._is_reading = True
+        try:
+            read = await self._link.read_back(gives_way=True)
+        finally:
+            self._is_reading = False
         if len(read) != len(self._flight.listed.stored):
             self._flight.apply_to_list(after_suspicion, f"{len(read)} items")
             return f"{len(read)} items instead of {len(self._flight.listed.stored)}"

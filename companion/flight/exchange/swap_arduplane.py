@@ -59,11 +59,12 @@ class ArduPlaneSwap(SwapProtocol):
         if not self._parts.may_be_entered(order):
             return NO_SAFE_ENTRY
         if begun_s - flight.listed.read_s > FRESH_S:
+            left_out = flight.listed.num_returns
             try:
-                read = await self._parts.read()
+                read = await self._parts.read(left_out)
             except CompanionError as error:
                 return SwapOutcome.REFUSED, str(error)
-            if not flight.listed.is_as_left(read):
+            if not flight.listed.is_as_left(read, left_out):
                 flight.apply_to_list(after_suspicion, "another list")
                 return SwapOutcome.FOREIGN, "somebody else has uploaded a mission"
         part = _part_to_write(flight.listed, mission, slice(first, end))
@@ -121,10 +122,8 @@ async def store(
     except LinkError as error:
         reason = str(error)  # The last acknowledgement may be lost: reading back decides what is stored.
     try:
-        read = await link.read_back()
-        kept = len(mission.items) - num_returns
-        is_as_long = len(read) == len(mission.items)
-        differs = difference(mission.items[:kept], read[:kept] if is_as_long else read)
+        read = await link.read_back(num_left_out=num_returns)
+        differs = difference(mission.items[: len(mission.items) - num_returns], read)
     except LinkError as error:
         return SwapOutcome.REFUSED, "; ".join(filter(None, (reason, str(error))))
     if not differs:

@@ -155,11 +155,17 @@ class SwapParts:
             await self.clock.sleep_until(min(due_s, now_s + LOOK_INTERVAL_S))
         self.flight.apply_to_list(after_waiting, -math.inf)
 
-    async def read(self) -> tuple[MissionItem, ...]:
-        """Read the autopilot's list, by the faster method if it is known to be an ArduPlane's."""
+    async def read(self, num_left_out: int = 0) -> tuple[MissionItem, ...]:
+        """Read the autopilot's list, by the faster method if it is known to be an ArduPlane's.
+
+        Parameters
+        ----------
+        num_left_out : int
+            Number of items at the end of an ArduPlane's list that are not read.
+        """
         is_bank = isinstance(self.flight.listed.layout, TwoBankLayout)
-        read = await (self.link.read_back() if is_bank else self.link.download())
-        self.flight.apply_to_list(after_reading, self.clock.now_s(), len(read))
+        read = await (self.link.read_back(num_left_out=num_left_out) if is_bank else self.link.download())
+        self.flight.apply_to_list(after_reading, self.clock.now_s(), len(read) + num_left_out)
         return read
 
 

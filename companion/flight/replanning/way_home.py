@@ -95,10 +95,10 @@ class WayHome:
         storing = self._storing
         if storing is None or storing.done():
             return
-        self._exchange.stop()
-        alarm = asyncio.create_task(self._parts.clock.sleep_until(self._parts.clock.now_s() + STOP_S))
-        await asyncio.wait({storing, alarm}, return_when=asyncio.FIRST_COMPLETED)
-        alarm.cancel()
+        if not self._exchange.stop():
+            alarm = asyncio.create_task(self._parts.clock.sleep_until(self._parts.clock.now_s() + STOP_S))
+            await asyncio.wait({storing, alarm}, return_when=asyncio.FIRST_COMPLETED)
+            alarm.cancel()
         self.break_off()
         with contextlib.suppress(asyncio.CancelledError):
             await storing

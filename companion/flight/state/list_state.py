@@ -194,14 +194,30 @@ class ListState:
         is_past = tail[0] <= current.sequence < tail[1]
         return MissionPosition.PAST_GOAL if is_past else MissionPosition.ELSEWHERE
 
-    def is_as_left(self, read: tuple[MissionItem, ...]) -> bool:
-        """Return whether a list is as the service left it; after a broken upload, in the parts that count."""
+    @property
+    def num_returns(self) -> int:
+        """Number of items of return banks at the end of the list as stored; no mission leads there."""
+        layout = self.layout
+        has_returns = layout is not None and not self.is_mixed and len(self.stored) == layout.num_items
+        return len(self.stored) - layout.return_span[0] if layout is not None and has_returns else 0
+
+    def is_as_left(self, read: tuple[MissionItem, ...], num_left_out: int = 0) -> bool:
+        """Return whether a list is as the service left it; after a broken upload, in the parts that count.
+
+        Parameters
+        ----------
+        read : tuple of MissionItem
+            The list as read.
+        num_left_out : int
+            Number of items at its end that were not read.
+        """
         layout = self.layout
         if layout is None:
             return False
         if not self.is_mixed:
-            kept = layout.return_span[0] if len(self.stored) == layout.num_items else len(self.stored)
-            return len(read) == len(self.stored) and not difference(self.stored[:kept], read[:kept])
+            kept = len(self.stored) - self.num_returns
+            is_as_long = len(read) + num_left_out == len(self.stored)
+            return is_as_long and not difference(self.stored[:kept], read[:kept])
         first, end = layout.flown_span
         kept = len(self.operator.items) if self.operator is not None else 0
         is_whole = not difference(self.stored[:kept], read[:kept])

@@ -208,13 +208,15 @@ class AutopilotLink:
             await self._run_transfer(upload, frame_of, "upload")
             return upload.opaque_id
 
-    async def read_back(self, *, gives_way: bool = False) -> tuple[MissionItem, ...]:
+    async def read_back(self, *, gives_way: bool = False, num_left_out: int = 0) -> tuple[MissionItem, ...]:
         """Read an ArduPlane's mission, several items at a time; item 0 is the home item.
 
         Parameters
         ----------
         gives_way : bool
             Whether the transfer is abandoned if another one is to begin.
+        num_left_out : int
+            Number of items at the end of the list that are not read.
 
         Raises
         ------
@@ -222,11 +224,13 @@ class AutopilotLink:
             If it could not be read completely.
         """
         async with self._exchange(gives_way=gives_way):
-            return await self._read_list("download", _WINDOW, MissionType.MISSION)
+            return await self._read_list("download", _WINDOW, MissionType.MISSION, num_left_out)
 
-    async def _read_list(self, operation: str, window: int, kind: MissionType) -> tuple[MissionItem, ...]:
+    async def _read_list(
+        self, operation: str, window: int, kind: MissionType, num_left_out: int = 0
+    ) -> tuple[MissionItem, ...]:
         """Read one of the autopilot's lists, requesting ``window`` items at once."""
-        reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind)
+        reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind, num_left_out)
 
         def frame_of(number: int) -> bytes:
             return self._codec.mission_request(None if number == OPENING else number, kind)

@@ -197,6 +197,8 @@ class MissionDownload:
         Number of items requested at once.
     mission_type : int
         MAV_MISSION_TYPE of the list.
+    num_left_out : int
+        Number of items at the end of the list that are not read.
 
     Attributes
     ----------
@@ -207,12 +209,18 @@ class MissionDownload:
     """
 
     def __init__(
-        self, round_trip: RoundTrip, now_s: float, window: int, mission_type: int = MissionType.MISSION
+        self,
+        round_trip: RoundTrip,
+        now_s: float,
+        window: int,
+        mission_type: int = MissionType.MISSION,
+        num_left_out: int = 0,
     ) -> None:
         self.failure: str | None = None
         self.mission_type = mission_type
         self._round_trip = round_trip
         self._window = window
+        self._num_left_out = num_left_out
         self._heard_s = now_s
         self._count: int | None = None
         self._due_s = now_s
@@ -266,8 +274,8 @@ class MissionDownload:
         """Take the length of the autopilot's list."""
         if self.failure is not None or count.mission_type != self.mission_type or self._count is not None:
             return
-        self._count, self._heard_s = count.count, now_s
-        if count.count == 0:
+        self._count, self._heard_s = max(count.count - self._num_left_out, 0), now_s
+        if self._count == 0:
             self.failure = ""
 
     def note_item(self, reply: MissionItemReceived, now_s: float) -> None:

@@ -131,11 +131,11 @@ class ReplayLink(AutopilotLink):
         self._items = (*stored[:first], *items, *stored[first + len(items) :])
         self.uploads.append((self._clock.now_s(), tuple(as_sent(item) for item in items)))
 
-    async def read_back(self, *, gives_way: bool = False) -> Items:
+    async def read_back(self, *, gives_way: bool = False, num_left_out: int = 0) -> Items:
         """Read the list that was written; after the divergence from the model."""
         if not self.has_diverged:
             with self._unless_diverged():
-                return await super().read_back(gives_way=gives_way)
+                return await super().read_back(gives_way=gives_way, num_left_out=num_left_out)
         await self._wait_for_transfer(len(self._stored()))
         return self._stored()
 

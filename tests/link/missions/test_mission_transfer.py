@@ -319,6 +319,23 @@ def test_of_a_reading_the_first_length_of_the_own_list_counts():
     assert reading.items == ITEMS[:2]
 
 
+def test_a_reading_leaves_out_the_end_of_the_list():
+    reading = MissionDownload(RoundTrip(), 0.0, 6, num_left_out=3)
+    reading.due(0.0)
+    reading.note_count(MissionCount(5, 0), 0.1)
+    assert reading.due(0.2) == [0, 1]
+    for number in range(2):
+        reading.note_item(MissionItemReceived(ITEMS[number], 0), 0.3)
+    assert (reading.failure, reading.items) == ("", ITEMS[:2])
+
+
+def test_a_reading_of_a_list_that_is_shorter_than_what_is_left_out_is_empty():
+    reading = MissionDownload(RoundTrip(), 0.0, 6, num_left_out=3)
+    reading.due(0.0)
+    reading.note_count(MissionCount(2, 0), 0.1)
+    assert (reading.failure, reading.items) == ("", ())
+
+
 def test_a_reading_that_was_given_up_stays_given_up():
     reading = MissionDownload(RoundTrip(), 0.0, 6)
     reading.abandon()
