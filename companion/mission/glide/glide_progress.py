@@ -24,8 +24,7 @@ FINAL_M, FINAL_M_S = 1.0, 0.25
 # A final that would leave more than this goes back towards the circle, unless the field is nearer than so
 # many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
 HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
-# A final whose turn is not clear waits for another place on the circle, until so much height is missing.
-WAITS_M = -12.0
+CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
 THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
 BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.
 KEPT_M = -5.0  # A field is given up for another if the model says that so much height is missing.
@@ -85,7 +84,7 @@ def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> 
 
 def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
     """Return whether the aircraft on its final is too high, and far enough for another turn that is clear."""
-    is_above = choice.spare_m > HIGH_M + HIGH_M_S * choice.direct.duration_s
+    is_above = choice.spare_m > HIGH_M + HIGH_M_S * min(choice.direct.duration_s, CORRECTED_S)
     is_above = is_above and abs(choice.direct.turned_rad) < POINTED_RAD
     is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
     return is_above and is_far and is_clear_now(options, choice, choice.to_circle)
@@ -100,10 +99,12 @@ def is_past(choice: LandingChoice) -> bool:
 
 
 def final_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
-    """Return whether the glide straight to the field needs all of the height, and is clear."""
-    if choice.spare_m > FINAL_M + FINAL_M_S * choice.direct.duration_s:
-        return False
-    return choice.spare_m < WAITS_M or is_clear_now(options, choice, choice.direct)
+    """Return whether the glide straight to the field needs all of the height, and is clear.
+
+    A final whose turn is not clear waits for another place on the circle.
+    """
+    is_below = choice.spare_m <= FINAL_M + FINAL_M_S * min(choice.direct.duration_s, CORRECTED_S)
+    return is_below and is_clear_now(options, choice, choice.direct)
 
 
 def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:
