@@ -41,6 +41,7 @@ from companion.mission.glide.landing_choice import GlideOptions, LandingChoice
 from companion.types.state import Ownship
 
 BACK_S = 6.0  # An aircraft past its field is turned back to it no more often than this.
+OTHERS_MIN = 4  # Another place is taken when it was found so many times in a row, twice a second.
 AGAIN_S = 1.0  # After a failed exchange, the next is tried after this time.
 LEAD_S = 2.5  # A mission is entered about this long after the place was chosen.
 
@@ -83,6 +84,7 @@ class GlideDown:
         self._choice: LandingChoice | None = None
         self._stage, self._is_bound = Stage.NONE, False
         self._next_s = self._turned_s = -math.inf
+        self._num_others = 0
 
     @property
     def is_commanded(self) -> bool:
@@ -133,11 +135,17 @@ class GlideDown:
         begin = begin_of(options, ownship, 0.0 if is_flown else LEAD_S)
         kept = None if before is None else from_now(options, begin, before)
         if not self._is_bound:
-            kept = best_place(options, begin, kept)
+            kept = self._unless_hasty(best_place(options, begin, kept), kept)
         self._take(kept, options, ownship)
         if self.is_commanded and state.mode is Mode.ACTIVE:
             self._handover.reserve(is_reserved=True)
             self._performance.note_glide(is_gliding=True)
+
+    def _unless_hasty(self, found: LandingChoice | None, kept: LandingChoice | None) -> LandingChoice | None:
+        """Return another place only if it was found several times in a row: a turn is not flown exactly."""
+        is_other = self._stage is Stage.FLOWN and _place(found) != _place(kept)
+        self._num_others = self._num_others + 1 if is_other else 0
+        return kept if 0 < self._num_others < OTHERS_MIN else found
 
     def _take(self, choice: LandingChoice | None, options: GlideOptions, ownship: Ownship) -> None:
         """Take a choice; inform the pilot of another place, and hand another circle over."""
