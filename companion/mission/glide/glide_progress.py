@@ -25,6 +25,7 @@ FINAL_M, FINAL_M_S = 1.0, 0.25
 # many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
 HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
 CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
+BOUND_RADII = 6.0  # Nearer than so many radii of the circle, a final is flown to its end.
 THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
 BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.
 KEPT_M = -5.0  # A field is given up for another if the model says that so much height is missing.
@@ -52,11 +53,13 @@ def begin_of(options: GlideOptions, ownship: Ownship, ahead_s: float = 0.0) -> B
     return Begin((east, north, height), math.atan2(air_east, air_north), wind)
 
 
-def best_place(options: GlideOptions, begin: Begin, kept: LandingChoice | None) -> LandingChoice | None:
+def best_place(
+    options: GlideOptions, begin: Begin, kept: LandingChoice | None, *, on_final: bool = False
+) -> LandingChoice | None:
     """Return the chosen place while it is within reach, else another; the chosen one if there is no other."""
     if kept is None:
         return best_field(options, begin) or open_ground(options, begin)
-    is_lost = not is_kept(options, kept)
+    is_lost = not is_kept(options, kept, on_final=on_final)
     if kept.place not in options.places:  # A field is better than open ground, if it can be reached for sure.
         found = best_field(options, begin)
         if found is not None and found.spare_m >= RESERVE_M:
@@ -68,12 +71,18 @@ def best_place(options: GlideOptions, begin: Begin, kept: LandingChoice | None) 
     return found or open_ground(options, begin) or kept
 
 
-def is_kept(options: GlideOptions, choice: LandingChoice) -> bool:
+def is_near(choice: LandingChoice) -> bool:
+    """Return whether the field is so near that a final to it is flown to its end."""
+    return choice.away_m < BOUND_RADII * choice.approach.radius_m
+
+
+def is_kept(options: GlideOptions, choice: LandingChoice, *, on_final: bool = False) -> bool:
     """Return whether a chosen place is still within reach, on a way that is clear."""
     centre, radius = choice.approach
     away = min(choice.away_m, math.dist(choice.direct.begin_enu_m[:2], centre[:2]))
     return away < THERE_RADII * radius or (
-        choice.spare_m >= KEPT_M and is_clear_now(options, choice, choice.to_circle)
+        choice.spare_m >= KEPT_M
+        and is_clear_now(options, choice, choice.direct if on_final else choice.to_circle)
     )
 
 
