@@ -24,7 +24,7 @@ FIELD_CLEAR_M = 120.0  # Fields lie at least this far from obstacles.
 PEOPLE_SIDE_M = 250.0
 BESIDE_MAX_M = 50.0  # A touchdown counts at the field up to this far beside it.
 FIRST_S, LAST_SHARE = 25.0, 0.9  # The engine stops after this time, and before this share of the flight.
-DOWN_MAX_S = 400.0  # An aircraft without thrust is down after this time.
+DOWN_MAX_S = 700.0  # An aircraft without thrust is down after this time, from 600 m as well.
 
 
 @dataclass

@@ -35,12 +35,14 @@ from companion.mission.glide.glide_progress import (
     circle_is_due,
     final_is_due,
     from_now,
+    is_near,
     is_past,
 )
 from companion.mission.glide.landing_choice import GlideOptions, LandingChoice
 from companion.types.state import Ownship
 
 BACK_S = 6.0  # An aircraft past its field is turned back to it no more often than this.
+OTHERS_MIN = 4  # Another place is taken when it was found so many times in a row, twice a second.
 AGAIN_S = 1.0  # After a failed exchange, the next is tried after this time.
 LEAD_S = 2.5  # A mission is entered about this long after the place was chosen.
 
@@ -83,6 +85,7 @@ class GlideDown:
         self._choice: LandingChoice | None = None
         self._stage, self._is_bound = Stage.NONE, False
         self._next_s = self._turned_s = -math.inf
+        self._num_others = 0
 
     @property
     def is_commanded(self) -> bool:
@@ -119,25 +122,32 @@ class GlideDown:
             self._look_from(self._options, state, ownship)
 
     def _look_from(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
-        """Choose a place from where the aircraft is; on the final, the place is not changed any more."""
+        """Choose a place from where the aircraft is; on a near final, the place is not changed."""
         if self._stage is not Stage.NONE and state.mode in (Mode.SUSPENDED, Mode.YIELDED):
             self._stage, self._is_bound = Stage.CHOSEN, False  # After a handback the glide begins anew.
-        if self._stage is Stage.FINAL and self._choice is not None:
-            self._choice = from_now(options, begin_of(options, ownship), self._choice)
-        else:
-            self._choose(options, state, ownship)
+        if self._stage is Stage.FINAL and self._choice is not None and is_near(self._choice):
+            self._is_bound = True
+        self._choose(options, state, ownship)
 
     def _choose(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
         """Keep the chosen place while it is within reach, else choose another."""
-        before, is_flown = self._choice, self._stage is Stage.FLOWN
+        before, is_flown = self._choice, self._stage in (Stage.FLOWN, Stage.FINAL)
         begin = begin_of(options, ownship, 0.0 if is_flown else LEAD_S)
         kept = None if before is None else from_now(options, begin, before)
         if not self._is_bound:
-            kept = best_place(options, begin, kept)
+            is_final = self._stage is Stage.FINAL
+            kept = self._unless_hasty(best_place(options, begin, kept, on_final=is_final), kept)
         self._take(kept, options, ownship)
         if self.is_commanded and state.mode is Mode.ACTIVE:
             self._handover.reserve(is_reserved=True)
             self._performance.note_glide(is_gliding=True)
+
+    def _unless_hasty(self, found: LandingChoice | None, kept: LandingChoice | None) -> LandingChoice | None:
+        """Return another place only if it was found several times in a row: a turn is not flown exactly."""
+        is_flown = self._stage in (Stage.FLOWN, Stage.FINAL)
+        is_other = is_flown and _place(found) != _place(kept)
+        self._num_others = self._num_others + 1 if is_other else 0
+        return kept if 0 < self._num_others < OTHERS_MIN else found
 
     def _take(self, choice: LandingChoice | None, options: GlideOptions, ownship: Ownship) -> None:
         """Take a choice; inform the pilot of another place, and hand another circle over."""
@@ -231,7 +241,7 @@ class GlideDown:
             self._announcer.decide(DecisionKind.REJECTED, f"item {item} of the glide to {name}: {error}")
             self._next_s = self._clock.now_s() + AGAIN_S
             return
-        self._stage, self._is_bound = stage, True
+        self._stage, self._is_bound = stage, self._is_bound or is_near(choice)
         words = "final" if stage is Stage.FINAL else "too high, circle before the final"
         text = f"{words} to {name}, {choice.away_m:.0f} m away, {choice.spare_m:.0f} m spare"
         tell = "final" if stage is Stage.FINAL else ""

@@ -24,8 +24,8 @@ FINAL_M, FINAL_M_S = 1.0, 0.25
 # A final that would leave more than this goes back towards the circle, unless the field is nearer than so
 # many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
 HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
-# A final whose turn is not clear waits for another place on the circle, until so much height is missing.
-WAITS_M = -12.0
+CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
+BOUND_RADII = 6.0  # Nearer than so many radii of the circle, a final is flown to its end.
 THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
 BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.
 KEPT_M = -5.0  # A field is given up for another if the model says that so much height is missing.
@@ -53,11 +53,13 @@ def begin_of(options: GlideOptions, ownship: Ownship, ahead_s: float = 0.0) -> B
     return Begin((east, north, height), math.atan2(air_east, air_north), wind)
 
 
-def best_place(options: GlideOptions, begin: Begin, kept: LandingChoice | None) -> LandingChoice | None:
+def best_place(
+    options: GlideOptions, begin: Begin, kept: LandingChoice | None, *, on_final: bool = False
+) -> LandingChoice | None:
     """Return the chosen place while it is within reach, else another; the chosen one if there is no other."""
     if kept is None:
         return best_field(options, begin) or open_ground(options, begin)
-    is_lost = not is_kept(options, kept)
+    is_lost = not is_kept(options, kept, on_final=on_final)
     if kept.place not in options.places:  # A field is better than open ground, if it can be reached for sure.
         found = best_field(options, begin)
         if found is not None and found.spare_m >= RESERVE_M:
@@ -69,12 +71,18 @@ def best_place(options: GlideOptions, begin: Begin, kept: LandingChoice | None) 
     return found or open_ground(options, begin) or kept
 
 
-def is_kept(options: GlideOptions, choice: LandingChoice) -> bool:
+def is_near(choice: LandingChoice) -> bool:
+    """Return whether the field is so near that a final to it is flown to its end."""
+    return choice.away_m < BOUND_RADII * choice.approach.radius_m
+
+
+def is_kept(options: GlideOptions, choice: LandingChoice, *, on_final: bool = False) -> bool:
     """Return whether a chosen place is still within reach, on a way that is clear."""
     centre, radius = choice.approach
     away = min(choice.away_m, math.dist(choice.direct.begin_enu_m[:2], centre[:2]))
     return away < THERE_RADII * radius or (
-        choice.spare_m >= KEPT_M and is_clear_now(options, choice, choice.to_circle)
+        choice.spare_m >= KEPT_M
+        and is_clear_now(options, choice, choice.direct if on_final else choice.to_circle)
     )
 
 
@@ -85,7 +93,7 @@ def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> 
 
 def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
     """Return whether the aircraft on its final is too high, and far enough for another turn that is clear."""
-    is_above = choice.spare_m > HIGH_M + HIGH_M_S * choice.direct.duration_s
+    is_above = choice.spare_m > HIGH_M + HIGH_M_S * min(choice.direct.duration_s, CORRECTED_S)
     is_above = is_above and abs(choice.direct.turned_rad) < POINTED_RAD
     is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
     return is_above and is_far and is_clear_now(options, choice, choice.to_circle)
@@ -100,10 +108,12 @@ def is_past(choice: LandingChoice) -> bool:
 
 
 def final_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
-    """Return whether the glide straight to the field needs all of the height, and is clear."""
-    if choice.spare_m > FINAL_M + FINAL_M_S * choice.direct.duration_s:
-        return False
-    return choice.spare_m < WAITS_M or is_clear_now(options, choice, choice.direct)
+    """Return whether the glide straight to the field needs all of the height, and is clear.
+
+    A final whose turn is not clear waits for another place on the circle.
+    """
+    is_below = choice.spare_m <= FINAL_M + FINAL_M_S * min(choice.direct.duration_s, CORRECTED_S)
+    return is_below and is_clear_now(options, choice, choice.direct)
 
 
 def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:

@@ -36,6 +36,7 @@ OVERHEAD = 2.2  # On its way to the circle the aircraft keeps so many turn radii
 SIDES = 12  # So many directions are tried for the circle.
 RING_SIDES = 24  # A circle is checked as a polygon of this many sides.
 RING_MARGIN_M = 25.0  # Distance that circles keep from obstacles: an aircraft enters them in a swing.
+ROOMY_MARGIN_M = 70.0  # Circles with so much room are preferred: a final may begin with a turn outwards.
 TRACK_MARGIN_M = 25.0  # Distance that glides keep from obstacles: they begin a little elsewhere.
 LOW_SHARE = 0.15  # A glide is checked as well with so much more loss of height.
 # Open ground is sought on so many courses, at these shares of the reach.
@@ -179,20 +180,22 @@ class GlideOptions:
         return self.is_clear(lower)
 
     def approaches(self, place: LandingPlace, wind_enu_m_s: Wind) -> tuple[Approach, ...]:
-        """Return the circles before a place that are clear, those with a final against the wind first."""
+        """Return the circles before a place that are clear: those with much room, then against the wind."""
         key = place, wind_enu_m_s
         if key not in self._approaches:
             found = _circles(self.model, place, wind_enu_m_s)
-            self._approaches[key] = tuple(entry for entry in found if self._is_approach_clear(place, entry))
+            clear = [entry for entry in found if self._is_approach_clear(place, entry, RING_MARGIN_M)]
+            roomy = [entry for entry in clear if self._is_approach_clear(place, entry, ROOMY_MARGIN_M)]
+            self._approaches[key] = (*roomy, *(entry for entry in clear if entry not in roomy))
         return self._approaches[key]
 
-    def _is_approach_clear(self, place: LandingPlace, approach: Approach) -> bool:
-        """Return whether a circle, and the finals from all of its points, are clear."""
+    def _is_approach_clear(self, place: LandingPlace, approach: Approach, margin_m: float) -> bool:
+        """Return whether a circle keeps a margin [m], and the finals from all of its points are clear."""
         angles = np.linspace(0.0, 2.0 * math.pi, RING_SIDES + 1)
         ring = np.array(approach.centre_enu_m) + approach.radius_m * np.column_stack(
             [np.sin(angles), np.cos(angles), np.zeros(len(angles))]
         )
-        if not self.is_clear(ring, RING_MARGIN_M):
+        if not self.is_clear(ring, margin_m):
             return False
         finals = np.repeat(ring[:-1:2], 2, axis=0)  # From each point to the field, and back.
         finals[1::2] = place.position_enu_m
