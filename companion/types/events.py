@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from companion.types.state import AutopilotSettings
+
 WIND_STD_M_S = 1.0  # Standard deviation of a wind estimate that comes without one.
 
 
@@ -286,6 +288,14 @@ class HomePosition:
 
 
 @dataclass(frozen=True, slots=True)
+class SettingsReported:
+    """The autopilot reported a parameter, and the settings known of it changed."""
+
+    stamp_s: float
+    settings: AutopilotSettings
+
+
+@dataclass(frozen=True, slots=True)
 class StatusText:
     """STATUSTEXT of the autopilot."""
 
@@ -356,6 +366,7 @@ Event = (
     | LandedReported
     | BatteryReported
     | HomePosition
+    | SettingsReported
     | StatusText
     | TrackReport
     | Rebooted

@@ -18,7 +18,7 @@ from companion.link.wire.signing import Signer
 from companion.link.wire.source_limits import SourceLimits
 from companion.link.wire.transport import Address, Transport, dropped
 from companion.recording.recorder import Recorder
-from companion.types.events import Event
+from companion.types.events import Event, SettingsReported
 
 LinkKind = Callable[[Codec, Clock, Callable[[bytes], None]], AutopilotLink]
 
@@ -109,6 +109,7 @@ class VehicleLink:
             self.transport.answer_to(now_at)
         for frame in frames:
             self._recorder.frame(now_s, frame.raw)
+            settings = self.streams.settings
             if self.codec.identity.is_autopilot(frame.system_id, frame.component_id):
                 self.streams.note(frame, now_s)
                 self.quality.note(frame.raw)
@@ -118,6 +119,8 @@ class VehicleLink:
             self.send(self._budgets.answer(frame, now_s))
             for event in frame.events:
                 self._take(event, now_s)
+            if self.streams.settings != settings:
+                self._take(SettingsReported(now_s, self.streams.settings), now_s)
         if self.has_received and not had_received:
             self.send(self.streams.due(self.codec, now_s))
 

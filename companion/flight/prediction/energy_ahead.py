@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.config.compose import power_model_of
-from companion.flight.prediction.return_path import return_tracks
+from companion.flight.prediction.return_path import return_tracks, tracks_by_return_path
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import FloatArray, speed_made_good
 from companion.mission.energy_budget import JOULES_PER_WH
 from companion.mission.path_progress import progress_on, time_at
 from companion.mission.waypoints import density_ratio
 from companion.types.events import MissionCurrent
+from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.state import Ownship
 from companion.world.vehicle.energy import PowerModel
@@ -185,14 +186,37 @@ def way_home_j(
     vehicle, home = state.rules.vehicle, state.home_enu_m
     tracks = return_tracks(state, ownship, current)
     if tracks:
-        track = until_once_round(tracks[0])
-        return track_energy_j(model, track, vehicle.airspeed_cruise_m_s, ownship.wind_enu_m_s)
+        return _return_j(state, ownship, model, tracks[0])
     if home is None:
         return None
     here, height = ownship.position_enu_m, state.settings.return_height_m
     up = here[2] if height is None or height < 0.0 else home[2] + height
     straight_j = model.leg_energy_j(here, (*home[:2], up), vehicle, ownship.wind_enu_m_s)
     return STRAIGHT_FACTOR * straight_j
+
+
+def affords(state: FlightState, ownship: Ownship, items: Sequence[MissionItem], now: EnergyNow) -> bool:
+    """Return whether what is left suffices for a return by a list's return path, and the reserve.
+
+    Parameters
+    ----------
+    state, ownship, now
+        Same as in :func:`energy_outlook`.
+    items : sequence of MissionItem
+        The whole list. Without a section ``energy`` or a return path the result is True.
+    """
+    model, energy = power_model_of(state.mission), state.mission.energy
+    tracks = tracks_by_return_path(state, ownship, items)
+    if model is None or energy is None or not tracks:
+        return True
+    used_wh = now.ratio / JOULES_PER_WH * _return_j(state, ownship, model, tracks[0])
+    return now.left_wh - used_wh >= float(energy.reserve_wh)
+
+
+def _return_j(state: FlightState, ownship: Ownship, model: PowerModel, track: FloatArray) -> float:
+    """Return the energy of a return's track, (K, 3) [m], up to one round of the circle at its end [J]."""
+    cruise_m_s = state.rules.vehicle.airspeed_cruise_m_s
+    return track_energy_j(model, until_once_round(track), cruise_m_s, ownship.wind_enu_m_s)
 
 
 def track_energy_j(

@@ -81,15 +81,7 @@ def return_mission(
             items = items[: max(len(items) - 1, 1)]
     end = None if landing is not None else loiter_item(found.waypoints, frame)
     bank = return_bank(items, end, landing, speed=speed_item(found.waypoints, frame))
-    return ReturnMission(bank, path, covered_s(state, ownship, _with_bank(state, bank)))
-
-
-def _with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
-    """Return the list with a return bank in the place of those that it has."""
-    layout = state.mission_list.layout
-    first = len(state.mission_list.stored) if layout is None else layout.return_span[0]
-    kept = state.mission_list.stored[:first]
-    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(armed(bank))))
+    return ReturnMission(bank, path, covered_s(state, ownship, with_bank(state, bank)))
 
 
 def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> float:
@@ -117,6 +109,14 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
         if not _returns_clear(state, state_on(track, row, ownship), items):
             return STEP_S * (row - every)
     return math.inf if len(track) * STEP_S < COVERED_MAX_S else COVERED_MAX_S
+
+
+def with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
+    """Return the list with a return bank, armed, in the place of those that it has."""
+    layout = state.mission_list.layout
+    first = len(state.mission_list.stored) if layout is None else layout.return_span[0]
+    kept = state.mission_list.stored[:first]
+    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(armed(bank))))
 
 
 def _returns_clear(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> bool:

@@ -179,7 +179,7 @@ def _tracks_over(
         return [] if circle is None else circling_tracks(state, ownship, *circle)
     guidance = guidance_of(state)
     loiter = None if circle is None else (np.asarray(circle[0]), circle[1])
-    route = np.vstack([ownship.position_enu_m, *legs])
+    route = np.vstack([ownship.position_enu_m, *legs, *([] if loiter is None else [loiter[0]])])
     length_m = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
     circle_m = 0.0 if circle is None else 2.0 * math.pi * guidance.circle_stretch * abs(circle[1])
     speed = max(ownship.airspeed_m_s - math.hypot(*ownship.wind_enu_m_s), SLOWEST_M_S)

@@ -3,7 +3,8 @@
 An ArduPlane with RTL_AUTOLAND 4 joins it in a return to launch, whoever begins that and whether or not the
 service still runs. The return path is planned like any path, from a place that the aircraft is about to pass,
 to the operator's landing, else to a circle over home, else to a rally point. It is planned again before a
-return from the flown path would no longer keep clear.
+return from the flown path would no longer keep clear. One that would need more than the battery holds does
+not replace one by which the aircraft can still return: it returns by that one before it ends.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from itertools import product
 import numpy as np
 
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
-from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission
+from companion.flight.monitors.energy_watch import EnergyWatch
+from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
 from companion.flight.prediction.return_places import is_return_wanted, return_places
 from companion.flight.replanning.plan_maker import return_request
 from companion.flight.replanning.replanning_parts import ReplanningParts
@@ -46,6 +48,8 @@ class WayHome:
     ----------
     parts : ReplanningParts
         The parts of replanning.
+    energy : EnergyWatch
+        Knows what is left on board.
 
     Attributes
     ----------
@@ -53,8 +57,8 @@ class WayHome:
         The return path in the autopilot's list.
     """
 
-    def __init__(self, parts: ReplanningParts) -> None:
-        self._parts = parts
+    def __init__(self, parts: ReplanningParts, energy: EnergyWatch) -> None:
+        self._parts, self._energy = parts, energy
         self._exchange = ReturnExchange(parts.handover.protocols.parts)
         self._storing: asyncio.Task[None] | None = None
         self._next_s = -math.inf
@@ -75,11 +79,19 @@ class WayHome:
         if ownship is None or not self._is_due(state, now):
             return
         self._next_s, self._judged = now + LOOK_S, None if state.flown is None else state.flown.path
-        if covered_s(state, ownship, state.mission_list.stored) >= RENEWED_S:
+        stored_covers_s = covered_s(state, ownship, state.mission_list.stored)
+        if stored_covers_s >= RENEWED_S:
+            self._energy.way_home_ends_s = math.inf
             return
         found = await self._planned(state, ownship)
-        self._next_s = self._parts.clock.now_s() + AGAIN_S
-        if found is not None and self._parts.flight.state.may_act:
+        self._next_s = parts.clock.now_s() + AGAIN_S
+        if found is None:
+            return
+        is_affordable = self._energy.affords(with_bank(state, found.bank), parts.clock.now_s())
+        if not is_affordable and stored_covers_s > 0.0:
+            self._energy.way_home_ends_s = now + stored_covers_s
+        elif parts.flight.state.may_act:
+            self._energy.way_home_ends_s = math.inf
             self._storing = asyncio.create_task(self._store(found))
 
     def _is_due(self, state: FlightState, now_s: float) -> bool:

@@ -41,6 +41,7 @@ from companion.types.events import (
     LandedReported,
     MissionCurrent,
     Motion,
+    SettingsReported,
     StatusText,
     SteeringTarget,
 )
@@ -196,6 +197,8 @@ class App:
             self._flight.apply(after_landed_reported, event.landed_state)
         elif isinstance(event, HomePosition):
             self._flight.apply(after_home_reported, event)
+        elif isinstance(event, SettingsReported):
+            self._flight.apply(after_settings_reported, event.settings)
         elif isinstance(event, MissionCurrent | StatusText):
             self.replanning.handover.reader.note(event)
             self._awaits_item = self._awaits_item and not isinstance(event, MissionCurrent)
@@ -385,9 +388,6 @@ class App:
             self.link.keep_up(now, self._system_state())
             if not self.receives_autopilot:
                 self.change(ModeEvent.AUTOPILOT_SILENT)
-            settings = self.link.streams.settings
-            if settings != self.state.settings:
-                self._flight.apply(after_settings_reported, settings)
             self._link_watch.look(now)
             self._parameters.keep()
             self._note_link(now)

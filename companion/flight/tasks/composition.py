@@ -112,6 +112,7 @@ def composed(
         flight, world_model, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
         recorder=recorder, observer=observer, seed=seed, runner=runner,
     )  # fmt: skip
+    replanning = Replanning(parts)
     return Composition(
         parameters=parameters,
         flight=flight,
@@ -119,8 +120,8 @@ def composed(
         link=link,
         announcer=announcer,
         departure=Departure(parts),
-        replanning=Replanning(parts),
-        way_home=WayHome(parts),
+        replanning=replanning,
+        way_home=WayHome(parts, replanning.energy),
         checkpoint=checkpoint,
         recorder=recorder,
         observer=observer,

@@ -136,6 +136,14 @@ def test_it_turns_back_where_the_mission_file_allows_it(monkeypatch):
     assert scripted.watch.is_turning_back
 
 
+def test_it_turns_back_before_the_last_way_home_that_it_affords_ends(monkeypatch):
+    scripted = begun(monkeypatch)
+    scripted.watch.way_home_ends_s = scripted.now_s + 7.0
+    assert not scripted.second(200.0)
+    assert scripted.second(200.0)  # 5 s before.
+    assert scripted.texts() == ["Battery: turn back in 6 s", "Battery: turning back now"]
+
+
 def test_a_return_that_is_not_begun_is_commanded_again(monkeypatch):
     scripted = turned(monkeypatch)
     scripted.put(mode=Mode.YIELDED)

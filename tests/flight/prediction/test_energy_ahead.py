@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from companion.flight.prediction.energy_ahead import (
     EnergyNow,
+    affords,
     energy_at_ends_wh,
     energy_outlook,
     track_energy_j,
@@ -17,6 +18,7 @@ from companion.flight.prediction.energy_ahead import (
     way_home_j,
     zero_of,
 )
+from companion.types.mission import Command, MavFrame, MissionItem
 from companion.world.vehicle.energy import PowerModel
 from tests.flight.construction.test_cycle import OPEN, begun, flying, state, straight
 from tests.flight.prediction.test_return_path import ARDUPLANE, made, with_landing
@@ -125,6 +127,30 @@ def test_the_flown_return_costs_its_turn_its_way_and_one_round():
     """1000 m, half a turn and one round of some 840 m in thin air; 16 J a metre and the load of the turns."""
     found = way_home_j(flight(ARDUPLANE, left_wh=50.0)[0], state(east=1_000.0), MODEL)
     assert found == pytest.approx(16.0 * (1_000.0 + 0.5 * 785.0 + 840.0), rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("now", "is_enough"),
+    [
+        (EnergyNow(39.0), True),
+        (EnergyNow(33.0), False),
+        (EnergyNow(57.0, 2.0), False),
+        (EnergyNow(68.0, 2.0), True),
+    ],
+)
+def test_a_return_path_of_a_list_is_afforded_with_the_reserve(now, is_enough):
+    """5000 m at 16 J/m and one round of some 840 m with its load are 26 Wh; the reserve is 10 Wh."""
+    flown = flying(made(replace(ARDUPLANE, return_kind=4.0), extra=SECTION), straight())
+    frame = flown.mission.frame
+    items, start = [], Command.DO_RETURN_PATH_START
+    commands = Command.NAV_WAYPOINT, start, Command.NAV_WAYPOINT, Command.NAV_LOITER_UNLIM
+    for command, east in zip(commands, (0.0, 0.0, 600.0, 5_500.0), strict=True):
+        latitude, longitude, altitude = frame.global_from_local(east, 0.0, 100.0)
+        whole = round(1e7 * latitude), round(1e7 * longitude)
+        items.append(MissionItem(len(items), command, MavFrame.GLOBAL, (0.0,) * 4, *whole, altitude))
+    assert affords(flown, state(east=500.0), items, now) is is_enough
+    assert affords(flown, state(east=500.0), items[2:], now)  # Without a return path nothing is known.
+    assert affords(made(ARDUPLANE), state(east=500.0), items, now)  # Without the section neither.
 
 
 def test_the_time_to_turn_back_by_hand():
