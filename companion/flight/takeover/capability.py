@@ -62,7 +62,7 @@ def _beyond_fences(
     radius = settings.fence_limit_m(settings.fence_radius_m, FENCE_CIRCLE)
     for number, goal in enumerate(mission.goals, 1):
         if height is not None and goal.up_m - up > height:
-            found.append(f"goal {number} at {goal.up_m - up:g} m, fence {height:g}")
+            found.append(f"goal {number} at {goal.up_m - up:.0f} m, fence {height:g}")
         away = math.dist((goal.east_m, goal.north_m), (east, north))
         if radius is not None and away > radius:
             found.append(f"goal {number} {away:.0f} m away, fence {radius:g}")
