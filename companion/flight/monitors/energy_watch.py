@@ -8,7 +8,6 @@ service returns before the margin is gone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 from companion.config.compose import power_model_of
@@ -18,7 +17,6 @@ from companion.flight.messages.announcer import Announcer
 from companion.flight.prediction.energy_ahead import (
     EnergyNow,
     EnergyOutlook,
-    affords,
     energy_at_ends_wh,
     energy_outlook,
 )
@@ -30,7 +28,6 @@ from companion.flight.state.modes import Mode
 from companion.flight.state.world_model import WorldModel
 from companion.tracking.battery import BatteryEstimator
 from companion.types.events import BatteryReported, Event
-from companion.types.mission import MissionItem
 from companion.types.path import Path
 from companion.types.state import Ownship
 
@@ -65,9 +62,6 @@ class EnergyWatch:
         What the way home costs; None while that or the battery is not known.
     is_turning_back : bool
         Whether a return was commanded for the battery's sake and has not begun yet.
-    way_home_ends_s : float
-        Until when a return by the kept return path keeps clear, by the service's clock [s]. It is finite only
-        if what is left does not suffice for any other return path from there on.
     """
 
     def __init__(
@@ -83,7 +77,7 @@ class EnergyWatch:
 
     def _forget_flight(self) -> None:
         """Forget what was told in a flight that is over."""
-        self.outlook, self.is_turning_back, self.way_home_ends_s = None, False, math.inf
+        self.outlook, self.is_turning_back, self._way_home_ends_s = None, False, math.inf
         self._commanded_s, self._told_s = -math.inf, math.inf
         self._is_ratio_told = self._is_reach_told = self._is_blocked_told = self._has_turned = False
 
@@ -149,10 +143,15 @@ class EnergyWatch:
             return False
         return self._turns_back(state, ownship, outlook, now_s)
 
-    def affords(self, items: Sequence[MissionItem], now_s: float) -> bool:
-        """Return whether what is left suffices for a list's return path; True if that is not known."""
-        now, ownship = self.now(now_s), self._world_model.ownship.state(now_s)
-        return now is None or ownship is None or affords(self._flight.state, ownship, items, now)
+    def note_last_way_home(self, ends_s: float) -> None:
+        """Note until when a return by the kept path keeps clear if no other one is affordable, else infinity.
+
+        Parameters
+        ----------
+        ends_s : float
+            That time by the service's clock [s].
+        """
+        self._way_home_ends_s = ends_s
 
     def _outlook(
         self, state: FlightState, ownship: Ownship, now: EnergyNow, now_s: float
@@ -161,7 +160,7 @@ class EnergyWatch:
         outlook = energy_outlook(state, ownship, self._reader.current, now)
         if outlook is None:
             return None
-        ends_s = max(self.way_home_ends_s - now_s, 0.0)
+        ends_s = max(self._way_home_ends_s - now_s, 0.0)
         return replace(outlook, turn_back_in_s=min(outlook.turn_back_in_s, ends_s))
 
     def annotated(self, found: Conclusion, planned: Path | None, now_s: float) -> Conclusion:

@@ -195,26 +195,31 @@ def way_home_j(
     return STRAIGHT_FACTOR * straight_j
 
 
-def affords(state: FlightState, ownship: Ownship, items: Sequence[MissionItem], now: EnergyNow) -> bool:
+def affords(
+    state: FlightState, ownship: Ownship, items: Sequence[MissionItem], now: EnergyNow | None
+) -> bool:
     """Return whether what is left suffices for a return by a list's return path, and the reserve.
 
     Parameters
     ----------
-    state, ownship, now
+    state, ownship
         Same as in :func:`energy_outlook`.
     items : sequence of MissionItem
-        The whole list. Without a section ``energy`` or a return path the result is True.
+        The whole list.
+    now : EnergyNow or None
+        What is left, and how fast it falls. Where that is not known, or a section ``energy`` or a return path
+        is missing, the result is True.
     """
     model, energy = power_model_of(state.mission), state.mission.energy
     tracks = tracks_by_return_path(state, ownship, items)
-    if model is None or energy is None or not tracks:
+    if now is None or model is None or energy is None or not tracks:
         return True
     used_wh = now.ratio / JOULES_PER_WH * _return_j(state, ownship, model, tracks[0])
     return now.left_wh - used_wh >= float(energy.reserve_wh)
 
 
 def _return_j(state: FlightState, ownship: Ownship, model: PowerModel, track: FloatArray) -> float:
-    """Return the energy of a return's track, (K, 3) [m], up to one round of the circle at its end [J]."""
+    """Return the energy of a return's ``track``, (K, 3) [m], up to one round of the final circle [J]."""
     cruise_m_s = state.rules.vehicle.airspeed_cruise_m_s
     return track_energy_j(model, until_once_round(track), cruise_m_s, ownship.wind_enu_m_s)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
 from companion.flight.monitors.energy_watch import EnergyWatch
+from companion.flight.prediction.energy_ahead import affords
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
 from companion.flight.prediction.return_places import is_return_wanted, return_places
 from companion.flight.replanning.plan_maker import return_request
@@ -79,19 +80,18 @@ class WayHome:
         if ownship is None or not self._is_due(state, now):
             return
         self._next_s, self._judged = now + LOOK_S, None if state.flown is None else state.flown.path
-        stored_covers_s = covered_s(state, ownship, state.mission_list.stored)
-        if stored_covers_s >= RENEWED_S:
-            self._energy.way_home_ends_s = math.inf
+        covers_s = covered_s(state, ownship, state.mission_list.stored)
+        if covers_s >= RENEWED_S:
+            self._energy.note_last_way_home(math.inf)
             return
         found = await self._planned(state, ownship)
         self._next_s = parts.clock.now_s() + AGAIN_S
         if found is None:
             return
-        is_affordable = self._energy.affords(with_bank(state, found.bank), parts.clock.now_s())
-        if not is_affordable and stored_covers_s > 0.0:
-            self._energy.way_home_ends_s = now + stored_covers_s
-        elif parts.flight.state.may_act:
-            self._energy.way_home_ends_s = math.inf
+        left = self._energy.now(parts.clock.now_s())
+        is_last = covers_s > 0.0 and not affords(state, ownship, with_bank(state, found.bank), left)
+        self._energy.note_last_way_home(now + covers_s if is_last else math.inf)
+        if not is_last and parts.flight.state.may_act:
             self._storing = asyncio.create_task(self._store(found))
 
     def _is_due(self, state: FlightState, now_s: float) -> bool:

@@ -138,7 +138,7 @@ def test_it_turns_back_where_the_mission_file_allows_it(monkeypatch):
 
 def test_it_turns_back_before_the_last_way_home_that_it_affords_ends(monkeypatch):
     scripted = begun(monkeypatch)
-    scripted.watch.way_home_ends_s = scripted.now_s + 7.0
+    scripted.watch.note_last_way_home(scripted.now_s + 7.0)
     assert not scripted.second(200.0)
     assert scripted.second(200.0)  # 5 s before.
     assert scripted.texts() == ["Battery: turn back in 6 s", "Battery: turning back now"]
