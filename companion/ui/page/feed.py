@@ -24,7 +24,7 @@ PLANS_KEPT = 8  # So many whole plans are kept; one of them is flown.
 NEWS_MAX = 2_000  # So many messages may wait for the server: a minute and a half of them.
 LAST = (
     channels.PLAN, channels.TREES, channels.TRACKS, channels.THREAT, channels.OWNSHIP, channels.LINK,
-    channels.STANDING,
+    channels.STANDING, channels.ENERGY,
 )  # fmt: skip
 FLOWN = "flown"  # The outcome of an exchange whose mission is flown.
 _SOON_S, _DIGITS = 0.05, 2

@@ -207,6 +207,35 @@ def test_what_is_not_well_is_said_first(window, live, told, word, why):
     assert why in page.text("#verdict-why")
 
 
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (
+            {"left_wh": 40.6, "home_wh": 25.0, "margin_wh": 5.6, "turn_back_in_s": 83.0},
+            "battery: 41 Wh left, way home 25 Wh, turn back in 83 s",
+        ),
+        (
+            {"left_wh": 40.6, "home_wh": 25.0, "margin_wh": 5.6, "turn_back_in_s": math.inf},
+            "battery: 41 Wh left, way home 25 Wh",
+        ),
+        (
+            {"left_wh": 30.0, "home_wh": 25.0, "margin_wh": -5.0, "turn_back_in_s": 0.0},
+            "battery: 30 Wh left, way home 25 Wh, turn back now",
+        ),
+        (
+            {"left_wh": 30.0, "home_wh": None, "margin_wh": None, "turn_back_in_s": None},
+            "battery: 30 Wh left, way home not known",
+        ),
+    ],
+)
+def test_the_battery_and_the_way_home_are_said(window, live, message, words):
+    told, server = live
+    page = window()
+    page.look(server)
+    told.recorder.energy(21.0, {"ratio": 1.0} | message)
+    page.until("document.querySelector('#health').innerText.includes(arguments[0])", words)
+
+
 def test_a_threat_is_told_by_its_level_and_its_time(window, live):
     told, server = live
     page = window()

@@ -4,6 +4,7 @@ import { bearing, clock, decisionWords, metres, side, span, trackKind, trackName
 
 const OLD_S = 6; // seconds after which what was heard last is old
 const LOOKS_AHEAD_S = 120;
+const TURN_BACK_SOON_S = 60; // from then on the time to turn back is marked
 
 const MODES = {
   waiting: "waits for the autopilot",
@@ -168,6 +169,15 @@ function returnWords({ returns }) {
   return `RTL here ${returns.text}${returns.is_safe ? "" : ": NOT safe from here"}. `;
 }
 
+// What is left on board, and what the way home and the reserve take of it: [state, word].
+function energyChip({ left_wh, home_wh, margin_wh, turn_back_in_s }) {
+  const left = `battery: ${Math.round(left_wh)} Wh left`;
+  if (!Number.isFinite(margin_wh)) return ["unknown", `${left}, way home not known`];
+  const state = margin_wh <= 0 ? "danger" : turn_back_in_s !== null && turn_back_in_s <= TURN_BACK_SOON_S ? "watch" : "safe";
+  const turn = turn_back_in_s === null ? "" : turn_back_in_s <= 0 ? ", turn back now" : `, turn back in ${span(turn_back_in_s)}`;
+  return [state, `${left}, way home ${Math.round(home_wh)} Wh${turn}`];
+}
+
 // What the pilot can do now.
 export function pilotWords(store) {
   const { standing, world } = store;
@@ -216,6 +226,7 @@ export function healthChips(store, isConnected, isPlayed) {
   else chips.push(["unknown", "no plan yet"]);
   chips.push([standing.is_armed ? "safe" : "unknown", standing.is_airborne ? "in the air" : standing.is_armed ? "armed" : "disarmed"]);
   chips.push(standing.is_recording ? ["safe", "recording"] : ["watch", "not recorded"]);
+  if (Number.isFinite(store.energy?.left_wh)) chips.push(energyChip(store.energy));
   const sigma = store.ownship?.position_std_m?.[0];
   if (Number.isFinite(sigma)) chips.push([sigma > 10 ? "watch" : "safe", `position ±${sigma.toFixed(0)} m`]);
   return chips;

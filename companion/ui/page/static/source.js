@@ -1,7 +1,7 @@
 // Where messages come from: the stream of a running flight, or a recording that is gone through here.
 
 const CUMULATIVE = new Set(["/decision", "/plan", "/swap", "/snapshot"]);
-const LATEST = ["/ownship", "/threat", "/tracks", "/standing", "/link", "/trees", "/snapshot"];
+const LATEST = ["/ownship", "/threat", "/tracks", "/standing", "/link", "/energy", "/trees", "/snapshot"];
 
 export function split(line) {
   const space = line.indexOf(" ");

@@ -19,6 +19,7 @@ export class Store {
     this.level = null;
     this.standing = null;
     this.link = null;
+    this.energy = null;
     this.known = null;
     this.obstacles = null;
     this.candidate = null;
@@ -88,6 +89,9 @@ export class Store {
         break;
       case "/link":
         this.link = message;
+        break;
+      case "/energy":
+        this.energy = message;
         break;
     }
   }
