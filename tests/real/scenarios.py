@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import shapely
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.real.rig.course import HOLD, Item
+from tests.real.rig.course import CITY_FENCE, HOLD, Item
 
 HOLDS_S, HELD_S, RETURNED_S = 15.0, 30.0, 60.0
 ONLY_GO_AROUND, BY_RETURN_PATH = 3.0, 4.0  # RTL_AUTOLAND
@@ -116,7 +116,11 @@ def fenced(deck):
     after_upload(deck)
     deck.wait_entered()
     deck.pause(3.0)
-    corners = fence_ahead(deck)
+    fence_off(deck, fence_ahead(deck))
+
+
+def fence_off(deck, corners):
+    """Upload a fence that nobody may enter, and note it; its corners are in the map's metres."""
     vertex = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
     items = [Item(vertex, (4.0, 0.0, 0.0, 0.0), (east, north, 0.0)) for east, north in corners]
     result = deck.station.upload(items, mavlink.MAV_MISSION_TYPE_FENCE)
@@ -168,6 +172,25 @@ def sent_home_alone(deck):
     deck.note("killed")
 
 
+def sent_home_in_the_city(deck):
+    """A return to launch at a random moment, over a city with a fence across a street."""
+    fence_off(deck, square(CITY_FENCE, FENCE_HALF_M))
+    sent_home(deck)
+
+
+def sent_home_in_the_city_alone(deck):
+    """The same, and the service is killed in the same second."""
+    fence_off(deck, square(CITY_FENCE, FENCE_HALF_M))
+    sent_home_alone(deck)
+
+
+def square(middle, half):
+    """Corners of a square, east and north."""
+    east, north = middle
+    return [(east - half, north - half), (east + half, north - half),
+            (east + half, north + half), (east - half, north + half)]  # fmt: skip
+
+
 def fence_ahead(deck):
     """Corners of a fence on the way ahead, in the paper map's metres; it leaves room on both sides."""
     (_, *before), (_, *here) = deck.station.path[-11], deck.station.path[-1]
@@ -179,9 +202,7 @@ def fence_ahead(deck):
             north = here[1] / factor + away * math.cos(course + turn)
             room = deck.course.clearance_m((factor * east, factor * north, here[2]))
             if room >= factor * (FENCE_HALF_M + 160.0) and 0.0 < east < 5000.0:
-                half = FENCE_HALF_M
-                return [(east - half, north - half), (east + half, north - half),
-                        (east + half, north + half), (east - half, north + half)]  # fmt: skip
+                return square((east, north), FENCE_HALF_M)
     raise AssertionError("no room for a fence")
 
 
@@ -216,6 +237,7 @@ class Scenario:
     ends: tuple[str, ...] = ("landed",)
 
 
+HOMES = ("landed", "circling")  # where a return may end
 SCENARIOS = (
     Scenario("1", "at boot", at_boot),
     Scenario("1p", "at boot, whole map", at_boot, goal="paper"),
@@ -223,7 +245,7 @@ SCENARIOS = (
     Scenario("3", "in the circle", in_circle),
     Scenario("4", "on a leg", on_leg),
     Scenario("5", "killed", killed),
-    Scenario("6", "killed for good", killed_for_good, ends=("landed", "circling")),
+    Scenario("6", "killed for good", killed_for_good, ends=HOMES),
     Scenario("7", "pilot", pilot),
     Scenario("7k", "pilot, kept ready", pilot, {"authority": {"keep_ready": True}}),
     Scenario("8", "changed mind", changed_mind, {"goals": "from_autopilot"}),
@@ -231,7 +253,9 @@ SCENARIOS = (
     Scenario("10", "a tenth lost", lossy, loss=0.1),
     Scenario("11", "fence", fenced),
     Scenario("12", "rally point", returned),
-    Scenario("13", "sent home", sent_home, ends=("landed", "circling")),
-    Scenario("13k", "sent home, killed", sent_home_alone, ends=("landed", "circling")),
+    Scenario("13", "sent home", sent_home, ends=HOMES),
+    Scenario("13k", "sent home, killed", sent_home_alone, ends=HOMES),
+    Scenario("14", "city with a fence, sent home", sent_home_in_the_city, goal="city", ends=HOMES),
+    Scenario("14k", "the same, killed", sent_home_in_the_city_alone, goal="city", ends=HOMES),
 )
 BY_NUMBER = {scenario.number: scenario for scenario in SCENARIOS}

@@ -1,7 +1,7 @@
-"""The paper's map for an aircraft of another size, and the operator's missions on it.
+"""The paper's map, or a city, for an aircraft of another size, and the operator's missions on it.
 
-Places are told in the paper map's own metres (:data:`PAPER`); an aircraft that flies at half the speed
-flies a map of half the size, in the same time.
+Places are told in the map's own metres (:data:`PAPER`, :data:`CITY`); an aircraft that flies at half the
+speed flies a map of half the size, in the same time.
 """
 
 import copy
@@ -14,16 +14,20 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.frames import LocalFrame
 from tests.sim.client import CONFIGS
 
-PAPER = CONFIGS / "paper-3d.yaml"
+PAPER, CITY = CONFIGS / "paper-3d.yaml", CONFIGS / "city-block.yaml"
+CITY_SIZE = 1.5  # The city is made for turns of 60 m; ArduPlane's aircraft flies them of 90.
 KEPT = {"altitude_amsl_m", "clearance_min_m", "position_std_m", "altitude_std_m", "initial_position_std_m"}
 HOME = (4750.0, 100.0, 0.0)
-GOALS = {"near": (4700.0, 3900.0, 200.0), "paper": (250.0, 4750.0, 500.0)}
+GOALS = {"near": (4700.0, 3900.0, 200.0), "paper": (250.0, 4750.0, 500.0), "city": (2250.0, 1850.0, 120.0)}
 LANDINGS = {  # the circle in which height is lost, and the place to touch down
     "near": ((4700.0, 4100.0, 60.0), (4700.0, 4955.0, 0.0)),
     "paper": ((250.0, 4550.0, 60.0), (250.0, 5405.0, 0.0)),
     "home": ((4650.0, 1000.0, 60.0), (4750.0, 150.0, 0.0)),
+    "city": ((2230.0, 1800.0, 90.0), (2230.0, 3100.0, 0.0)),
 }
 TAKEOFF = (4750.0, 900.0, 150.0)
+CITY_HOME, CITY_TAKEOFF = (110.0, -500.0, 0.0), (110.0, 250.0, 120.0)
+CITY_FENCE = (725.0, 625.0)  # the middle of a street; room is left on both sides
 HOLD = (4650.0, 1000.0, 150.0)
 HOLD_RADIUS_M, DESCENT_RADIUS_M = 125.0, 100.0
 LEG = ((4850.0, 1250.0, 150.0), (4850.0, 300.0, 160.0), (4650.0, 200.0, 160.0), (2750.0, 220.0, 170.0))
@@ -62,7 +66,7 @@ class Course:
     Parameters
     ----------
     factor : float
-        Size of the map against the paper's.
+        Size of the map against the one whose places are told; that of the city is multiplied.
     goal : str
         Which of :data:`GOALS` is flown to.
     changes : dict
@@ -74,7 +78,10 @@ class Course:
     changes: dict = field(default_factory=dict)
 
     def __post_init__(self):
-        document = scaled(yaml.safe_load(PAPER.read_text(encoding="utf-8")), self.factor)
+        self.is_city = self.goal == "city"
+        self.factor *= CITY_SIZE if self.is_city else 1.0
+        path = CITY if self.is_city else PAPER
+        document = scaled(yaml.safe_load(path.read_text(encoding="utf-8")), self.factor)
         east, north, up = GOALS[self.goal]
         goal = {"east_m": east, "north_m": north, "up_m": up, "acceptance_radius_m": 60.0}
         document["goals"] = [scaled(goal, self.factor)]
@@ -84,6 +91,9 @@ class Course:
                 document.setdefault(section, {}).update(keys)
             else:
                 document[section] = keys
+        vehicle = document["vehicle"]  # The city is larger, and its aircraft no faster.
+        fast = min(vehicle["penetration_speed_m_s"], vehicle["airspeed_max_m_s"])
+        vehicle["penetration_speed_m_s"] = fast
         self.document = document
         origin = document["origin"]
         self.frame = LocalFrame(origin["latitude_deg"], origin["longitude_deg"], origin["altitude_amsl_m"])
@@ -100,7 +110,7 @@ class Course:
     @property
     def home(self):
         """Latitude, longitude [deg] and altitude [m] of the runway's end."""
-        return self.globally(HOME)
+        return self.globally(CITY_HOME if self.is_city else HOME)
 
     def local(self, place):
         """A place of the paper's map in the aircraft's metres."""
@@ -134,7 +144,8 @@ class Course:
     def mission(self, kind="straight", goal=None, up_m=0.0):
         """Items of an operator's mission: to the goal ``straight``, over a ``hold`` or a long ``leg``."""
         goal = goal or self.goal
-        way = [Item(mavlink.MAV_CMD_NAV_TAKEOFF, (12.0, 0.0, 0.0, 0.0), TAKEOFF)]
+        begin = CITY_TAKEOFF if self.is_city else TAKEOFF
+        way = [Item(mavlink.MAV_CMD_NAV_TAKEOFF, (12.0, 0.0, 0.0, 0.0), begin)]
         if kind == "hold":
             circle = (0.0, 0.0, self.factor * HOLD_RADIUS_M, 0.0)
             way.append(Item(mavlink.MAV_CMD_NAV_LOITER_UNLIM, circle, HOLD))
@@ -160,7 +171,9 @@ class Course:
 
     def check_departure(self, items):
         """See that the operator's own way, up to the goal's leg, keeps clear of everything."""
-        placed = [HOME] + [item.place for item in items if item.place is not None]
+        placed = [CITY_HOME if self.is_city else HOME] + [
+            item.place for item in items if item.place is not None
+        ]
         before = placed[: placed.index(GOALS[self.goal])] if GOALS[self.goal] in placed else placed[:2]
         clear = self.clearance_of_way_m([(*self.local(place)[:2], 0.0) for place in before])
         if len(before) > 2 and items[1].command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:

@@ -11,7 +11,7 @@ from tests.real.rig.service_process import ServiceProcess
 
 PORT_SERVICE = 21700
 AIRBORNE_M = 15.0
-LIMIT_S = {"near": 600.0, "paper": 900.0}
+LIMIT_S = {"near": 600.0, "paper": 900.0, "city": 700.0}
 CIRCLING_S = 90.0  # so long within one small place: it circles
 TOUCHED_S = 4.0  # flown on after an obstacle was touched
 STANDING_S, STANDING_M = 20.0, 3.0  # so long in one spot: it stands
