@@ -14,6 +14,8 @@ from companion.kernels.arrays import Float2D, Obstacles
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
 from companion.kernels.native.kernel import kernel_numpy_errors
 
+LEVEL_M = 1e-9  # Ends whose coordinates differ by less lie at the same one.
+
 
 @kernel_numpy_errors
 def is_rectangle(edges: Float2D, first: int, last: int) -> bool:
@@ -56,14 +58,14 @@ def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: floa
         if z_high < heights[o, 0] or z_low > heights[o, 1]:
             continue
         t0, t1 = 0.0, 1.0
-        if dz != 0.0:  # where a difference is 0, the line lies in the slab: the boxes overlap
+        if abs(dz) > LEVEL_M:  # otherwise the line lies in the slab, because the boxes overlap
             ta, tb = (heights[o, 0] - pz) / dz, (heights[o, 1] - pz) / dz
             t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))
         s0, s1 = t0, t1  # the piece between base and top
-        if dx != 0.0:
+        if abs(dx) > LEVEL_M:
             ta, tb = (boxes[o, 0] - px) / dx, (boxes[o, 2] - px) / dx
             t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))
-        if dy != 0.0:
+        if abs(dy) > LEVEL_M:
             ta, tb = (boxes[o, 1] - py) / dy, (boxes[o, 3] - py) / dy
             t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))
         if t0 > t1:

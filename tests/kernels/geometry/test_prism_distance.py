@@ -115,6 +115,7 @@ def offset(obstacle, by):
 @settings(max_examples=500, deadline=None)
 @given(POINT, POINT)
 @example((60.0, 45.0, 50.0), (60.0, 45.0, 100.0))
+@example((0.0, 0.0, 2e-311), (0.0, -200.0, 0.0))  # all but level
 @example((-60.0, 90.0, 0.0), (-60.0, 90.0, 100.0))  # upright beside the wedge's slope, in its bounding box
 def test_lines_agree_with_shapely(p, q):
     grown, shrunk = [offset(o, 1e-6) for o in WORLD], [offset(o, -1e-6) for o in WORLD]
