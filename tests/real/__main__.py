@@ -20,6 +20,9 @@ def main():
     parser.add_argument("--kinds", default="arduplane,px4")
     parser.add_argument("--instance", type=int, default=1, help="lowest number that ports follow from")
     parser.add_argument("--wind", type=float, default=0.0, help="of ArduPlane's simulator [m/s]")
+    parser.add_argument(
+        "--sections", default="{}", help='of the mission file, to be set, as JSON: {"energy": {…}}'
+    )
     parser.add_argument("--out", type=Path, default=Path("flights/real"), help="folder of the results")
     parser.add_argument("--judge", type=Path, nargs="*", help="judge these folders again, and fly nothing")
     given = parser.parse_args()
@@ -50,8 +53,9 @@ def main():
         sys.stdout.flush()
 
     rows = fly_all(
-        binaries, flights, given.out.resolve(), given.jobs, tell, wind=given.wind, instance=given.instance
-    )
+        binaries, flights, given.out.resolve(), given.jobs, tell, instance=given.instance, wind=given.wind,
+        sections=given.sections,
+    )  # fmt: skip
     (given.out / "rows.json").write_text(json.dumps(rows, indent=1), encoding="utf-8") if rows else None
     num_bad = sum(row["verdict"] != "ok" for row in rows)
     say(f"{len(rows)} flights, {num_bad} not as they should be; recordings in {given.out}\n")

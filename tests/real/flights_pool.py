@@ -77,15 +77,15 @@ def has_namespaces():
     return False
 
 
-def flown(binaries, wanted, folder, instance, *, wind=0.0):
-    """Fly one; its row."""
+def flown(binaries, wanted, folder, instance, *, wind=0.0, sections="{}"):
+    """Fly one; its row. ``sections`` of the mission file are set, as JSON."""
     place = folder / wanted.name
     before = IN_NAMESPACE if has_namespaces() else ()
     command = [
         *before, sys.executable, "-m", "tests.real.one_flight", wanted.kind, wanted.scenario,
         str(wanted.seed), str(place), "--binary", str(binaries.of(wanted.kind)),
         "--parameters", binaries.parameters if wanted.kind == "arduplane" else "",
-        "--instance", str(instance), "--wind", str(wind),
+        "--instance", str(instance), "--wind", str(wind), "--sections", sections,
     ]  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / f"{wanted.name}.out").open("w") as out:
@@ -103,7 +103,7 @@ def judged(place):
     return row
 
 
-def fly_all(binaries, flights, folder, jobs, tell, *, wind=0.0, instance=1):
+def fly_all(binaries, flights, folder, jobs, tell, *, instance=1, **weather_and_sections):
     """Fly all, some at once, and tell each row as it comes."""
     waiting = queue.Queue()
     for wanted in flights:
@@ -117,7 +117,7 @@ def fly_all(binaries, flights, folder, jobs, tell, *, wind=0.0, instance=1):
             except queue.Empty:
                 return
             try:
-                row = flown(binaries, wanted, folder, number, wind=wind)
+                row = flown(binaries, wanted, folder, number, **weather_and_sections)
             except (OSError, ValueError, KeyError, subprocess.TimeoutExpired) as error:
                 row = {"autopilot": wanted.kind, "scenario": wanted.scenario, "seed": wanted.seed,
                        "verdict": f"not flown: {error}"}  # fmt: skip

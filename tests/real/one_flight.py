@@ -22,6 +22,7 @@ def fly(arguments):
         **scenario.changes,
         "vehicle": {**kind.vehicle, **scenario.changes.get("vehicle", {})},
         "origin": {"altitude_amsl_m": kind.altitude_amsl_m},
+        **json.loads(arguments.sections),
     }
     course = Course(kind.factor, scenario.goal, changes)
     deck = Deck(
@@ -69,6 +70,7 @@ def main():
     parser.add_argument("--parameters", default="")
     parser.add_argument("--instance", type=int, default=0)
     parser.add_argument("--wind", type=float, default=0.0)
+    parser.add_argument("--sections", default="{}")
     fly(parser.parse_args())
 
 
