@@ -18,6 +18,14 @@ def test_by_the_checked_path_it_touches_nothing_with_the_service_killed(seed):
     assert straight.touched
 
 
+@pytest.mark.slow
+def test_a_landing_circle_beside_a_wall_is_joined_without_touching_it():
+    """The PX4's circle is 25 m from the wall, and is joined from near its centre."""
+    flight = fly(357)
+    assert flight.has_path
+    assert not is_bad(flight)
+
+
 def test_the_scenarios_differ_and_are_repeated():
     names, begins, dialects = zip(
         *((name, s, d) for _, name, d, s, _, _ in map(scenario, range(40))), strict=True

@@ -18,6 +18,7 @@ from itertools import product
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import landing_circle
 from companion.flight.construction.mission_construction import construct
 from companion.flight.construction.mission_simulation import at_start, guidance_of
 from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, bound_for
@@ -29,11 +30,13 @@ from companion.planning.solver import solve
 from companion.types.path import Path
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
-from companion.world.vehicle.guidance import track_of_legs
+from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 BY_MISSION = 2.0  # RTL_TYPE.
 MARGIN_SHARE = 0.5  # The way on keeps this share of clearance_min_m.
 DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
+STEP_S = 0.5  # Time between two rows of a simulated track.
+ENTRY_ASIDE_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
 LENGTH_MAX = 80  # A way on has at most so many items.
@@ -77,7 +80,7 @@ def way_on(
         if home is None:
             continue
         for points in _as_waypoints(state, home, landing):
-            if _is_clear(state, ends, np.vstack([centre, points, state.tail_enu_m])):
+            if _is_clear(state, ends, np.vstack([centre, points])):
                 return points
     return None
 
@@ -139,14 +142,63 @@ def _path_to(state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: S
 
 
 def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
-    """Return whether the flight from the mission's end over ``legs`` (N, 3) [m] keeps clear to the last."""
-    length_m = float(np.linalg.norm(np.diff(legs, axis=0), axis=1).sum())
-    speed = max(ends.airspeed_m_s - float(np.hypot(*state.wind_enu_m_s)), SLOWEST_M_S)
+    """Return whether the flight over ``legs`` (N, 3) [m] and to the landing keeps clear.
+
+    It ends in the circle with which the landing begins, or at its first item. In a return the aircraft flies
+    at the mission's airspeed or at cruise.
+    """
+    cruise_m_s = state.rules.vehicle.airspeed_cruise_m_s
+    slower = replace(
+        ends,
+        airspeed_m_s=cruise_m_s,
+        ground_speed_m_s=max(ends.ground_speed_m_s + cruise_m_s - ends.airspeed_m_s, SLOWEST_M_S),
+    )
+    margin, check = MARGIN_SHARE * float(state.mission.planning.clearance_min_m), state.rules.checker
+    for begun in (ends, slower):
+        tracks = _tracks_over(state, begun, legs)
+        found = (entry for places in tracks for entry in check.check_track(places, margin))
+        if not tracks or any(entry.rule == "clearance" for entry in found):
+            return False
+    return True
+
+
+def _tracks_over(state: FlightState, begun: Ownship, legs: FloatArray) -> list[FloatArray]:
+    """Return positions (K, 3) [m] over ``legs`` (N, 3) [m] to the landing, and on each way onto its circle.
+
+    The list is empty if the aircraft circles round a place that it does not reach.
+    """
+    tail, circle = state.tail_enu_m, landing_circle(state)
+    whole = legs if tail is None else np.vstack([legs, tail])
+    length_m = float(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum())
+    speed = max(begun.airspeed_m_s - float(np.hypot(*state.wind_enu_m_s)), SLOWEST_M_S)
+    targets = whole if circle is None else legs
     ends_s = 1.3 * length_m / speed + DESCENT_S
-    track = track_of_legs(guidance_of(state), ends, legs, ends_s=ends_s, step_s=0.5)
-    is_flown = track.reached < len(legs)
+    track = track_of_legs(guidance_of(state), begun, targets, ends_s=ends_s, step_s=STEP_S)
+    is_flown = track.reached < len(targets)
     if is_flown.all():
-        return False  # It circles round a place that it does not reach.
-    flown = track.positions_enu_m[is_flown]
-    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
-    return not any(entry.rule == "clearance" for entry in state.rules.checker.check_track(flown, margin))
+        return []
+    flown = track.until(int(np.argmin(is_flown)))
+    onto = () if circle is None else _onto_circle(state, begun, flown, circle)
+    return [flown.positions_enu_m, *onto]
+
+
+def _onto_circle(
+    state: FlightState, begun: Ownship, flown: Track, circle: tuple[tuple[float, float, float], float]
+) -> Iterator[FloatArray]:
+    """Yield positions (K, 3) [m] on the ways onto the circle of a landing, from the end of a track.
+
+    Near its centre small differences decide by which side the aircraft joins it.
+    """
+    east, north, up = (float(value) for value in flown.positions_enu_m[-1])
+    step = np.diff(flown.positions_enu_m[-2:], axis=0)[0]
+    for aside in (0.0, -ENTRY_ASIDE_RAD, ENTRY_ASIDE_RAD):
+        at_end = replace(
+            begun,
+            position_enu_m=(east, north, up),
+            course_rad=(float(flown.courses_rad[-1]) + aside) % (2.0 * math.pi),
+            bank_rad=float(flown.banks_rad[-1]),
+            ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
+        )
+        yield track_of_circle(
+            guidance_of(state), at_end, np.asarray(circle[0]), circle[1], ends_s=DESCENT_S, step_s=STEP_S
+        ).positions_enu_m

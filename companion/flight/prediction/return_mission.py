@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import circle_of
 from companion.flight.construction.mission_construction import construct
 from companion.flight.prediction.mode_tracks import state_on
 from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S, circling_tracks, tracks_by_return_path
 from companion.flight.state.flight_state import FlightState, bound_for
-from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray
 from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, return_bank
 from companion.mission.waypoints import loiter_item, path_items, speed_item

@@ -24,10 +24,10 @@ from dataclasses import replace
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.flight.construction.loiter_circles import circle_of
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
-from companion.flight.takeover.takeover import circle_of
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.operator import position_of
 from companion.mission.return_bank import followed, joined_item
@@ -172,7 +172,7 @@ def _tracks_over(
 ) -> list[FloatArray]:
     """Return positions (K, 3) on the tracks over items, up to a circle or a landing [m].
 
-    With ``passes`` a circle is a waypoint.
+    With ``passes`` a circle is a waypoint, other than that in which height is lost.
     """
     legs, circle = _legs_over(state, ownship, items, passes=passes)
     if not legs:
@@ -197,10 +197,14 @@ def _tracks_over(
 def _legs_over(
     state: FlightState, ownship: Ownship, items: Sequence[MissionItem], *, passes: bool
 ) -> tuple[list[FloatArray], tuple[Place, float] | None]:
-    """Return positions (3,) that are flown to over items [m], and the final circle; None up to a landing."""
+    """Return positions (3,) that are flown to over items [m], and the final circle; None up to a landing.
+
+    The rest is as in :func:`_tracks_over`.
+    """
     legs = list[FloatArray]()
     for item in items:
-        circle = None if passes else circle_of(state, item, ownship.position_enu_m[2])
+        is_flown = not passes or item.command == Command.NAV_LOITER_TO_ALT
+        circle = circle_of(state, item, ownship.position_enu_m[2]) if is_flown else None
         if circle is not None:
             return legs, circle
         if item.command in LANDINGS:

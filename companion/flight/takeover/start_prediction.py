@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import circle_of
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start, as_of_now, lead_s, start_after, start_at
-from companion.flight.takeover.takeover import TAKEOFFS, circle_of, last_item_of, takeoff_of
+from companion.flight.takeover.takeover import TAKEOFFS, last_item_of, takeoff_of
 from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, altitude_amsl_of, position_of
 from companion.types.events import MissionCurrent

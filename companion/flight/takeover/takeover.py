@@ -2,27 +2,22 @@
 
 References
 ----------
-MAVLink ``common.xml``: MAV_CMD_NAV_TAKEOFF, MAV_CMD_NAV_LOITER_*, and the parameters that hold a radius.
+MAVLink ``common.xml``: MAV_CMD_NAV_TAKEOFF, MAV_CMD_NAV_LOITER_*.
 """
 
 from __future__ import annotations
 
 import math
 
+from companion.flight.construction.loiter_circles import circle_of
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
-from companion.mission.operator import Operator, position_of
+from companion.mission.operator import Operator
 from companion.types.events import MissionCurrent
-from companion.types.mission import Command, MissionItem
+from companion.types.mission import Command
 from companion.types.state import Ownship
 
 TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
-RADIUS_PARAMETER: dict[int, int] = {  # The number, from 0, of the parameter that is a loiter's radius.
-    Command.NAV_LOITER_UNLIM: 2,
-    Command.NAV_LOITER_TURNS: 2,
-    Command.NAV_LOITER_TIME: 2,
-    Command.NAV_LOITER_TO_ALT: 1,
-}
 CIRCLE_RADII = 1.5  # An aircraft within this many radii of a circle's centre has reached the circle.
 
 
@@ -93,30 +88,6 @@ def _is_holding(state: FlightState, operator: Operator, current: MissionCurrent,
     (east, north, _), radius = circle
     away = math.hypot(ownship.position_enu_m[0] - east, ownship.position_enu_m[1] - north)
     return away <= CIRCLE_RADII * abs(radius)
-
-
-def circle_of(
-    state: FlightState, item: MissionItem, up_m: float
-) -> tuple[tuple[float, float, float], float] | None:
-    """Return centre [m] and signed radius [m], positive clockwise, of a loiter item; None for any other.
-
-    Parameters
-    ----------
-    state : FlightState
-        Mission file, with the smallest radius for an item without a radius.
-    item : MissionItem
-        An item of the operator's list.
-    up_m : float
-        Height for an item of unknown height [m].
-    """
-    number = RADIUS_PARAMETER.get(item.command)
-    if number is None:
-        return None
-    place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
-    if place is None:
-        return None
-    radius = item.parameters[number] or float(state.rules.vehicle.turn_radius_min_m)
-    return (place[0], place[1], place[2] if math.isfinite(place[2]) else up_m), radius
 
 
 def described(state: FlightState) -> str:

@@ -17,7 +17,7 @@ from companion.flight.state.flight_state import (
     after_settings_reported,
 )
 from companion.mission.operator import Operator
-from companion.types.events import Dialect, HomePosition
+from companion.types.events import Dialect, HomePosition, MissionCurrent
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings
 from sim.simulator import Simulator
@@ -179,6 +179,17 @@ def test_with_rtl_autoland_2_it_leads_to_the_landing_sequence():
     begins = replace(made(replace(ARDUPLANE, return_kind=2.0)), tail_enu_m=(1000.0, 2000.0, 80.0))
     centre, _ = circled(begins, HERE)
     np.testing.assert_allclose(centre[:2], (1000.0, 2000.0), atol=4.0)
+
+
+def test_with_rtl_type_2_it_ends_in_the_circle_in_which_height_is_lost():
+    begins = with_landing(made(replace(PX4, return_kind=2.0)))
+    listed = replace(begins.mission_list, stored=begins.mission_list.operator.items)
+    begins = replace(begins, mission_list=listed)
+    track = return_tracks(begins, HERE, MissionCurrent(1.0, 0, 3, 0))[0]
+    away = np.linalg.norm(track[-60:, :2] - BEGINS[:2], axis=1)  # Half a minute of it.
+    radius = begins.rules.vehicle.turn_radius_min_m
+    np.testing.assert_allclose(away, radius, atol=0.15 * radius)
+    assert track[-1][2] == pytest.approx(BEGINS[2], abs=1.0)
 
 
 def test_what_the_way_breaks_is_told():
