@@ -18,6 +18,7 @@ Finding = tuple[KeyPath, str]
 _GRAVITY_M_S2 = 9.80665
 _BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
+ROUNDED = 0.005  # Rounding to three digits changes a number by at most this share.
 
 
 def findings(config: MissionConfig) -> Iterator[Finding]:
@@ -48,10 +49,10 @@ def _energy(config: MissionConfig) -> Iterator[Finding]:
         yield ("vehicle", "airspeed_max_m_s"), expected
         return
     low, high = level_power_range(cruise, energy.power_cruise_w, fastest)
-    if not low <= energy.power_max_airspeed_w <= high:
+    if not (1.0 - ROUNDED) * low <= energy.power_max_airspeed_w <= (1.0 + ROUNDED) * high:
         yield (
             ("energy", "power_max_airspeed_w"),
-            f"between {low:.0f} and {high:.0f}: with power_cruise_w, {energy.power_cruise_w:g}, "
+            f"between {low:.4g} and {high:.4g}: with power_cruise_w, {energy.power_cruise_w:g}, "
             "any other needs a negative drag",
         )
     if energy.reserve_wh > energy.capacity_wh:

@@ -14,7 +14,7 @@ from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
 from companion.world.snapshot import Snapshot, first_snapshot
-from companion.world.vehicle.energy import PowerModel
+from companion.world.vehicle.energy import PowerModel, level_power_range
 from companion.world.vehicle.glide import GlideModel
 from companion.world.vehicle.vehicle_model import VehicleModel
 
@@ -52,11 +52,11 @@ def power_model_of(mission: MissionConfig) -> PowerModel | None:
     energy, vehicle = mission.energy, mission.vehicle
     if energy is None:
         return None
-    return PowerModel.from_level_flight(
-        (float(vehicle.airspeed_cruise_m_s), float(energy.power_cruise_w)),
-        (float(vehicle.airspeed_max_m_s), float(energy.power_max_airspeed_w)),
-        float(energy.climb_energy_j_m),
-    )
+    slow = float(vehicle.airspeed_cruise_m_s), float(energy.power_cruise_w)
+    fastest_m_s = float(vehicle.airspeed_max_m_s)
+    low_w, high_w = level_power_range(*slow, fastest_m_s)  # A rounded power may lie a little outside.
+    fast = fastest_m_s, min(max(float(energy.power_max_airspeed_w), low_w), high_w)
+    return PowerModel.from_level_flight(slow, fast, float(energy.climb_energy_j_m))
 
 
 def wind_of(mission: MissionConfig) -> tuple[float, float]:
