@@ -144,8 +144,7 @@ class GlideDown:
 
     def _unless_hasty(self, found: LandingChoice | None, kept: LandingChoice | None) -> LandingChoice | None:
         """Return another place only if it was found several times in a row: a turn is not flown exactly."""
-        is_flown = self._stage in (Stage.FLOWN, Stage.FINAL)
-        is_other = is_flown and _place(found) != _place(kept)
+        is_other = self._stage is not Stage.NONE and _place(found) != _place(kept)
         self._num_others = self._num_others + 1 if is_other else 0
         return kept if 0 < self._num_others < OTHERS_MIN else found
 
