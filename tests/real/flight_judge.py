@@ -34,6 +34,10 @@ LOITERS = frozenset({17, 18, 19, 31})
 SETTLED_S = 1.5  # after a change of the list, until the telemetry of before is over
 JUDGED_EACH_S = 0.5
 LAND = (Command.DO_LAND_START, Command.NAV_LAND, Command.DO_JUMP)
+ENDS = (
+    Command.NAV_LAND,
+    Command.DO_JUMP,
+)  # of a way; a landing's first item is passed, and one jump followed
 SAME_M = 5.0
 SERVICE, OPERATOR = 195, 190
 CHANGING = {"MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_SET_CURRENT"}
@@ -271,15 +275,16 @@ class FlightJudge:
         """Places flown to from here on, and the circle at the end: centre and radius; landings end it."""
         if items[current].command in LOITERS:
             return [], (np.array(target), self._radius(items[current]))
-        places = [target]
-        for item in items[current + 1 :]:
-            if item is None:
-                return places, None
+        places, number, num_jumps = [target], current + 1, 0
+        while number < len(items) and items[number] is not None:
+            item, number = items[number], number + 1
             if item.command == Command.NAV_WAYPOINT:
                 places.append(self._place(item))
             elif item.command in LOITERS:
                 return places, (np.array(self._place(item)), self._radius(item))
-            elif item.command in LAND:
+            elif item.command == Command.DO_JUMP and num_jumps == 0:
+                number, num_jumps = int(item.param1), 1
+            elif item.command in ENDS:
                 return places, (np.array(places[-1]), 0.0)
         return places, None
 
@@ -311,7 +316,7 @@ class FlightJudge:
 
     @staticmethod
     def _radius(item):
-        return item.param3 or 0.0
+        return (item.param2 if item.command == Command.NAV_LOITER_TO_ALT else item.param3) or 0.0
 
     # --- the row
 
