@@ -81,7 +81,7 @@ def mission_coverage(mission: MissionConfig, path: Path | None = None) -> Covera
     path : Path, optional
         A planned path.
     """
-    options = rules_of(mission).glide_options()
+    options = None if mission.glide is None else rules_of(mission).glide_options()
     if options is None or (path is None and mission.goals_from_autopilot):
         return None
     if path is not None:

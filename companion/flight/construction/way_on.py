@@ -20,7 +20,7 @@ import numpy as np
 
 from companion.flight.construction.loiter_circles import landing_circle
 from companion.flight.construction.mission_construction import construct
-from companion.flight.construction.mission_simulation import at_start, guidance_of
+from companion.flight.construction.mission_simulation import STEP_S, at_start, guidance_of
 from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, bound_for
 from companion.flight.state.progress import start_at
 from companion.frames import FloatArray
@@ -33,9 +33,7 @@ from companion.world.snapshot import Snapshot
 from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 BY_MISSION = 2.0  # RTL_TYPE.
-MARGIN_SHARE = 0.5  # The way on keeps this share of clearance_min_m.
 DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
-STEP_S = 0.5  # Time between two rows of a simulated track.
 ENTRY_ASIDE_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
@@ -153,10 +151,10 @@ def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
         airspeed_m_s=cruise_m_s,
         ground_speed_m_s=max(ends.ground_speed_m_s + cruise_m_s - ends.airspeed_m_s, SLOWEST_M_S),
     )
-    margin, check = MARGIN_SHARE * float(state.mission.planning.clearance_min_m), state.rules.checker
-    for begun in (ends, slower):
+    checker = state.rules.checker
+    for begun in (ends,) if slower == ends else (ends, slower):
         tracks = _tracks_over(state, begun, legs)
-        found = (entry for places in tracks for entry in check.check_track(places, margin))
+        found = (entry for places in tracks for entry in checker.check_track(places, checker.limits.margin_m))
         if not tracks or any(entry.rule == "clearance" for entry in found):
             return False
     return True
@@ -189,16 +187,9 @@ def _onto_circle(
 
     Near its centre small differences decide by which side the aircraft joins it.
     """
-    east, north, up = (float(value) for value in flown.positions_enu_m[-1])
-    step = np.diff(flown.positions_enu_m[-2:], axis=0)[0]
+    at_end = flown.aircraft_at(len(flown) - 1, begun)
     for aside in (0.0, -ENTRY_ASIDE_RAD, ENTRY_ASIDE_RAD):
-        at_end = replace(
-            begun,
-            position_enu_m=(east, north, up),
-            course_rad=(float(flown.courses_rad[-1]) + aside) % (2.0 * math.pi),
-            bank_rad=float(flown.banks_rad[-1]),
-            ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
-        )
+        turned = replace(at_end, course_rad=(at_end.course_rad + aside) % (2.0 * math.pi))
         yield track_of_circle(
-            guidance_of(state), at_end, np.asarray(circle[0]), circle[1], ends_s=DESCENT_S, step_s=STEP_S
+            guidance_of(state), turned, np.asarray(circle[0]), circle[1], ends_s=DESCENT_S, step_s=STEP_S
         ).positions_enu_m

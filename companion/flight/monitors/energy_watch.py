@@ -253,9 +253,8 @@ class EnergyWatch:
         """Announce that the service turns back now, or that the way home does not keep clear."""
         found = return_path(state, ownship, self._reader.current)
         if found == ():
-            self.is_turning_back = self._has_turned = (
-                True  # Once a flight: the pilot may fly on all the same.
-            )
+            # Once a flight: the pilot may fly on all the same.
+            self.is_turning_back = self._has_turned = True
             self._commanded_s = now_s
             self._announcer.decide(
                 DecisionKind.ENERGY, "turning back now", why=_facts(outlook), tell="battery return"

@@ -10,7 +10,7 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.prediction.mode_tracks import AHEAD_S, ModeTracks
-from companion.flight.prediction.return_path import MARGIN_SHARE, STEP_S
+from companion.flight.prediction.return_path import STEP_S
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
 from companion.tracking.ownship import predicted
@@ -92,7 +92,7 @@ def first_met(state: FlightState, places: FloatArray) -> Violation | None:
     places : ndarray, shape (K, 3)
         Positions on the track [m].
     """
-    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
+    margin = state.rules.checker.limits.margin_m
     wrong = state.rules.checker.check_track(places, margin)
     near = [entry for entry in wrong if entry.rule == "clearance"]
     return min(near, key=lambda entry: entry.row, default=None)

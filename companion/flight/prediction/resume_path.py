@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from companion.flight.prediction.mode_tracks import ModeTracks, state_on
-from companion.flight.prediction.return_path import MARGIN_SHARE, STEP_S
+from companion.flight.prediction.return_path import STEP_S
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.start_prediction import list_track
 from companion.frames import FloatArray
@@ -62,9 +62,7 @@ def resume_path(state: FlightState, current: MissionCurrent | None, ownship: Own
     if track is None or current is None:
         return ResumePath(False, "NOT safe: it is not known what is flown", "mission not known")
     seen = track.positions_enu_m[track.times_s <= CHECKED_S]
-    wrong = state.rules.checker.check_track(
-        seen, MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
-    )
+    wrong = state.rules.checker.check_track(seen, state.rules.checker.limits.margin_m)
     if wrong:
         text = f"NOT safe: {wrong[0].detail} {wrong[0].value:.0f}"
         return ResumePath(False, text, wrong[0].in_short, seen)
@@ -87,7 +85,7 @@ def lasting_resume_path(
     if not now.is_safe:
         return now
     rows = round(LASTING_S / STEP_S)
-    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
+    margin = state.rules.checker.limits.margin_m
     for track in tracks.positions_enu_m:
         wrong = state.rules.checker.check_track(track[: rows + 1], margin, may_come_back=True)
         near = next((entry for entry in wrong if entry.rule == "clearance"), None)

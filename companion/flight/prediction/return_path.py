@@ -38,7 +38,6 @@ from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, t
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
 RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
-MARGIN_SHARE = 0.5  # Predicted tracks keep this share of clearance_min_m.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
@@ -80,8 +79,8 @@ def violations_of(state: FlightState, tracks: Sequence[FloatArray]) -> tuple[Vio
     tracks : sequence of ndarray, each of shape (K, 3)
         East, north, up along each path [m].
     """
-    margin = MARGIN_SHARE * float(state.mission.planning.clearance_min_m)
-    wrong = (tuple(state.rules.checker.check_track(places, margin)) for places in tracks)
+    checker = state.rules.checker
+    wrong = (tuple(checker.check_track(places, checker.limits.margin_m)) for places in tracks)
     return next(filter(None, wrong), ())
 
 
@@ -346,15 +345,6 @@ def _climbed_first(
     rows = np.linspace(max(first // 2, 1), len(climb) - 1, CLIMB_ENDS).astype(int)
     tracks = []
     for row in rows:
-        east, north, up = (float(value) for value in climb.positions_enu_m[row])
-        step = climb.positions_enu_m[row] - climb.positions_enu_m[row - 1]
-        begun = replace(
-            ownship,
-            position_enu_m=(east, north, up),
-            course_rad=float(climb.courses_rad[row]),
-            bank_rad=float(climb.banks_rad[row]),
-            ground_speed_m_s=float(np.hypot(step[0], step[1])) / STEP_S,
-        )
-        track = _track_to(guidance, begun, end, radius_m)
+        track = _track_to(guidance, climb.aircraft_at(row, ownship), end, radius_m)
         tracks.append(np.vstack([climb.positions_enu_m[: row + 1], track.positions_enu_m]))
     return tracks

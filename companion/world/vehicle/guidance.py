@@ -17,7 +17,7 @@ turn at 4·pi·damping/period times the ground speed and the angle to the course
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -179,6 +179,27 @@ class Track:
             self.times_s[:end], self.positions_enu_m[:end], self.courses_rad[:end], self.banks_rad[:end],
             self.climb_angles_rad[:end], self.reached[:end],
         )  # fmt: skip
+
+    def aircraft_at(self, row: int, ownship: Ownship) -> Ownship:
+        """Return the aircraft at a row after the first: place, course, bank and ground speed are the row's.
+
+        Parameters
+        ----------
+        row : int
+            The row.
+        ownship : Ownship
+            The aircraft that flies the track, for everything else.
+        """
+        east, north, up = (float(value) for value in self.positions_enu_m[row])
+        step = self.positions_enu_m[row] - self.positions_enu_m[row - 1]
+        step_s = float(self.times_s[row] - self.times_s[row - 1])
+        return replace(
+            ownship,
+            position_enu_m=(east, north, up),
+            course_rad=float(self.courses_rad[row]),
+            bank_rad=float(self.banks_rad[row]),
+            ground_speed_m_s=float(np.hypot(step[0], step[1])) / step_s,
+        )
 
 
 def track_of_legs(
