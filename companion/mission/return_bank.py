@@ -19,11 +19,12 @@ MAVLink ``common.xml``, MAV_CMD_DO_RETURN_PATH_START.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from companion.frames import FloatArray, LocalFrame
+from companion.kernels.arrays import IntArray
 from companion.mission.operator import is_service_speed, position_of
 from companion.types.mission import Command, MavFrame, MissionItem
 
@@ -123,46 +124,74 @@ def joined_item(
     place_enu_m : tuple of float
         The aircraft's position [m].
     """
-    best, nearest = None, math.inf
+    (joined,) = joined_items(items, frame, home_amsl_m, np.array([place_enu_m]))
+    return int(joined) or None
+
+
+def joined_items(
+    items: Sequence[MissionItem], frame: LocalFrame, home_amsl_m: float | None, places_enu_m: FloatArray
+) -> IntArray:
+    """Return the sequences (K,) of the items that returns to launch from several positions fly to.
+
+    Parameters
+    ----------
+    items, frame, home_amsl_m
+        Same as in :func:`joined_item`.
+    places_enu_m : ndarray, shape (K, 3)
+        Positions of the aircraft [m].
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        0 if there is no return path.
+    """
+    best = np.zeros(len(places_enu_m), dtype=np.int64)
+    nearest = np.full(len(places_enu_m), math.inf)
     for item in items[1:]:
         if item.command != Command.DO_RETURN_PATH_START:
             continue
-        found = _closest_on(items, item.sequence, frame, home_amsl_m, np.array(place_enu_m))
-        if found is not None and found[1] <= nearest:  # The last of equally near paths is joined.
-            best, nearest = found
+        legs = list(_legs_from(items, item.sequence, frame, home_amsl_m, places_enu_m))
+        if not legs:
+            continue
+        ends, away = np.array([end for end, _ in legs]), np.array([distances for _, distances in legs])
+        is_nearer = away.min(axis=0) <= nearest  # The last of equally near paths is joined.
+        best = np.where(is_nearer, ends[away.argmin(axis=0)], best)
+        nearest = np.minimum(nearest, away.min(axis=0))
     return best
 
 
-def _closest_on(
-    items: Sequence[MissionItem], start: int, frame: LocalFrame, home_amsl_m: float | None, here: FloatArray
-) -> tuple[int, float] | None:
-    """Return the end of the closest leg of one return path, and its distance [m] from ``here`` (3,) [m]."""
-    best, before = None, None
+def _legs_from(
+    items: Sequence[MissionItem],
+    start: int,
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    places: FloatArray,
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield where each leg of one return path ends, and its distances (K,) [m] from ``places`` (K, 3) [m]."""
+    before = None
     for item in followed(items, start):
         position = position_of(item, frame, home_amsl_m)
         if position is not None:
-            place = np.array(position)
-            along = place if before is None else place - before
+            end = np.array(position)
+            along = end if before is None else end - before
             if before is None or along.any():
-                away = float(np.linalg.norm(here - _nearest_on(before, place, here)))
-                if best is None or away < best[1]:
-                    best = item.sequence, away
-                before = place
+                away = np.linalg.norm(places - _nearest_on(before, end, places), axis=1)
+                yield item.sequence, away
+                before = end
         if item.command in _LANDINGS:
             break
-    return best
 
 
-def _nearest_on(begin: FloatArray | None, end: FloatArray, here: FloatArray) -> FloatArray:
-    """Return the point (3,) nearest to ``here`` (3,) of a leg from ``begin`` (3,) to ``end`` (3,) [m].
+def _nearest_on(begin: FloatArray | None, end: FloatArray, places: FloatArray) -> FloatArray:
+    """Return the points (K, 3) nearest to ``places`` (K, 3) of a leg from ``begin`` (3,) to ``end`` (3,) [m].
 
     Without a begin that is the end.
     """
     if begin is None:
-        return end
+        return np.broadcast_to(end, places.shape)
     along = end - begin
-    share = float(np.clip((here - begin) @ along / (along @ along), 0.0, 1.0))
-    nearest: FloatArray = begin + share * along
+    shares = np.clip((places - begin) @ along / (along @ along), 0.0, 1.0)
+    nearest: FloatArray = begin + shares[:, None] * along
     return nearest
 
 

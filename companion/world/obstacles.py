@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.kernels.arrays import Obstacles
+from companion.kernels.arrays import FloatArray, Obstacles
 from companion.kernels.geometry.prism_distance import fill_field, no_field
 from companion.types.threat import Obstacle
 
@@ -37,10 +37,46 @@ def packed_obstacles(
     return _packed(shapes, tuple(bounds))
 
 
+def packed_with(
+    packed: Obstacles,
+    obstacles: Sequence[Obstacle],
+    bounds: tuple[float, float, float, float, float, float],
+) -> Obstacles:
+    """Return packed prisms and a few more; this takes far less time than packing all of them.
+
+    Parameters
+    ----------
+    packed : Obstacles
+        Packed prisms.
+    obstacles : sequence of Obstacle
+        More prisms.
+    bounds : tuple of float
+        The bounds with which ``packed`` was packed [m].
+    """
+    more = _pack([(entry.polygon_enu_m, entry.base_m, entry.top_m) for entry in obstacles], bounds)
+    if not len(packed.heights) or not len(more.heights):
+        return more if len(more.heights) else packed
+    return Obstacles(
+        np.vstack([packed.edges, more.edges]),
+        np.concatenate([packed.offsets, packed.offsets[-1] + more.offsets[1:]]),
+        np.vstack([packed.heights, more.heights]),
+        np.vstack([packed.boxes, more.boxes]),
+        np.minimum(packed.field, more.field),
+        packed.grid,
+    )
+
+
 @functools.lru_cache(maxsize=CACHED_WORLDS_MAX)
 def _packed(shapes: tuple[tuple[bytes, float, float], ...], bounds: tuple[float, ...]) -> Obstacles:
     """Pack prisms that are given by hashable values: the bytes of their corners, base and top [m]."""
-    polygons = [np.frombuffer(corners).reshape(-1, 2) for corners, _, _ in shapes]
+    return _pack(
+        [(np.frombuffer(corners).reshape(-1, 2), base_m, top_m) for corners, base_m, top_m in shapes], bounds
+    )
+
+
+def _pack(shapes: Sequence[tuple[FloatArray, float, float]], bounds: tuple[float, ...]) -> Obstacles:
+    """Pack prisms that are given by their corners (N, 2), base and top [m]."""
+    polygons = [polygon for polygon, _, _ in shapes]
     sizes = [len(polygon) for polygon in polygons]
     edges = np.zeros((sum(sizes), 4))
     offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.kernels.arrays import IntArray, Obstacles, Threats
 from companion.types.threat import Obstacle, Radar, ThreatPicture, ThreatTree, TrackState
-from companion.world.obstacles import packed_obstacles
+from companion.world.obstacles import packed_obstacles, packed_with
 from companion.world.threats import known_within, packed_threats
 
 
@@ -73,6 +73,10 @@ class Snapshot:
     def with_threat_trees(self, trees: Sequence[ThreatTree]) -> Snapshot:
         """Return the same snapshot with the trees that a plan has grown."""
         return replace(self, threat_trees=tuple(trees))
+
+    def with_prisms(self, prisms: Sequence[Obstacle]) -> Snapshot:
+        """Return the same snapshot with more prisms that the aircraft keeps clear of; they block no sight."""
+        return replace(self, obstacles=packed_with(self.obstacles, prisms, self.bounds))
 
     def with_known(self, known: IntArray) -> Snapshot:
         """Return the same snapshot with another set of known static threats.

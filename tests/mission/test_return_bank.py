@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -18,6 +19,7 @@ from companion.mission.return_bank import (
     followed,
     is_armed,
     joined_item,
+    joined_items,
     num_return_items,
     return_bank,
 )
@@ -144,6 +146,16 @@ def test_the_simulator_joins_the_same_item(pieces, here):
     if ours != theirs:  # equally near to within rounding
         near = [_distance_to(items, position, here, end) for end in (ours, theirs)]
         assert near[0] == pytest.approx(near[1], abs=1e-6)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(PIECES, min_size=1, max_size=25), st.lists(PLACES, min_size=1, max_size=5))
+def test_each_of_several_places_joins_the_item_that_it_joins_alone(pieces, places):
+    items = numbered(HOME, *pieces)
+    together = joined_items(items, FRAME, 584.0, np.array(places))
+    assert [int(joined) or None for joined in together] == [
+        joined_item(items, FRAME, 584.0, place) for place in places
+    ]
 
 
 def _goes_round(items, start):

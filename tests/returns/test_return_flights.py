@@ -26,6 +26,14 @@ def test_a_landing_circle_beside_a_wall_is_joined_without_touching_it():
     assert not is_bad(flight)
 
 
+@pytest.mark.slow
+def test_a_return_path_keeps_away_from_the_way_out_where_there_is_no_room_to_turn():
+    """At 40 m/s between two walls the way back beside the way out is joined by a turn into the wall."""
+    flight = fly(688)
+    assert flight.has_path
+    assert not is_bad(flight)
+
+
 def test_the_scenarios_differ_and_are_repeated():
     names, begins, dialects = zip(
         *((name, s, d) for _, name, d, s, _, _ in map(scenario, range(40))), strict=True

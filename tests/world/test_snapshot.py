@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from companion.types.threat import Radar
-from companion.world.obstacles import FIELD_NODES, packed_obstacles
+from companion.world.obstacles import FIELD_NODES, packed_obstacles, packed_with
 from companion.world.snapshot import first_snapshot
 from companion.world.threats import SHADOW_NODES, known_within, packed_threats
 from tests.support.paths import box, prism_distance
@@ -27,6 +27,22 @@ def test_obstacles_are_laid_out_edge_by_edge():
     for o in range(2):
         edges = packed.edges[packed.offsets[o] : packed.offsets[o + 1]]
         assert np.array_equal(edges[:, 2:], np.roll(edges[:, :2], -1, axis=0))
+
+
+@pytest.mark.parametrize("num_known", range(len(OBSTACLES) + 1))
+def test_prisms_that_come_later_are_packed_as_those_that_were_there(num_known):
+    known = packed_obstacles(OBSTACLES[:num_known], BOUNDS)
+    later, at_once = packed_with(known, OBSTACLES[num_known:], BOUNDS), packed_obstacles(OBSTACLES, BOUNDS)
+    for found, expected in zip(later, at_once, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_prisms_that_come_later_block_no_sight():
+    before = snapshot(obstacles=OBSTACLES[:1])
+    after = before.with_prisms(OBSTACLES[1:])
+    assert len(after.obstacles.heights) == 2
+    assert after.walls is before.walls
+    assert after.obstacle_list is before.obstacle_list
 
 
 def test_the_field_holds_distances_at_its_nodes():

@@ -20,14 +20,16 @@ from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S, circling_tracks, tracks_by_return_path
 from companion.flight.state.flight_state import FlightState, bound_for
 from companion.frames import FloatArray
-from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, return_bank
+from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, joined_items, return_bank
 from companion.mission.waypoints import loiter_item, path_items, speed_item
 from companion.planning.problem import GoalRegion
 from companion.types.mission import Command, MissionItem
 from companion.types.path import Path
 from companion.types.state import Ownship
 
-PLACES_S = 3.0  # Places of the flown path from which a return is simulated are this far apart in time.
+# A return is simulated from each place of the flown path from which it joins another leg than from the place
+# before, and at least this often along the path.
+PLACES_S = 3.0
 COVERED_MAX_S = 90.0  # The flown path is looked at this far ahead.
 LANDING_NEAR_M = 60.0  # A waypoint this near to the operator's first item of the landing is left out.
 
@@ -104,10 +106,14 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
     if not _returns_clear(state, ownship, items):
         return 0.0
     track = _track_ahead(state, ownship)
-    every = round(PLACES_S / STEP_S)
-    for row in range(every, len(track) - 1, every):
+    joined = joined_items(items, state.mission.frame, state.mission_list.home_amsl_m, track)
+    before, last = 0, len(track) - 1
+    for row in range(1, last):
+        if joined[row] == joined[before] and row - before < round(PLACES_S / STEP_S):
+            continue
         if not _returns_clear(state, state_on(track, row, ownship), items):
-            return STEP_S * (row - every)
+            return STEP_S * before
+        before = row
     return math.inf if len(track) * STEP_S < COVERED_MAX_S else COVERED_MAX_S
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
 from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.energy_ahead import affords
+from companion.flight.prediction.outward_path import outward_path
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
 from companion.flight.prediction.return_places import is_return_wanted, return_places
 from companion.flight.replanning.plan_maker import return_request
@@ -121,18 +122,25 @@ class WayHome:
             self._storing.cancel()
 
     async def _planned(self, state: FlightState, ownship: Ownship) -> ReturnMission | None:
-        """Plan to the places where a return may end, in their order, until one can be reached."""
+        """Plan to the places where a return may end, in their order, until one can be reached.
+
+        If no path that is found covers the flown path for long, paths away from it are planned, too.
+        """
         parts, best = self._parts, None
         begun = start_after(state, ownship, 0.0)
         if begun.rest is None:
             return None
         snapshot = parts.world_model.snapshot(parts.clock.now_s())
-        for ahead_s, (place, is_landing) in product(AHEAD_S, return_places(state, ownship.position_enu_m)):
+        places = return_places(state, ownship.position_enu_m)
+        for keeps_away, ahead_s, (place, is_landing) in product((False, True), AHEAD_S, places):
             start = start_after(state, ownship, ahead_s)
             if start.rest is None:
                 continue
+            world = snapshot
+            if keeps_away:
+                world = snapshot.with_prisms(outward_path(begun.rest, float(start.rest.times_s[0])))
             conclude = partial(_concluded, state, ownship, begun.rest, place, is_landing=is_landing)
-            request = return_request(state, start, snapshot, place)
+            request = return_request(state, start, world, place)
             _, found = await parts.maker.make(request, conclude, may_break_off=True)
             if found is not None and (best is None or found.covered_s > best.covered_s):
                 best = found
