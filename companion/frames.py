@@ -42,6 +42,12 @@ class LocalFrame:
     longitude_deg: float
     altitude_amsl_m: float
 
+    @property
+    def crs(self) -> str:
+        """East and north as a coordinate system of PROJ."""
+        origin = f"+lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r}"
+        return f"+proj=aeqd {origin} +datum=WGS84 +units=m +type=crs"
+
     @cached_property
     def _transformer(self) -> Transformer:
         from pyproj import CRS, Transformer  # Many commands never leave the local frame.  # noqa: PLC0415

@@ -91,7 +91,7 @@ def measured(truth: Truth, threats: Sequence[DynamicThreat], radars: Sequence[Ra
     radars : sequence of Radar
         The mission file's radars, whether or not they were sensed.
     """
-    flown, masks = np.array(truth.path), Masks(truth.obstacles)
+    flown, masks = np.array(truth.path), Masks(truth.obstacles, truth.ground)
     moving = []
     for threat in threats:
         rows = np.array(truth.threat_paths[threat.name])

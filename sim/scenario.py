@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.config import MissionConfig
+from companion.config.terrain import posts_of
 from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
@@ -24,6 +25,7 @@ from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
 from sim.threats.adsb_source import TrackSource
 from sim.threats.pursuers import Pursuers, pursuers_of
+from sim.true_ground import TrueGround
 from sim.truth import Truth
 from sim.vehicle.control import TICK_S, Flight
 from sim.vehicle.fdm import FlightDynamics, Start, Weather
@@ -100,21 +102,28 @@ def build(
         math.radians(mission.start.course_deg),
         float(mission.vehicle.airspeed_cruise_m_s),
     )
-    dynamics = FlightDynamics(frame, start, _weather(mission), seed=seed, projection=projection)
+    posts = posts_of(mission)
+    ground = None if posts is None else TrueGround(posts)
+    home_m = 0.0 if ground is None else ground.up_m(start.east_m, start.north_m)
+    dynamics = FlightDynamics(
+        frame, start, _weather(mission), seed=seed, projection=projection,
+        lowest_m=0.0 if ground is None else ground.lowest_m,
+    )  # fmt: skip
     parameters = _parameters(mission, dialect)
     battery = _battery(mission, parameters, dialect, battery_drain)
     flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters, battery)
     latitude, longitude = projection.degrees(start.east_m, start.north_m)
     home = Home(
-        start.east_m, start.north_m, 0.0, round(latitude * 1e7), round(longitude * 1e7), frame.altitude_amsl_m
-    )
+        start.east_m, start.north_m, home_m, round(latitude * 1e7), round(longitude * 1e7),
+        frame.altitude_amsl_m + home_m,
+    )  # fmt: skip
     radius = parameters["WP_LOITER_RAD"]
     place = (start.east_m, start.north_m, start.up_m)
     centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius)
     autopilot: ArduPlane | Px4
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)
-        items = operator_mission(home, projection, centre, start.up_m, radius)
+        items = operator_mission(home, projection, centre, start.up_m - home_m, radius)
         if route_enu_m:
             items = mission_over(items, route_enu_m, place, projection, radius)
         plane.start(items[:1] if on_ground else items, "LOITER" if on_ground else "AUTO")
@@ -122,7 +131,7 @@ def build(
         autopilot = px4 = Px4(flight, projection, parameters, home)
         area = mission.bounds.east_m, mission.bounds.north_m
         begins = landing_circle(mission.obstacle_list, area, home, radius)
-        items = px4_operator_mission(home, projection, centre, begins, start.up_m, radius)
+        items = px4_operator_mission(home, projection, centre, begins, start.up_m - home_m, radius)
         if route_enu_m:
             items = mission_over(items, route_enu_m, place, projection, radius)
         px4.start([] if on_ground else items, "LOITER" if on_ground else "MISSION", 0 if on_ground else 1)
@@ -131,4 +140,4 @@ def build(
         autopilot.is_armed = False
     pursuers = pursuers_of(mission)
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
-    return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list))
+    return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list, ground))

@@ -191,6 +191,7 @@ class Flight:
             "threatened": threatened,
             **_rounded(measures.over_all()),
             "min_obstacle_clearance_m": round(truth.min_obstacle_clearance_m, 3),
+            "min_ground_height_m": round(truth.min_ground_height_m, 3),
             "missions_uploaded": self.app.num_swaps,
             "missions_rejected": recorder.num_rejected,
             "replans": len(recorder.plan_ms),

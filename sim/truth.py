@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from companion.types.threat import Obstacle
+from sim.true_ground import TrueGround
 from sim.vehicle.fdm import TrueState
 
 PERIOD_US = 100_000
@@ -23,6 +24,8 @@ class Truth:
     ----------
     obstacles : tuple of Obstacle
         Obstacles that the aircraft may hit.
+    ground : TrueGround, optional
+        Ground that it may hit; by default it is flat at the origin's height.
 
     Attributes
     ----------
@@ -36,13 +39,17 @@ class Truth:
     min_obstacle_clearance_m : float
         Smallest horizontal distance to an obstacle while between its base and its top [m];
         infinite if never between them.
+    min_ground_height_m : float
+        Smallest height over ground [m].
     """
 
     obstacles: tuple[Obstacle, ...]
+    ground: TrueGround | None = None
     path: list[list[float]] = field(default_factory=list)
     threat_paths: dict[str, list[list[float]]] = field(default_factory=dict)
     collision: bool = False
     min_obstacle_clearance_m: float = math.inf
+    min_ground_height_m: float = math.inf
 
     def __post_init__(self) -> None:
         self._polygons = np.array([Polygon(entry.polygon_enu_m) for entry in self.obstacles], dtype=object)
@@ -77,7 +84,9 @@ class Truth:
 
     def _check(self, start: list[float], end: list[float]) -> None:
         low, high = min(start[3], end[3]), max(start[3], end[3])
-        if low <= 0.0:
+        ground_m = 0.0 if self.ground is None else self.ground.up_m(end[1], end[2])
+        self.min_ground_height_m = min(self.min_ground_height_m, end[3] - ground_m)
+        if end[3] <= ground_m:
             self.collision = True
         is_level = (self._bases <= high) & (self._tops >= low)
         if not is_level.any():

@@ -40,6 +40,7 @@ from companion.assurance.edges import (
     straight_violations,
 )
 from companion.assurance.exposure import Exposure
+from companion.assurance.ground_heights import TOLERANCE_M, GroundHeights
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
 from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.return_to_bounds import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
@@ -75,6 +76,8 @@ class Checker:
         The limits of paths and missions.
     exposure : Exposure, optional
         Computes threat levels. If omitted, only the levels that a path states itself are checked.
+    ground : GroundHeights, optional
+        The ground, and the limits of height over it. If omitted, there is none.
 
     Raises
     ------
@@ -83,9 +86,11 @@ class Checker:
     """
 
     def __init__(
-        self, obstacles: Sequence[Obstacle], limits: CheckLimits, exposure: Exposure | None = None
-    ) -> None:
+        self, obstacles: Sequence[Obstacle], limits: CheckLimits, exposure: Exposure | None = None,
+        ground: GroundHeights | None = None,
+    ) -> None:  # fmt: skip
         self.limits = limits
+        self._ground = ground
         self._exposure = exposure
         self._prisms = Prisms(obstacles)
         self._climbs = (-limits.descent_angle_max_rad, limits.climb_angle_max_rad)
@@ -308,11 +313,22 @@ class Checker:
         margins: FloatArray,
         bulges: FloatArray,
         rows: NDArray[np.int64],
+        *,
+        is_track: bool = False,
     ) -> Iterator[Violation]:
-        """Check segments for prisms: distance less bulge, against the margin.
+        """Check segments for prisms and ground: distance less bulge, against the margin.
 
         ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) are the reported rows.
+        A track keeps the margins from the ground as well; all else keeps the limits of height over ground.
         """
+        if self._ground is not None and len(starts):
+            least = margins if is_track else np.full(len(starts), self._ground.height_min_m - TOLERANCE_M)
+            for segment, over in self._ground.too_near(starts, ends, least):
+                row, limit = int(rows[segment]), float(least[segment])
+                yield Violation("clearance", row, over, limit, "distance to the ground [m]")
+            for segment, over in () if is_track else self._ground.too_high(starts, ends):
+                row, limit = int(rows[segment]), self._ground.height_max_m
+                yield Violation("bounds", row, over, limit, "height over ground [m]")
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
             yield Violation(
                 "clearance", int(rows[segment]), clear, float(margins[segment]), f"distance to {name} [m]"
@@ -379,11 +395,10 @@ class Checker:
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if len(points) < 2 or not (np.abs(points) <= NUMBER_MAX).all():
             return (Violation("finite", 0, math.nan, NUMBER_MAX, "no track of finite numbers"),)
+        here, margin, none = curves.short_segment(points[0]), np.array([margin_m]), np.zeros(1)
         at_first = [
-            clear
-            for *_, clear in self._prisms.near(
-                *curves.short_segment(points[0]), np.array([margin_m]), np.zeros(1)
-            )
+            entry.value
+            for entry in self._clearance_violations(*here, margin, none, none.astype(int), is_track=True)
         ]
         margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
@@ -392,7 +407,7 @@ class Checker:
             out += OVERSHOOT_RADII * self.limits.turn_radius_min_m
         found = list(self._bounds_violations(points, np.full(len(points), True), BULGE_TOLERANCE_M + out))
         rows, none = np.arange(1, len(points)), np.zeros(len(points) - 1)
-        found += self._clearance_violations(points[:-1], points[1:], margins, none, rows)
+        found += self._clearance_violations(points[:-1], points[1:], margins, none, rows, is_track=True)
         if may_come_back:
             found = self._return_to_bounds(points[0], 0.0).remaining(found, points)
         return tuple(found)
@@ -402,6 +417,9 @@ class Checker:
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         widened = np.array([0.0, 0.0, self.limits.altitude_tolerance_m])
         out = float(np.maximum(low - widened - place, place - high - widened).max())
+        if self._ground is not None and np.isfinite(out):
+            over = float(place[2] - self._ground.up_m(place[None])[0])
+            out = max(out, over - self._ground.height_max_m - TOLERANCE_M)
         if not np.isfinite(out):
             return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])

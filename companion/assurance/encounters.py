@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import shapely
@@ -59,6 +60,13 @@ class ThreatHistory:
     boundary_coefficient_per_m: float = 0.0
 
 
+class Sight(Protocol):
+    """What tells which lines of sight are free."""
+
+    def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
+        """Return which straight lines between ``eyes`` and ``places`` (N, 3) [m] are free, (N,)."""
+
+
 class Masks:
     """Obstacles as masks of sight: whole prisms, whatever their base.
 
@@ -66,9 +74,12 @@ class Masks:
     ----------
     obstacles : sequence of Obstacle
         The obstacles.
+    ground : Sight, optional
+        Ground that masks as well.
     """
 
-    def __init__(self, obstacles: Sequence[Obstacle]) -> None:
+    def __init__(self, obstacles: Sequence[Obstacle], ground: Sight | None = None) -> None:
+        self._ground = ground
         polygons = [shapely.Polygon(obstacle.polygon_enu_m) for obstacle in obstacles]
         self._polygons = np.array(polygons, dtype=object)
         shapely.prepare(self._polygons)
@@ -89,11 +100,16 @@ class Masks:
         ndarray, shape (N,)
             Whether each line is free.
         """
-        if not len(eyes) or not len(self._polygons):
-            return np.ones(len(eyes), dtype=bool)
-        size = 1 + CHUNK_PAIRS // len(self._polygons)  # All prisms may be near one line.
-        chunks = [slice(first, first + size) for first in range(0, len(eyes), size)]
-        return np.concatenate([self._is_free(eyes[chunk], places[chunk]) for chunk in chunks])
+        free = np.ones(len(eyes), dtype=bool)
+        if not len(eyes):
+            return free
+        if len(self._polygons):
+            size = 1 + CHUNK_PAIRS // len(self._polygons)  # All prisms may be near one line.
+            chunks = [slice(first, first + size) for first in range(0, len(eyes), size)]
+            free = np.concatenate([self._is_free(eyes[chunk], places[chunk]) for chunk in chunks])
+        if self._ground is not None:
+            free[free] = self._ground.is_free(eyes[free], places[free])
+        return free
 
     def __len__(self) -> int:
         return len(self._polygons)
@@ -195,6 +211,7 @@ def known_encounters(
     tracks: Iterable[tuple[str, Sequence[Sequence[float]]]],
     radars: Sequence[Radar],
     obstacles: Sequence[Obstacle],
+    ground: Sight | None = None,
 ) -> tuple[Encounter, ...]:
     """Return the encounters as they were known on board.
 
@@ -209,8 +226,10 @@ def known_encounters(
         The mission file's radars, whether or not they were sensed.
     obstacles : sequence of Obstacle
         What blocks sight.
+    ground : Sight, optional
+        Ground that blocks sight as well.
     """
-    masks = Masks(obstacles)
+    masks = Masks(obstacles, ground)
     tables = [(name, np.asarray(rows, dtype=np.float64).reshape(-1, 5)) for name, rows in tracks]
     moving = [ThreatHistory(name, float(rows[-1, 4]), rows[:, :4]) for name, rows in tables if len(rows)]
     longest = sorted((threat for threat in moving if threat.reach_m > 0.0), key=lambda t: -len(t.rows))

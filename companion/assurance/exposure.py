@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from companion.assurance.ground_heights import GroundHeights
 from companion.assurance.sight_lines import SightLines
 from companion.frames import FloatArray
 from companion.types.path import Path
@@ -65,10 +66,15 @@ class Exposure:
         East and north, each low and high [m]; nothing drives beyond them. Further numbers are ignored.
     model : ExposureModel
         Parameters of the threat model.
+    ground : GroundHeights, optional
+        Ground that blocks sight, too.
     """
 
-    def __init__(self, walls: Sequence[Obstacle], bounds: Sequence[float], model: ExposureModel) -> None:
-        self._sight = SightLines(walls)
+    def __init__(
+        self, walls: Sequence[Obstacle], bounds: Sequence[float], model: ExposureModel,
+        ground: GroundHeights | None = None,
+    ) -> None:  # fmt: skip
+        self._sight = SightLines(walls, ground)
         self._bounds = bounds
         self._model = model
 

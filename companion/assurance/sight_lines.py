@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from companion.assurance.ground_heights import GroundHeights
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
@@ -24,6 +25,8 @@ class SightLines:
     ----------
     walls : sequence of Obstacle
         The walls. A polygon that crosses itself is replaced by its convex hull.
+    ground : GroundHeights, optional
+        Ground that blocks sight, too.
 
     Attributes
     ----------
@@ -31,7 +34,8 @@ class SightLines:
         The walls that stand on the ground.
     """
 
-    def __init__(self, walls: Sequence[Obstacle]) -> None:
+    def __init__(self, walls: Sequence[Obstacle], ground: GroundHeights | None = None) -> None:
+        self._ground = ground
         low_walls = [wall for wall in walls if min(wall.base_m, wall.top_m) <= GROUNDED_MAX_M]
         polygons = [shapely.Polygon(wall.polygon_enu_m) for wall in low_walls]
         self.grounded = [polygon if polygon.is_valid else polygon.convex_hull for polygon in polygons]
@@ -42,7 +46,7 @@ class SightLines:
         self._tree = shapely.STRtree(self._polygons)
 
     def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
-        """Return which straight lines pass over or beside all walls.
+        """Return which straight lines pass over or beside all walls, and over the ground.
 
         Parameters
         ----------
@@ -64,6 +68,8 @@ class SightLines:
             hides[unsure] = lowest < tops[unsure]
         free = np.ones(len(eyes), dtype=bool)
         free[which[hides]] = False
+        if self._ground is not None and free.any():
+            free[free] = self._ground.is_free(eyes[free], places[free])
         return free
 
     def is_drivable(self, starts: FloatArray, ends: FloatArray) -> BoolArray:

@@ -10,6 +10,7 @@ import shapely
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
 from companion.config.sections.glide_section import FieldConfig
 from companion.config.source import KeyPath
+from companion.kernels.arrays import Ground
 from companion.planning.comparators import METHODS
 from companion.world.vehicle.energy import level_power_range
 
@@ -35,6 +36,7 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _takeover(config)
     yield from _energy(config)
     yield from _glide(config)
+    yield from _terrain(config)
 
 
 def _energy(config: MissionConfig) -> Iterator[Finding]:
@@ -85,6 +87,51 @@ def _glide(config: MissionConfig) -> Iterator[Finding]:
         for obstacle in config.obstacles:
             if _is_inside(place, obstacle):
                 yield ("glide", "fields", index), f"a point outside the obstacle {obstacle.name!r}"
+
+
+def _terrain(config: MissionConfig) -> Iterator[Finding]:
+    terrain = config.terrain
+    if terrain is None:
+        return
+    sources = [terrain.file, terrain.generated, terrain.sample]
+    if sum(source is not None for source in sources) != 1:
+        yield ("terrain",), "one of file, generated and sample"
+        return
+    least, most, wanted = terrain.height_min_m, terrain.height_max_m, terrain.height_wanted_m
+    if least < config.planning.clearance_min_m:
+        yield ("terrain", "height_min_m"), f"at least clearance_min_m, {config.planning.clearance_min_m:g}"
+    if most is not None and most <= least:
+        yield ("terrain", "height_max_m"), f"above height_min_m, {least:g}"
+    if wanted is not None and not least <= wanted <= (math.inf if most is None else most):
+        yield ("terrain", "height_wanted_m"), "between height_min_m and height_max_m"
+    # Many commands read no map, and PROJ takes long to import.
+    from companion.config.terrain import TerrainError, ground_of  # noqa: PLC0415
+
+    try:
+        ground = ground_of(config)
+    except TerrainError as error:
+        source = next(key for key in ("file", "generated", "sample") if getattr(terrain, key) is not None)
+        yield ("terrain", source), f"{error.expected}; found: {error.got}"
+        return
+    yield from _over_ground(config, ground)
+
+
+def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
+    """Check start and goals against the highest and the lowest ground of their cells."""
+    places: list[tuple[KeyPath, Start | Goal]] = [(("start",), config.start)]
+    places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
+    margin = config.planning.clearance_min_m
+    for path, place in places:
+        cell = tuple(
+            min(max(int((at - first) // ground.grid[2]), 0), count - 1)
+            for at, first, count in zip(
+                (place.east_m, place.north_m), ground.grid[:2], ground.high.shape, strict=True
+            )
+        )
+        low, high = ground.high[cell] + ground.least + margin, ground.low[cell] + ground.most - margin
+        if not low <= place.up_m <= high:
+            limits = f"{math.ceil(low)}" + ("" if math.isinf(high) else f" to {math.floor(high)}")
+            yield (*path, "up_m"), f"a height over ground within its limits: {limits}"
 
 
 def _takeover(config: MissionConfig) -> Iterator[Finding]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
+from companion.config.terrain import ground_heights_of, ground_of
 from companion.mission.energy_budget import EnergyBudget, budget_of
 from companion.mission.glide.landing_choice import LandingPlace, Place
 from companion.planning.comparators import Certainty
@@ -174,6 +175,7 @@ def world_of(mission: MissionConfig, *, none_known: bool = True) -> Snapshot:
         bounds=bounds_of(mission),
         obstacles=mission.obstacle_list,
         radars=mission.radar_list,
+        ground=ground_of(mission),
         none_known=none_known,
     )
 
@@ -196,7 +198,7 @@ def exposure_of(mission: MissionConfig) -> Exposure:
         is_literal=mission.planning.certainty == "literal",
         is_plane=mission.dimension == 2,
     )
-    return Exposure(mission.obstacle_list, bounds_of(mission), model)
+    return Exposure(mission.obstacle_list, bounds_of(mission), model, ground_heights_of(mission))
 
 
 def check_limits_of(mission: MissionConfig) -> CheckLimits:

@@ -74,9 +74,19 @@ def mission_from_document(document: Document) -> MissionConfig:
         config = MissionConfig.model_validate(document.data)
     except ValidationError as error:
         raise explained(document, error.errors(include_url=False)) from None
+    config = _beside(config, document.file)
     for path, expected in findings(config):
         raise document.error(path, expected)
     return config
+
+
+def _beside(config: MissionConfig, file: str) -> MissionConfig:
+    """Return a mission whose files lie beside the mission file."""
+    terrain = config.terrain
+    if terrain is None or terrain.file is None:
+        return config
+    place = str((Path(file).parent / terrain.file).absolute())
+    return config.model_copy(update={"terrain": terrain.model_copy(update={"file": place})})
 
 
 def text_of(config: MissionConfig) -> str:

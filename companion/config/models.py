@@ -18,6 +18,7 @@ from pydantic_core import PydanticKnownError
 from companion.config.sections.energy_section import EnergyConfig
 from companion.config.sections.glide_section import GlideConfig
 from companion.config.sections.section_base import Section
+from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
 
@@ -431,6 +432,8 @@ class MissionConfig(Section):
     """What flying costs, and what is on board; by default energy is not considered."""
     glide: GlideConfig | None = None
     """How far it glides without thrust, and where to; by default no field is sought."""
+    terrain: TerrainConfig | None = None
+    """The ground; by default none is known."""
 
     @property
     def goals_from_autopilot(self) -> bool:

@@ -19,6 +19,7 @@ from companion.config.compose import (
     vehicle_of,
 )
 from companion.config.models import MissionConfig
+from companion.config.terrain import ground_heights_of
 from companion.mission.glide.landing_choice import GlideOptions, Place
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
@@ -139,6 +140,6 @@ def rules_of(
             seen_max_s=math.inf,
             weights_cost=LEAST_THREAT_WEIGHTS,
         ),
-        checker=Checker(obstacles, limits, exposure),
+        checker=Checker(obstacles, limits, exposure, ground_heights_of(mission)),
         exposure=exposure,
     )

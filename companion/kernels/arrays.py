@@ -29,8 +29,26 @@ Int2D = Annotated[IntArray, Array("i", 2)]
 NUM_CELLS = 48  # The grid that finds near nodes has so many cells along each side.
 
 
+class Ground(Struct):
+    """The ground in square cells; without any it lies infinitely deep.
+
+    ``high``, ``low`` (GX, GY) the highest and the lowest ground of each cell; ``grid`` (3,) x0 y0 of the
+    first cell's corner and the side of a cell. ``least``, ``wanted`` and ``most`` are heights over ground [m]
+    that an aircraft keeps: not lower, rather not lower, and not higher. Vehicles drive up to the slope
+    ``drivable``, a tangent.
+    """
+
+    high: Float2D
+    low: Float2D
+    grid: Float1D
+    least: float
+    wanted: float
+    most: float
+    drivable: float
+
+
 class Obstacles(Struct):
-    """Upright prisms, their edges one after another.
+    """Upright prisms, their edges one after another, and the ground.
 
     ``edges`` (E, 4) x0 y0 x1 y1; ``offsets`` (O + 1,) first edge of each; ``heights`` (O, 2) base
     and top; ``boxes`` (O, 4) x_min y_min x_max y_max; ``field`` (NX, NY, NZ) distance to the nearest
@@ -43,6 +61,7 @@ class Obstacles(Struct):
     boxes: Float2D
     field: Float3D
     grid: Float1D
+    ground: Ground
 
 
 class Threats(Struct):
@@ -171,8 +190,9 @@ class Game(Struct):
     was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (D, NX, NY) earliest arrival at
     a grid's cells [s], ``least`` (D, BX, BY) the earliest in each block of them; ``tops`` (NX, NY) height of
     the wall there, minus infinity where there is none [m]; ``lowest`` the least of these heights, infinite
-    without any wall [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane`` 1 where threats are at the
-    aircraft's height; ``slack`` by which a place has to be passed before it is under threat [s].
+    without any wall and minus infinity over ground [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane``
+    1 where threats are at the aircraft's height; ``slack`` by which a place has to be passed before it is
+    under threat [s]; ``ground`` that vehicles drive on, and that hides the aircraft from them.
     """
 
     vehicles: Float2D
@@ -183,6 +203,7 @@ class Game(Struct):
     grid: Float1D
     is_plane: int
     slack: float
+    ground: Ground
 
 
 class Branches(Struct):

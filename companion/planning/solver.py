@@ -80,7 +80,9 @@ def _by_recovery_path(
     problem, limits = exploration.problem, exploration.limits
     is_walled_in = clearance(*problem.start.position_enu_m, problem.snapshot.walls, 1.0) <= 0.0
     state, obstacles = exploration.tree.state[0].copy(), problem.snapshot.obstacle_list
-    states = None if is_walled_in else recovery_path(state, obstacles, limits)
+    states = (
+        None if is_walled_in else recovery_path(state, obstacles, limits, problem.snapshot.obstacles.ground)
+    )
     if states is None:
         return None if exploration.start_is_valid else _invalid_start(problem)
     route = route_along(exploration, states)

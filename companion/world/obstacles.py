@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from companion.kernels.arrays import FloatArray, Obstacles
+from companion.kernels.arrays import FloatArray, Ground, Obstacles
 from companion.kernels.geometry.prism_distance import fill_field, no_field
 from companion.types.threat import Obstacle
 
 FIELD_NODES = (161, 161, 13)  # The most nodes of the distance field: east, north, up.
+FAR_M = 1e7  # Without any ground, one cell reaches this far in each direction.
 CACHED_WORLDS_MAX = 4  # This many packed worlds stay in memory, of about three megabytes each.
+NOWHERE_M = np.full((1, 1), -math.inf)
+# Ground that lies infinitely deep, and above which no height is too great.
+NO_GROUND = Ground(
+    NOWHERE_M, NOWHERE_M, np.array([-FAR_M, -FAR_M, 2.0 * FAR_M]), 0.0, 0.0, math.inf, math.inf
+)
 
 
 def packed_obstacles(
-    obstacles: Sequence[Obstacle], bounds: tuple[float, float, float, float, float, float]
+    obstacles: Sequence[Obstacle],
+    bounds: tuple[float, float, float, float, float, float],
+    ground: Ground | None = None,
 ) -> Obstacles:
     """Return the flat arrays of all prisms with the distance field over the bounds.
 
@@ -29,12 +38,15 @@ def packed_obstacles(
         The prisms; none is allowed.
     bounds : tuple of float
         The field's east, north and up, each low and high [m].
+    ground : Ground, optional
+        The ground; by default there is none.
     """
     shapes = tuple(
         (np.asarray(entry.polygon_enu_m, dtype=np.float64).tobytes(), entry.base_m, entry.top_m)
         for entry in obstacles
     )
-    return _packed(shapes, tuple(bounds))
+    packed = _packed(shapes, tuple(bounds))
+    return packed if ground is None else packed._replace(ground=ground)
 
 
 def packed_with(
@@ -55,7 +67,7 @@ def packed_with(
     """
     more = _pack([(entry.polygon_enu_m, entry.base_m, entry.top_m) for entry in obstacles], bounds)
     if not len(packed.heights) or not len(more.heights):
-        return more if len(more.heights) else packed
+        return more._replace(ground=packed.ground) if len(more.heights) else packed
     return Obstacles(
         np.vstack([packed.edges, more.edges]),
         np.concatenate([packed.offsets, packed.offsets[-1] + more.offsets[1:]]),
@@ -63,6 +75,7 @@ def packed_with(
         np.vstack([packed.boxes, more.boxes]),
         np.minimum(packed.field, more.field),
         packed.grid,
+        packed.ground,
     )
 
 
@@ -86,7 +99,7 @@ def _pack(shapes: Sequence[tuple[FloatArray, float, float]], bounds: tuple[float
     heights = np.array([[base_m, top_m] for _, base_m, top_m in shapes], dtype=np.float64).reshape(-1, 2)
     boxes = np.array([[*p.min(axis=0), *p.max(axis=0)] for p in polygons], dtype=np.float64).reshape(-1, 4)
     field, grid = no_field()
-    packed = Obstacles(edges, offsets, heights, boxes, field, grid)
+    packed = Obstacles(edges, offsets, heights, boxes, field, grid, NO_GROUND)
     if not polygons:
         return packed
     low, high = np.array(bounds[0::2]), np.array(bounds[1::2])

@@ -47,6 +47,7 @@ def pursuit_game(
     west, east, south, north = bounds[:4]
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
     shape = (int((east - west) / spacing) + 2, int((north - south) / spacing) + 2) if tracks else (1, 1)
+    is_flat = not np.isfinite(walls.ground.low[0, 0])
     game = Game(
         vehicles=np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
         arrival=np.full((len(tracks), *shape), math.inf),
@@ -56,14 +57,30 @@ def pursuit_game(
         grid=np.array([west, south, spacing]),
         is_plane=0 if plane_up_m is None else 1,
         slack=slack_s,
+        ground=walls.ground,
     )
     if any(vehicle[7] == DRIVES for vehicle in game.vehicles):
         fill_tops(walls, math.nan if plane_up_m is None else plane_up_m, game.grid, game.tops)
+        if not is_flat:
+            _bar_steep_ground(game)
     for d, vehicle in enumerate(game.vehicles):
         if vehicle[7] == DRIVES:
             fill_arrivals(vehicle[0], vehicle[1], game, d)
-    lowest = game.tops.min(where=game.tops > -math.inf, initial=math.inf)
-    return game._replace(least=_least_of_blocks(game.arrival), lowest=float(lowest))
+    lowest = float(game.tops.min(where=game.tops > -math.inf, initial=math.inf)) if is_flat else -math.inf
+    return game._replace(least=_least_of_blocks(game.arrival), lowest=lowest)
+
+
+def _bar_steep_ground(game: Game) -> None:
+    """Make cells that are too steep to drive over walls as high as their ground."""
+    ground, tops = game.ground, game.tops
+    at = [game.grid[axis] + game.grid[2] * np.arange(tops.shape[axis]) for axis in range(2)]
+    rows, columns = (
+        np.clip(((at[axis] - ground.grid[axis]) // ground.grid[2]).astype(int), 0, ground.low.shape[axis] - 1)
+        for axis in range(2)
+    )
+    middle = 0.5 * (ground.high + ground.low)
+    slopes = np.hypot(*np.gradient(middle, ground.grid[2]))[np.ix_(rows, columns)]
+    np.maximum(tops, ground.low[np.ix_(rows, columns)], out=tops, where=slopes > ground.drivable)
 
 
 def _least_of_blocks(arrival: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.kernels.arrays import IntArray, Obstacles, Threats
+from companion.kernels.arrays import Ground, IntArray, Obstacles, Threats
 from companion.types.threat import Obstacle, Radar, ThreatPicture, ThreatTree, TrackState
 from companion.world.obstacles import packed_obstacles, packed_with
 from companion.world.threats import known_within, packed_threats
@@ -114,10 +114,11 @@ def first_snapshot(
     bounds: tuple[float, float, float, float, float, float],
     obstacles: Sequence[Obstacle],
     radars: Sequence[Radar],
+    ground: Ground | None = None,
     none_known: bool = True,
 ) -> Snapshot:
     """Build the obstacles and threats once; with ``none_known`` only listed radars are known at first."""
-    packed = packed_obstacles(obstacles, bounds)
+    packed = packed_obstacles(obstacles, bounds, ground)
     threats = packed_threats(radars, packed, bounds)
     if none_known:
         threats = threats._replace(known=np.array([radar.is_listed for radar in radars], dtype=np.int64))

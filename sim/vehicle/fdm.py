@@ -101,18 +101,21 @@ class FlightDynamics:
     Parameters
     ----------
     frame : LocalFrame
-        Local frame in which its state is read; the ground is flat at up = 0.
+        Local frame in which its state is read.
     start : Start
         Position, course and speed that it begins with.
     weather : Weather
         Wind and turbulence.
     seed : int
         Seed of the turbulence.
+    lowest_m : float
+        JSBSim's own ground is flat at this height; what lies above it is judged elsewhere [m].
     """
 
     def __init__(
-        self, frame: LocalFrame, start: Start, weather: Weather, *, seed: int, projection: FastProjection
-    ) -> None:
+        self, frame: LocalFrame, start: Start, weather: Weather, *, seed: int, projection: FastProjection,
+        lowest_m: float = 0.0,
+    ) -> None:  # fmt: skip
         self._projection, self._frame, self._weather = projection, frame, weather
         self._origin_amsl_m = frame.altitude_amsl_m
         jsbsim.FGJSBBase().debug_lvl = 0  # type: ignore[no-untyped-call]  # silences the banner
@@ -123,7 +126,8 @@ class FlightDynamics:
         if not self._executive.load_model("small_uav"):
             raise RuntimeError(f"JSBSim cannot load the aircraft in {AIRCRAFT_PATH}")
         self._airspeed_knots = start.equivalent_airspeed_m_s / _KNOT_M_S
-        self._place(frame, start)
+        self._lowest_m = lowest_m
+        self._place(frame, start, lowest_m)
         manager = self._executive.get_property_manager()
         self._readers = tuple(_node(manager, name).get_double_value for name in _READ)
         self._thrust = _node(manager, _THRUST).get_double_value
@@ -133,12 +137,12 @@ class FlightDynamics:
         self._start_turbulence(weather, seed)
         self.state = self._read()
 
-    def _place(self, frame: LocalFrame, start: Start) -> None:
+    def _place(self, frame: LocalFrame, start: Start, lowest_m: float) -> None:
         """Set position, course and airspeed, in still air."""
         latitude, longitude, altitude = frame.global_from_local(start.east_m, start.north_m, start.up_m)
         fdm = self._executive
         fdm["ic/lat-geod-deg"], fdm["ic/long-gc-deg"] = latitude, longitude
-        fdm["ic/terrain-elevation-ft"] = frame.altitude_amsl_m / _FOOT_M
+        fdm["ic/terrain-elevation-ft"] = (frame.altitude_amsl_m + lowest_m) / _FOOT_M
         fdm["ic/h-sl-ft"] = altitude / _FOOT_M
         fdm["ic/psi-true-deg"] = math.degrees(start.course_rad)
         fdm["ic/vw-mag-fps"] = 0.0
@@ -228,7 +232,7 @@ class FlightDynamics:
     def launch(self, start: Start) -> None:
         """Begin again in the air, trimmed, as a catapult leaves the aircraft."""
         self._airspeed_knots = start.equivalent_airspeed_m_s / _KNOT_M_S
-        self._place(self._frame, start)
+        self._place(self._frame, start, self._lowest_m)
         self._settle(self.trim_alpha_rad, self.trim_elevator_rad, self.trim_throttle)
         self._add_wind(start, self._weather)
         self.state = self._read()

@@ -12,7 +12,7 @@ from companion.config import MissionConfig
 from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
-from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.geometry.line_of_sight import sight_blocked
 from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
 from companion.kernels.threat.fuzzy_threat import PASSES, point_threat
 from companion.kernels.workspace import threat_scene
@@ -69,7 +69,7 @@ class WorldModel:
 
     def _fence(self) -> None:
         """Make the autopilot's fences obstacles; they block neither sight nor moving threats."""
-        packed = packed_obstacles(self._rules.obstacles, self._snapshot.bounds)
+        packed = packed_obstacles(self._rules.obstacles, self._snapshot.bounds, self._snapshot.walls.ground)
         self._snapshot = replace(self._snapshot, obstacles=packed, obstacle_list=self._rules.obstacles)
 
     def follow_mission(self, rules: Rules) -> None:
@@ -124,7 +124,7 @@ class WorldModel:
             if is_plane:
                 row[2] = z
             reach[radius] = track.max_threat_radius_m
-            row[3] = float(not line_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, walls))
+            row[3] = float(not sight_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, walls))
             if track.flies_on:
                 row[3] = PASSES * (abs(track.position_enu_m[2] - z) <= WELL_CLEAR_UP_M)
                 row[2] = z

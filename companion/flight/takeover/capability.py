@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from companion.config import MissionConfig
+from companion.config.terrain import ground_heights_of
 from companion.types.state import AutopilotSettings
 
 GRAVITY_M_S2 = 9.80665
@@ -49,7 +52,22 @@ def shortfalls(
         if mission.dimension == 3 and most and asked > most * TOLERANCE:
             found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
     found += _beyond_fences(mission, settings, home_enu_m)
-    return tuple(found)
+    return (*found, *_other_ground(mission, home_enu_m))
+
+
+def _other_ground(mission: MissionConfig, home_enu_m: tuple[float, float, float] | None) -> list[str]:
+    """Return the heights of home and of the map there if they differ by more than the tolerance."""
+    ground, terrain, bounds = ground_heights_of(mission), mission.terrain, mission.bounds
+    if ground is None or terrain is None or home_enu_m is None:
+        return []
+    east, north, up = home_enu_m
+    sides = (bounds.east_m, east), (bounds.north_m, north)
+    is_mapped = all(low <= at <= high for (low, high), at in sides)
+    mapped = float(ground.up_m(np.array([[east, north]]))[0])
+    if not is_mapped or abs(mapped - up) <= terrain.home_tolerance_m:
+        return []
+    sea = mission.frame.altitude_amsl_m
+    return [f"home at {up + sea:.0f} m AMSL, map {mapped + sea:.0f}"]
 
 
 def _beyond_fences(

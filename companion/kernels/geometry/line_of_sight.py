@@ -11,6 +11,7 @@ Ericson, *Real-Time Collision Detection* (2005), 5.3.3 (segment against a box by
 from __future__ import annotations
 
 from companion.kernels.arrays import Float2D, Obstacles
+from companion.kernels.geometry.ground import ground_hides
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
 from companion.kernels.native.kernel import kernel_numpy_errors
 
@@ -76,3 +77,9 @@ def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: floa
         ):
             return True
     return False
+
+
+@kernel_numpy_errors
+def sight_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: float, walls: Obstacles) -> bool:
+    """Return whether a prism or the ground blocks the line of sight p–q."""
+    return ground_hides(px, py, pz, qx, qy, qz, walls.ground) or line_blocked(px, py, pz, qx, qy, qz, walls)

@@ -1,4 +1,4 @@
-"""Distances and intersections with upright prisms.
+"""Distances and intersections with upright prisms, and what is left over ground.
 
 Symbols: ``x, y, z`` a point; ``p, q`` ends of a segment; ``t`` the fraction along it.
 
@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from companion.kernels.arrays import Float1D, Float2D, Float3D, FloatArray, Obstacles
+from companion.kernels.geometry.ground import crosses_ground, over_ground
 from companion.kernels.native.kernel import inlined, kernel
 
 
@@ -43,7 +44,17 @@ def distance_to_edge_squared(x: float, y: float, x0: float, y0: float, x1: float
 
 @kernel
 def clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) -> float:
-    """Distance of a point to the nearest prism [m], 0 inside; ``limit`` if nothing is nearer."""
+    """Distance of a point to the nearest prism [m], 0 inside; ``limit`` if nothing is nearer.
+
+    What is left over ground counts as such a distance.
+    """
+    left = over_ground(x, y, z, obstacles.ground)
+    return 0.0 if left <= 0.0 else prism_clearance(x, y, z, obstacles, min(limit, left))
+
+
+@kernel
+def prism_clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) -> float:
+    """:func:`clearance` of prisms alone."""
     best = limit * limit
     boxes, heights = obstacles.boxes, obstacles.heights
     for o in range(heights.shape[0]):
@@ -69,7 +80,13 @@ def clearance(x: float, y: float, z: float, obstacles: Obstacles, limit: float) 
 
 @kernel
 def clearance_bound(x: float, y: float, z: float, obstacles: Obstacles) -> float:
-    """Lower bound of the clearance from the distance field [m]; 0 outside its grid.
+    """Lower bound of the clearance from the distance field and the ground [m]; 0 outside the field's grid."""
+    return max(0.0, min(prism_bound(x, y, z, obstacles), over_ground(x, y, z, obstacles.ground)))
+
+
+@kernel
+def prism_bound(x: float, y: float, z: float, obstacles: Obstacles) -> float:
+    """Lower bound of the clearance of prisms from their distance field [m]; 0 outside its grid.
 
     The distance is 1-Lipschitz, so the value at the nearest grid node less the way to it is a bound.
     """
@@ -93,7 +110,7 @@ def fill_field(field: Float3D, grid: Float1D, obstacles: Obstacles) -> None:
     for i in range(field.shape[0]):
         for j in range(field.shape[1]):
             for k in range(field.shape[2]):
-                field[i, j, k] = clearance(
+                field[i, j, k] = prism_clearance(
                     grid[0] + i * grid[3], grid[1] + j * grid[4], grid[2] + k * grid[5], obstacles, 1e6
                 )
 
@@ -125,24 +142,26 @@ def edges_cross(
 def segment_clear(
     px: float, py: float, pz: float, qx: float, qy: float, qz: float, obstacles: Obstacles, margin: float
 ) -> bool:
-    """Return whether every point of p–q is at least ``margin`` from every prism.
+    """Return whether every point of p–q is at least ``margin`` from every prism, and as high over ground.
 
-    Conservative advancement: the distance is 1-Lipschitz, so a point with clearance ``c`` proves
+    Conservative advancement: the distance of prisms is 1-Lipschitz, so a point with clearance ``c`` proves
     ``c - margin`` of the way. Steps below 0.5 m are refused as blocked.
     """
+    if crosses_ground(px, py, pz, qx, qy, qz, obstacles.ground, margin):
+        return False
     length = math.sqrt((qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2)
     s = 0.0
     while True:
         t = s / length if length > 0.0 else 0.0
         x, y, z = px + t * (qx - px), py + t * (qy - py), pz + t * (qz - pz)
-        free = clearance_bound(x, y, z, obstacles) - margin
+        free = prism_bound(x, y, z, obstacles) - margin
         if free < 5.0:
-            free = clearance(x, y, z, obstacles, margin + length + 1.0) - margin
+            free = prism_clearance(x, y, z, obstacles, margin + length + 1.0) - margin
         if free < 0.0:
             return False
         s += max(free, 0.5)
         if s >= length:
-            return clearance(qx, qy, qz, obstacles, margin + 1.0) >= margin
+            return prism_clearance(qx, qy, qz, obstacles, margin + 1.0) >= margin
 
 
 @kernel

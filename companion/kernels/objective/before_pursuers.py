@@ -23,6 +23,7 @@ from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
     beside,
+    height_of,
     is_inside,
     place_of,
     renewed,
@@ -80,13 +81,13 @@ def is_in_sight(rate: Float3D, u: float, v: float, i: int, j: int, k: int) -> bo
 
 
 @kernel_numpy_errors
-def begin_wave(wave: Wave, grid: Float1D, limits: Limits, heap: Heap) -> int:
+def begin_wave(wave: Wave, field: CostField, limits: Limits, heap: Heap) -> int:
     """Begin at the nodes in sight about the start, all others infinite; the heap's size.
 
-    ``grid`` (6,) is the field's. Near a point a wave's front is too bent for upwind differences, so that it
+    Near a point a wave's front is too bent for upwind differences, so that it
     begins with the exact times as far as :data:`BEGUN_RADII` turning radii.
     """
-    value, time, start, size = wave.value, wave.time, wave.start, 0
+    value, time, start, grid, size = wave.value, wave.time, wave.start, field.grid, 0
     reach = max(BEGUN_RADII * wave.radius, GOAL_CELLS * grid[3])
     u, v = (start[0] - grid[0]) / grid[3], (start[1] - grid[1]) / grid[4]
     slope = math.tan(limits.climb_max)
@@ -98,7 +99,7 @@ def begin_wave(wave: Wave, grid: Float1D, limits: Limits, heap: Heap) -> int:
                 continue
             way = distance_to_point(0.0, 0.0, start[5], x, y, wave.radius)
             for k in range(value.shape[2]):
-                up = abs(grid[2] + k * grid[5] - start[2]) if value.shape[2] > 1 else 0.0
+                up = abs(height_of(field, i, j, k) - start[2]) if value.shape[2] > 1 else 0.0
                 if not is_in_sight(wave.rate, u, v, i, j, k):
                     continue
                 time[i, j, k] = EARLY * max(way, up / slope) / limits.v_cruise
@@ -120,7 +121,7 @@ def fill_before_pursuers(wave: Wave, field: CostField, objective: Objective, hea
     speed = limits.v_cruise / EARLY
     pace[0], pace[1] = -limits.wind_x / speed, -limits.wind_y / speed
     pace[2], pace[3] = math.tan(limits.descent_max) * slope, math.tan(limits.climb_max) * slope
-    size = begin_wave(wave, grid, limits, heap)
+    size = begin_wave(wave, field, limits, heap)
     while size > 0:
         key, node = heap.keys[0], heap.nodes[0]
         size = pop_least(heap.keys, heap.nodes, size)
@@ -128,7 +129,7 @@ def fill_before_pursuers(wave: Wave, field: CostField, objective: Objective, hea
         if key > value[i, j, k] + SETTLED_S:
             continue
         due = wave.start[3] + time_to_fly(wave.time[i, j, k] * limits.v_cruise, wave.start[4], limits)
-        x, y, z = grid[0] + i * grid[3], grid[1] + j * grid[4], grid[2] + k * grid[5]
+        x, y, z = grid[0] + i * grid[3], grid[1] + j * grid[4], height_of(field, i, j, k)
         danger = pursuit_danger(x, y, z, due, objective)
         if danger > wave.danger_max:
             wave.rate[i, j, k] = value[i, j, k] = math.inf

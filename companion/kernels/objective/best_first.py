@@ -31,7 +31,7 @@ from companion.kernels.aircraft.motion import (
 from companion.kernels.arrays import Float1D, Float2D, Int1D, Limits, Scene
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
-from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go
+from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go, cost_to_go_on
 from companion.kernels.objective.row_costs import SEEN, Objective, exposure, pursuit_danger, row_cost
 from companion.kernels.printed.reachability import passes_by
 from companion.kernels.printed.threat_tree import FLIES_ON
@@ -87,7 +87,8 @@ class Rules(Struct):
 
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
     counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
-    (g of J) at which a place may be passed; ``cost_max`` a path that costs as much is not worth finding [s].
+    (g of J) at which a place may be passed; ``cost_max`` a path that costs as much is not worth finding [s];
+    ``side`` how many steps at cruise a cell is long and wide.
     """
 
     goals: Float2D
@@ -95,6 +96,7 @@ class Rules(Struct):
     seen_max: float
     danger_max: float
     cost_max: float
+    side: float
 
 
 class BestFirst(Struct):
@@ -116,12 +118,13 @@ class BestFirst(Struct):
 
 
 @inlined
-def _cell(nodes: Nodes, i: int, limits: Limits) -> int:
+def _cell(nodes: Nodes, i: int, limits: Limits, steps: float) -> int:
     """Number of the cell of node ``i``, from 1 on."""
     b, state = limits.bounds, nodes.state[i]
-    side = limits.v_cruise * limits.tau
+    side = steps * limits.v_cruise * limits.tau
     x, y = int((state[0] - b[0]) / side), int((state[1] - b[2]) / side)
-    z = int((state[2] - b[4]) / (HEIGHT_CELLS * side)) if limits.dimension == 3 else 0
+    level = HEIGHT_CELLS * limits.v_cruise * limits.tau
+    z = int((state[2] - b[4]) / level) if limits.dimension == 3 else 0
     theta = int(math.floor((state[3] / (2.0 * math.pi) + 1.0) * DIRECTIONS)) % DIRECTIONS
     place = ((x * 4096 + y) * 1024 + z) * DIRECTIONS + theta
     return (place * TURNS + nodes.turn[i] + 1) * 16 + nodes.stage[i] + 1
@@ -246,13 +249,13 @@ def enter(search: BestFirst, last: int) -> bool:
     """Queue node ``last`` unless its cell has one that is as good; whether it was queued."""
     nodes, cells, field, heap, sizes = search.nodes, search.cells, search.field, search.heap, search.sizes
     state, stage = nodes.state[last], nodes.stage[last]
-    key = _cell(nodes, last, search.objective.limits)
+    key = _cell(nodes, last, search.objective.limits, search.rules.side)
     slot = _slot(cells, key)
     is_known = cells.keys[slot] != 0
     is_later = is_known and nodes.time[last] > cells.time[slot] - EARLIER_S
     if is_later and nodes.cost[last] >= cells.cost[slot]:
         return False
-    left = cost_to_go(field, stage, state[0], state[1], state[2])
+    left = cost_to_go_on(field, stage, state[0], state[1], state[2], state[3])
     left = left * turning_share(state, search.rules.goals[stage], search.objective.limits) + field.rest[stage]
     if nodes.cost[last] + left >= search.rules.cost_max:
         return False

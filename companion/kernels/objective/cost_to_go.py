@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import Float1D, Float3D, Float4D, Int1D, Limits, Obstacles
+from companion.kernels.arrays import Float1D, Float2D, Float3D, Float4D, Int1D, Limits, Obstacles
+from companion.kernels.geometry.ground import lack_of_height
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.native.kernel import (
     inlined,
@@ -39,13 +40,15 @@ GOAL_CELLS = 1.5  # V begins at the nodes within so many spacings of the goal.
 class CostField(Struct):
     """Fields over a grid.
 
-    ``grid`` (6,) is x0 y0 z0 and the spacings [m]; ``free`` (NX, NY, NZ) the clearance [m], 0 outside the
-    bounds; ``rate`` (NX, NY, NZ) what a second costs there, infinite where nothing flies; ``values``
-    (G, NX, NY, NZ) V of each goal [s], infinite where no way leads to it; ``rest`` (G,) the V of all goals
-    after it, each from the one before [s].
+    ``grid`` (6,) is x0 y0 z0 and the spacings [m]; ``floor`` (NX, NY) how much higher each column of nodes
+    begins [m]; ``free`` (NX, NY, NZ) the clearance [m], 0 outside the bounds; ``rate`` (NX, NY, NZ) what a
+    second costs there, infinite where nothing flies; ``values`` (G·D, NX, NY, NZ) V of each goal [s],
+    infinite where no way leads to it, for each of D directions of flight where it depends on them, else once;
+    ``rest`` (G,) the V of all goals after it, each from the one before [s].
     """
 
     grid: Float1D
+    floor: Float2D
     free: Float3D
     rate: Float3D
     values: Float4D
@@ -59,6 +62,12 @@ class Heap(Struct):
     nodes: Int1D
 
 
+@inlined
+def height_of(field: CostField, i: int, j: int, k: int) -> float:
+    """Height of a node [m]."""
+    return field.grid[2] + field.floor[i, j] + k * field.grid[5]
+
+
 @kernel
 def fill_clearance(field: CostField, obstacles: Obstacles, enough: float) -> None:
     """Clearance of every node into ``field.free``, up to ``enough`` [m]."""
@@ -68,7 +77,7 @@ def fill_clearance(field: CostField, obstacles: Obstacles, enough: float) -> Non
         for j in range(free.shape[1]):
             y = grid[1] + j * grid[4]
             for k in range(free.shape[2]):
-                z = grid[2] + k * grid[5]
+                z = height_of(field, i, j, k)
                 bound = clearance_bound(x, y, z, obstacles)
                 free[i, j, k] = enough if bound >= enough else clearance(x, y, z, obstacles, enough)
 
@@ -88,9 +97,11 @@ def fill_rate(field: CostField, objective: Objective) -> None:
                     continue
                 cost = 1.0
                 if prices.seen > 0.0:
-                    cost += prices.seen * exposure(x, y, grid[2] + k * grid[5], objective.threats)
+                    cost += prices.seen * exposure(x, y, height_of(field, i, j, k), objective.threats)
                 if free[i, j, k] < prices.wanted:
                     cost += prices.near * (prices.wanted - free[i, j, k]) / prices.wanted
+                z = height_of(field, i, j, k)
+                cost += prices.near * lack_of_height(x, y, z, objective.obstacles.ground)
                 cost += collision_price(free[i, j, k], objective.start, objective) / objective.limits.tau
                 rate[i, j, k] = cost
 
@@ -192,7 +203,7 @@ def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap
             if flat > GOAL_CELLS * grid[3]:
                 continue
             for k in range(value.shape[2]):
-                up = abs(grid[2] + k * grid[5] - goal[2]) if value.shape[2] > 1 else 0.0
+                up = abs(height_of(field, i, j, k) - goal[2]) if value.shape[2] > 1 else 0.0
                 if up > GOAL_CELLS * grid[5] or math.isinf(field.rate[i, j, k]):
                     continue
                 away = max(flat, up / slope) if up > 0.0 else flat
@@ -277,22 +288,45 @@ def offer(
 
 @kernel
 def cost_to_go(field: CostField, g: int, x: float, y: float, z: float) -> float:
-    """V of goal ``g`` at a point, interpolated between the nodes about it from which a way leads.
+    """V of goal ``g`` at a point, the least of all directions; infinite where no way leads to it."""
+    num = field.values.shape[0] // field.rest.shape[0]
+    least = math.inf
+    for layer in range(g * num, g * num + num):
+        least = min(least, cost_at(field, layer, x, y, z))
+    return least
 
-    Infinite where there is none.
-    """
-    grid, value = field.grid, field.values[g]
+
+@kernel
+def cost_to_go_on(field: CostField, g: int, x: float, y: float, z: float, theta: float) -> float:
+    """V of goal ``g`` at a point passed in direction ``theta`` [rad], between the two of V nearest to it."""
+    num = field.values.shape[0] // field.rest.shape[0]
+    if num == 1:
+        return cost_at(field, g, x, y, z)
+    turns = (theta / (2.0 * math.pi) * num) % num
+    first = int(turns) % num
+    after, share = (first + 1) % num, turns - int(turns)
+    here = cost_at(field, g * num + first, x, y, z)
+    there = cost_at(field, g * num + after, x, y, z)
+    if math.isinf(here) or math.isinf(there):
+        return min(here, there)
+    return (1.0 - share) * here + share * there
+
+
+@kernel
+def cost_at(field: CostField, layer: int, x: float, y: float, z: float) -> float:
+    """One layer of ``field.values`` at a point, between the nodes about it from which a way leads."""
+    grid, value = field.grid, field.values[layer]
     n, m, p = value.shape
-    u, v, w = (x - grid[0]) / grid[3], (y - grid[1]) / grid[4], (z - grid[2]) / grid[5]
+    u, v = (x - grid[0]) / grid[3], (y - grid[1]) / grid[4]
     i, j = min(n - 2, max(0, int(u))), min(m - 2, max(0, int(v)))
     u, v = min(1.0, max(0.0, u - i)), min(1.0, max(0.0, v - j))
-    k = 0
-    if p > 1:
-        k = min(p - 2, max(0, int(w)))
-        w = min(1.0, max(0.0, w - k))
-    total, share = 0.0, 0.0
+    k, w, total, share = 0, 0.0, 0.0, 0.0
     for corner in range(8 if p > 1 else 4):
         du, dv, dw = corner & 1, (corner >> 1) & 1, corner >> 2
+        if p > 1:
+            w = (z - height_of(field, i + du, j + dv, 0)) / grid[5]
+            k = min(p - 2, max(0, int(w)))
+            w = min(1.0, max(0.0, w - k))
         at = value[i + du, j + dv, k + dw]
         if at == math.inf:
             continue

@@ -3,8 +3,9 @@
 ``J = ∫ (1 + p_seen·m + p_pursued·g + p_near·n + p_energy·e) dt + p_collision·Σ −log p_c``. A price says how
 many seconds of detour a second of something is worth. The sum goes over the rows of a path.
 
-Symbols: ``m`` exposure to radars, ``g`` danger from pursuers, ``n`` lack of clearance, ``e`` power beyond
-that of cruise, ``p_c`` the probability that a row is free of a collision.
+Symbols: ``m`` exposure to radars, ``g`` danger from pursuers, ``n`` lack of clearance and
+of height over ground, ``e`` power beyond that of cruise, ``p_c`` the probability that a row is free of a
+collision.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import math
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, propagate
 from companion.kernels.arrays import Float1D, Float3D, Game, Limits, Obstacles, Pursuers, Threats, Uncertainty
+from companion.kernels.geometry.ground import lack_of_height
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
@@ -152,6 +154,7 @@ def row_cost(state: Float1D, time: float, dt: float, danger: float, objective: O
         rate += prices.seen * exposure(x, y, z, objective.threats)
     if free < prices.wanted:
         rate += prices.near * (prices.wanted - free) / prices.wanted
+    rate += prices.near * lack_of_height(x, y, z, objective.obstacles.ground)
     return rate * dt + collision_price(free, time, objective)
 
 

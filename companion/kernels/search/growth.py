@@ -26,7 +26,7 @@ from companion.kernels.arrays import (
     Uncertainty,
 )
 from companion.kernels.geometry.distance_field import distance_to_go
-from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.geometry.line_of_sight import sight_blocked
 from companion.kernels.geometry.prism_distance import clearance, segment_clear
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.printed.intercept import EYE_M
@@ -167,7 +167,7 @@ def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: 
         if (
             point[3] > 0.0
             and pursuers.model[d, 3] != FLIES_ON
-            and not line_blocked(point[0], point[1], point[2] + EYE_M, state[0], state[1], state[2], prisms)
+            and not sight_blocked(point[0], point[1], point[2] + EYE_M, state[0], state[1], state[2], prisms)
         ):
             tree.threat_point[i, d] = point
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Float2D, Game, Int1D, Obstacles
+from companion.kernels.geometry.ground import cell_along
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import inlined, kernel
 
@@ -148,6 +149,8 @@ def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late:
             continue
         flat = math.hypot(x - vehicles[d, 0], y - vehicles[d, 1])
         up = z - vehicles[d, 2] if game.is_plane == 0 else 0.0
+        if kind == DRIVES and game.ground.low[0, 0] > -math.inf:
+            up = 0.0  # Its height changes as it drives: any place within reach in the plane is looked at.
         if kind == DRIVES and abs(up) > reach:
             continue
         radius = math.sqrt(reach * reach - up * up) if kind == DRIVES else reach
@@ -159,7 +162,7 @@ def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late:
         if soonest > late or soonest >= best:
             continue
         if kind == DRIVES:
-            soonest = _seen_from(game, d, x, y, up, radius, soon, late)
+            soonest = _seen_from(game, d, x, y, z, radius, soon, late)
         best = min(best, soonest)
         if best <= soon:
             break
@@ -168,9 +171,9 @@ def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late:
 
 @kernel
 def _seen_from(
-    game: Game, d: int, x: float, y: float, up: float, radius: float, soon: float, late: float
+    game: Game, d: int, x: float, y: float, z: float, radius: float, soon: float, late: float
 ) -> float:
-    """Earliest arrival of DT ``d`` at a place within ``radius`` that sees one ``up`` metres above it [s].
+    """Earliest arrival of DT ``d`` at a place within ``radius`` that sees (x, y, z) [s].
 
     No line of sight is looked along where the arrival below the place decides: a DT that is there by ``soon``
     sees it, and one that sees it, where no wall is so low that it is seen over, has only to drive there.
@@ -180,7 +183,7 @@ def _seen_from(
         return below
     drives = radius + ROUNDED_CELLS * game.grid[2]
     is_late = below < math.inf and (below - late) * game.vehicles[d, 4] > drives
-    if is_late and up + game.vehicles[d, 2] <= game.lowest:
+    if is_late and z <= game.lowest:
         return math.inf
     away = math.hypot(game.vehicles[d, 0] - x, game.vehicles[d, 1] - y)
     first, wide = _bearings_to(game, d, x, y, radius, late)
@@ -189,7 +192,7 @@ def _seen_from(
         return best
     if away <= radius:  # where it is now, too, lies on one of the lines
         towards = math.atan2(game.vehicles[d, 1] - y, game.vehicles[d, 0] - x)
-        best = _seen_along(game, d, x, y, up, towards, away)
+        best = _seen_along(game, d, x, y, z, towards, away)
     if best <= soon or game.vehicles[d, 4] <= 0.0:
         return best
     count = max(16, int(2.0 * math.pi * radius / (BEARING_CELLS * game.grid[2])))
@@ -197,7 +200,7 @@ def _seen_from(
     end = int(math.floor(count * (first + wide) / (2.0 * math.pi)))
     for k in range(begin, begin + min(count, end - begin + 1)):
         angle = 2.0 * math.pi * (k % count) / count
-        best = min(best, _seen_along(game, d, x, y, up, angle, radius))
+        best = min(best, _seen_along(game, d, x, y, z, angle, radius))
         if best <= soon:
             break
     return best
@@ -248,23 +251,31 @@ def _bearings_to(game: Game, d: int, x: float, y: float, radius: float, late: fl
 
 
 @kernel
-def _seen_along(game: Game, d: int, x: float, y: float, up: float, angle: float, length: float) -> float:
-    """:func:`_seen_from` of the places on one line of sight, ``length`` metres long at ``angle``."""
-    grid, tops, ground, cell = game.grid, game.tops, game.vehicles[d, 2], game.grid[2]
-    east, north = math.cos(angle), math.sin(angle)
-    best, hidden, r = math.inf, 0.0, 0.0
+def _seen_along(game: Game, d: int, x: float, y: float, z: float, angle: float, length: float) -> float:
+    """:func:`_seen_from` of the places on one line of sight, ``length`` metres long at ``angle``.
+
+    A place is seen over all that is nearer if no line to the tops of that is less steep downwards.
+    """
+    grid, tops, ground, cell = game.grid, game.tops, game.ground, game.grid[2]
+    east, north, reach = math.cos(angle), math.sin(angle), game.vehicles[d, 5]
+    best, steepest, r = math.inf, -math.inf, 0.0
     while True:
-        i = int(math.floor((x + r * east - grid[0]) / cell + 0.5))
-        j = int(math.floor((y + r * north - grid[1]) / cell + 0.5))
+        px, py = x + r * east, y + r * north
+        i, j = int(math.floor((px - grid[0]) / cell + 0.5)), int(math.floor((py - grid[1]) / cell + 0.5))
         if i < 0 or j < 0 or i >= tops.shape[0] or j >= tops.shape[1]:
             break
-        top = tops[i, j] - ground
-        if top > -math.inf and r > 0.0:
-            if top >= up:
+        a = cell_along(px, ground.grid[0], ground.grid[2], ground.low.shape[0])
+        b = cell_along(py, ground.grid[1], ground.grid[2], ground.low.shape[1])
+        is_flat = ground.low[a, b] == -math.inf
+        up = 0.0 if game.is_plane == 1 else (game.vehicles[d, 2] if is_flat else ground.high[a, b]) - z
+        if tops[i, j] > -math.inf and r > 0.0:
+            if tops[i, j] >= (game.vehicles[d, 2] if game.is_plane == 1 else z):
                 break
-            hidden = max(hidden, r * up / (up - top))
-        elif r >= hidden:
+            steepest = max(steepest, (tops[i, j] - z) / r)
+        elif up >= steepest * r and r * r + up * up <= reach * reach:
             best = min(best, game.arrival[d, i, j])
+        if not is_flat and r > 0.0:
+            steepest = max(steepest, (ground.low[a, b] - z) / r)
         if r >= length:
             break
         r = min(r + cell, length)

@@ -11,9 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
-from companion.kernels.arrays import Limits
+from companion.kernels.arrays import Ground, Limits
 from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers
+from companion.kernels.objective.cost_over_ground import DIRECTIONS, fill_cost_over_ground
 from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
@@ -25,9 +27,14 @@ from companion.kernels.objective.cost_to_go import (
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
 from companion.planning.problem import Problem
 
-CELLS_2D, CELLS_3D = 120, 50  # along the longer side of the bounds
+# Along the longer side of the bounds. Over ground between two heights there are as many as in a plane.
+CELLS_2D, CELLS_3D = 120, 50
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
+LEVELS_OVER_GROUND, LEVELS_IN_BAND = 6, 3  # So many levels lie between the limits of height over ground.
+TURN_SHARE = 0.8  # Over ground, columns are at least this many turn radii apart: a step turns by an eighth.
+WIND_STEP_M_S = 0.5
+ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
 HEAP_SHARE = 8  # Each node may wait so often in the heap.
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
@@ -73,7 +80,7 @@ class CostToGo:
         return max(0.0, fine - max(0.0, coarse - fine))
 
 
-def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
+def cost_to_go_of(problem: Problem, objective: Objective, *, is_level: bool = False) -> CostToGo:
     """V of all goals without pursuers, the same for the same world, prices, limits and goals.
 
     Parameters
@@ -82,13 +89,21 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
         Has the goals and the world.
     objective : Objective
         What V adds up.
+    is_level : bool
+        Whether the nodes lie on a few levels near ground, too. V then leads only where the ground leaves much
+        room in height, and is too large elsewhere.
     """
+    if is_near_ground(problem):  # There V takes longer, and is kept while the wind hardly changes.
+        limits = objective.limits
+        wind_x, wind_y = (WIND_STEP_M_S * round(w / WIND_STEP_M_S) for w in (limits.wind_x, limits.wind_y))
+        objective = objective._replace(limits=limits._replace(wind_x=wind_x, wind_y=wind_y))
 
     def make() -> CostToGo:
-        fields = (_at_airspeed(field, objective) for field in _world(problem, objective))
+        worlds = _world(problem, objective, is_level=is_level)
+        fields = (_at_airspeed(field, objective) for field in worlds)
         return CostToGo(*(_with_values(field, problem, objective.limits) for field in fields))
 
-    return _kept(_fields, _key(problem, objective), make)
+    return _kept(_fields, (*_key(problem, objective), is_level), make)
 
 
 def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
@@ -113,7 +128,7 @@ def _world_key(problem: Problem, objective: Objective) -> tuple[object, ...]:
     arrays = (obstacles.edges, obstacles.heights, threats.radars, threats.known, limits.bounds)
     level_m = problem.start.position_enu_m[2] if limits.dimension == 2 else None
     steady = (tuple(objective.prices), limits.margin, level_m, _least_deviation_m(objective))
-    return (*(array.tobytes() for array in arrays), *steady)
+    return (*(array.tobytes() for array in arrays), *steady, obstacles.ground)
 
 
 def _least_deviation_m(objective: Objective) -> float:
@@ -128,23 +143,30 @@ def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
     return (*_world_key(problem, objective), *speeds, problem.goals)
 
 
-def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
+def _empty(problem: Problem, limits: Limits, times: float, *, is_level: bool) -> CostField:
     """A field over the bounds with nothing in it and no goals, at so many times the usual spacing."""
     west, east, south, north, low, high = (float(bound) for bound in limits.bounds)
     is_plane, longer = limits.dimension == 2, max(east - west, north - south)
-    cell = times * max(CELL_MIN_M, longer / (CELLS_2D if is_plane else CELLS_3D))
+    ground = problem.snapshot.obstacles.ground
+    is_near = is_near_ground(problem)
+    is_low = is_near and not is_level
+    turn_m = TURN_SHARE * limits.r_min if is_low else 0.0
+    cell = times * max(CELL_MIN_M, turn_m, longer / (CELLS_2D if is_plane or is_near else CELLS_3D))
     if is_plane:
         low, level, levels = problem.start.position_enu_m[2], 1.0, 1
     else:
-        level = times * max(LEVEL_MIN_M, (high - low) / LEVELS_MAX)
-        levels = max(2, math.ceil((high - low) / level) + 1)
-    shape = (
-        max(2, math.ceil((east - west) / cell) + 1),
-        max(2, math.ceil((north - south) / cell) + 1),
-        levels,
-    )
+        band_m = ground.most - ground.least - 2.0 * limits.margin
+        over_ground_m = band_m / (LEVELS_OVER_GROUND if is_low else LEVELS_IN_BAND)
+        level = times * max(LEVEL_MIN_M, over_ground_m if is_near else (high - low) / LEVELS_MAX)
+        levels = max(2, math.ceil((band_m if is_low else high - low) / level) + 1)
+    columns = max(2, math.ceil((east - west) / cell) + 1), max(2, math.ceil((north - south) / cell) + 1)
+    floor = np.zeros(columns)
+    if is_low:
+        low, floor = 0.0, _lowest_over(ground, (west, south, cell), columns) + limits.margin
+    shape = (*columns, levels)
     return CostField(
         grid=np.array([west, south, low, cell, cell, level]),
+        floor=floor,
         free=np.empty(shape),
         rate=np.empty(shape),
         values=np.empty((0, *shape)),
@@ -152,21 +174,41 @@ def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
     )
 
 
-def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
+def is_near_ground(problem: Problem) -> bool:
+    """Return whether the height over ground is limited upwards, in space."""
+    return problem.snapshot.dimension == 3 and math.isfinite(problem.snapshot.obstacles.ground.most)
+
+
+def _lowest_over(ground: Ground, grid: tuple[float, float, float], columns: tuple[int, int]) -> FloatArray:
+    """Return the heights (NX, NY) at which nothing is left over ground [m], at nodes of a grid."""
+    cells = [
+        np.clip(
+            ((grid[axis] + grid[2] * np.arange(columns[axis]) - ground.grid[axis]) // ground.grid[2]), 0,
+            ground.high.shape[axis] - 1,
+        ).astype(int)
+        for axis in range(2)
+    ]  # fmt: skip
+    return np.asarray(ground.high[np.ix_(*cells)] + ground.least + ROUNDED_M)
+
+
+def _cost_rate_fields(
+    problem: Problem, objective: Objective, *, is_level: bool
+) -> tuple[CostField, CostField]:
     """The cost of a second at cruise without pursuers, on grids of the usual spacing and of twice that."""
-    fields = _empty(problem, objective.limits, 1.0), _empty(problem, objective.limits, 2.0)
+    fine, coarse = (_empty(problem, objective.limits, times, is_level=is_level) for times in (1.0, 2.0))
     least_m = _least_deviation_m(objective)
     enough = max(objective.prices.wanted, objective.limits.margin + 1.0, DEVIATIONS_FREE * least_m)
     steady = objective._replace(deviations=np.array([least_m]))
-    for field in fields:
+    for field in (fine, coarse):
         fill_clearance(field, objective.obstacles, enough)
         fill_rate(field, steady)
-    return fields
+    return fine, coarse
 
 
-def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
+def _world(problem: Problem, objective: Objective, *, is_level: bool = False) -> tuple[CostField, CostField]:
     """What a second costs at cruise without pursuers, kept from plan to plan."""
-    return _kept(_worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective))
+    key = (*_world_key(problem, objective), is_level)
+    return _kept(_worlds, key, lambda: _cost_rate_fields(problem, objective, is_level=is_level))
 
 
 def _at_airspeed(world: CostField, objective: Objective) -> CostField:
@@ -175,9 +217,9 @@ def _at_airspeed(world: CostField, objective: Objective) -> CostField:
     return world._replace(rate=world.rate + objective.prices.energy * excess)
 
 
-def _heap(field: CostField) -> Heap:
+def _heap(field: CostField, *, is_low: bool = False) -> Heap:
     """Room for the nodes that wait to be settled."""
-    room = HEAP_SHARE * field.free.size + 1
+    room = HEAP_SHARE * field.free.size * (DIRECTIONS // 2 if is_low else 1) + 1
     return Heap(np.empty(room), np.empty(room, dtype=np.int64))
 
 
@@ -216,10 +258,12 @@ def field_before_pursuers(
 
 def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:
     """V of all goals where the cost of a second is known."""
-    num, heap = len(problem.goals), _heap(field)
-    field = field._replace(values=np.empty((num, *field.rate.shape)), rest=np.zeros(num))
+    num, is_low = len(problem.goals), bool(field.floor.any())
+    heap, layers = _heap(field, is_low=is_low), num * (DIRECTIONS if is_low else 1)
+    field = field._replace(values=np.empty((layers, *field.rate.shape)), rest=np.zeros(num))
+    fill = fill_cost_over_ground if is_low else fill_cost_to_go
     for g, goal in reversed(list(enumerate(problem.goals))):
-        fill_cost_to_go(field, g, np.array(goal.position_enu_m), limits, heap)
+        fill(field, g, np.array(goal.position_enu_m), limits, heap)
         if g + 1 < num:
             field.rest[g] = field.rest[g + 1] + cost_to_go(field, g + 1, *goal.position_enu_m)
     return field

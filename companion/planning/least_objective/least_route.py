@@ -17,6 +17,7 @@ from companion.planning.least_objective.cost_field import (
     MOST_DANGER,
     cost_to_go_of,
     field_before_pursuers,
+    is_near_ground,
     least_s,
 )
 from companion.planning.least_objective.prices import objective_between, objective_of
@@ -34,18 +35,25 @@ class Patience(NamedTuple):
     """How a tree is grown.
 
     ``weight`` times which V counts; ``most`` nodes that may be extended; ``avoids_gaps`` whether V leads
-    through no gap that is nearly too narrow.
+    through no gap that is nearly too narrow; ``side`` of a cell, in which one node is enough, in steps.
     """
 
     weight: float
     most: int
     avoids_gaps: bool = False
+    side: float = 1.0
 
 
 # Trees are grown until one comes to the goal. Then one more is to find a cheaper path.
 FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(4.0, 10_000))
 # Where nothing pursues, gaps are avoided before the last tree. Else another airspeed is tried.
 FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
+# Near ground V leads into places that are too narrow to turn in. A tree gets out of them over larger cells,
+# or by a V that keeps to where there is much room.
+FINDING_NEAR_GROUND = (
+    FINDING[0], Patience(2.0, 8_000, side=2.0), Patience(1.3, 20_000, side=1.5),
+    Patience(1.15, 40_000, avoids_gaps=True), Patience(1.0, 40_000, side=2.0),
+)  # fmt: skip
 IMPROVING = Patience(1.02, 8_000)
 # Before pursuers, more gains nothing measurable; two of 50 flights under faults then flew out of the bounds.
 IMPROVING_PURSUED = Patience(1.02, 2_000)
@@ -231,7 +239,9 @@ class LeastRouteSearch:
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
         """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
         grown = list[ObjectiveTree]()
-        finding = FINDING if self._exploration.is_pursued else FINDING_ALONE
+        finding: tuple[Patience, ...] = FINDING if self._exploration.is_pursued else FINDING_ALONE
+        if is_near_ground(self._exploration.problem):
+            finding = FINDING_NEAR_GROUND
         for asked in FINDING[::2] if self._should_stop() else finding:
             along = self._field_without_gaps(objective) if asked.avoids_gaps else field
             grown.append(self._tree(objective, along, danger_max, asked, math.inf))
@@ -246,16 +256,20 @@ class LeastRouteSearch:
         self, objective: Objective, field: CostField, danger_max: float, asked: Patience, cost_max: float
     ) -> ObjectiveTree:
         """A tree that was grown."""
-        rules = GrowthRules(weight=asked.weight, danger_max=danger_max, most=asked.most, cost_max=cost_max)
+        rules = GrowthRules(
+            weight=asked.weight, danger_max=danger_max, most=asked.most, cost_max=cost_max, side=asked.side
+        )
         tree = ObjectiveTree(self._exploration, objective, field, rules)
         tree.grow(self._should_stop)
         return tree
 
     def _field_without_gaps(self, objective: Objective) -> CostField:
         """V for an aircraft that keeps farther away from everything."""
-        limits = objective.limits
+        limits, problem = objective.limits, self._exploration.problem
+        if is_near_ground(problem):
+            return cost_to_go_of(problem, objective, is_level=True).fine
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
-        return cost_to_go_of(self._exploration.problem, wide).fine
+        return cost_to_go_of(problem, wide).fine
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """A path led to the goal's centre, and shortened; with how many short cuts."""

@@ -45,12 +45,15 @@ class GrowthRules:
         How many nodes may be extended.
     cost_max : float
         A path that costs as much is not worth finding [s].
+    side : float
+        How many steps at cruise a cell is long, in which one node is enough.
     """
 
     weight: float
     danger_max: float
     most: int
     cost_max: float = math.inf
+    side: float = 1.0
 
 
 class ObjectiveTree:
@@ -103,6 +106,7 @@ class ObjectiveTree:
                 seen_max=problem.settings.seen_max_s,
                 danger_max=rules.danger_max,
                 cost_max=rules.cost_max,
+                side=rules.side,
             ),
             scene=exploration.scene(),
             work=exploration.work,

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Obstacles
-from companion.kernels.geometry.line_of_sight import line_blocked
+from companion.kernels.geometry.line_of_sight import sight_blocked
 from companion.kernels.printed.intercept import EYE_M
 from companion.kernels.printed.reachability import dt_positions
 from companion.kernels.threat.fuzzy_threat import membership
@@ -119,7 +119,7 @@ def _with_points_between(path: Path) -> tuple[FloatArray, FloatArray]:
 def _threat(dt: FloatArray, aircraft: FloatArray, reach_m: float, obstacles: Obstacles) -> float:
     """Membership, paper (1), of a DT at ``dt`` to an ``aircraft``, shape (3,) each [m]; 0 where unseen."""
     slant = float(np.linalg.norm(aircraft - dt))
-    if slant > reach_m or line_blocked(
+    if slant > reach_m or sight_blocked(
         dt[0], dt[1], dt[2] + EYE_M, aircraft[0], aircraft[1], aircraft[2], obstacles
     ):
         return 0.0

@@ -13,6 +13,7 @@ from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
 from companion.config.load import mission_from_text
+from companion.config.terrain import ground_heights_of
 from companion.errors import RecordError
 from companion.frames import FloatArray
 from companion.recording import mcap_reader
@@ -185,7 +186,9 @@ def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snap
         epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
         begin_s=mcap_reader.number(about["stamp_s"]),
-        encounters=known_encounters(flown, told.tracks.items(), mission.radar_list, mission.obstacle_list),
+        encounters=known_encounters(
+            flown, told.tracks.items(), mission.radar_list, mission.obstacle_list, ground_heights_of(mission)
+        ),
         energy=_table(told.energy, 3, ROWS_MAX),
     )
     return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
@@ -211,7 +214,8 @@ def _with_fences(world: Snapshot, rows: object) -> Snapshot:
         if isinstance(row, dict)
     )
     whole = tuple(entry for entry in obstacles if _is_whole(entry))
-    return replace(world, obstacle_list=whole, obstacles=packed_obstacles(whole, world.bounds))
+    packed = packed_obstacles(whole, world.bounds, world.walls.ground)
+    return replace(world, obstacle_list=whole, obstacles=packed)
 
 
 def _is_whole(obstacle: Obstacle) -> bool:

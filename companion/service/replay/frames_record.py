@@ -7,6 +7,7 @@ from dataclasses import replace
 from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig
 from companion.config.rules import rules_of
+from companion.config.terrain import ground_heights_of
 from companion.flight.state.world_model import WorldModel
 from companion.link.messages.codec import Codec
 from companion.recording.reader import Recording
@@ -39,6 +40,7 @@ def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightReco
     return replace(
         known, epoch_s=recording.epoch_s, note=f"{ON_BOARD} {FROM_TLOG}", begin_s=recording.start_us * 1e-6,
         encounters=known_encounters(
-            known.flown, recorder.tracks.items(), mission.radar_list, mission.obstacle_list
+            known.flown, recorder.tracks.items(), mission.radar_list, mission.obstacle_list,
+            ground_heights_of(mission),
         ),
     )  # fmt: skip

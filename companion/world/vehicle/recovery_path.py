@@ -1,23 +1,25 @@
 """The shortest path back to where a plan may begin: inside the bounds, and clear of everything by the margin.
 
-Theory of operation. From the start the aircraft tries turns of several angles to both sides, each followed by
-straight flight, climbing or descending if the height is wrong. The shortest of these paths whose last row is
-a valid start of a plan wins. The path has to keep the margin from all obstacles. From an obstacle that the
-start is already too near to, it keeps most of that distance. A fence that was drawn around the aircraft is
-left.
+Theory of operation. From the start the aircraft tries turns of several angles to both sides, each followed
+by straight flight, climbing or descending if the height is wrong; over ground, by several heights. The
+shortest of these paths whose last row is a valid start of a plan wins. The path has to keep the margin from
+all obstacles. From an obstacle that the start is already too near to, it keeps most of that distance. A fence
+that was drawn around the aircraft is left. Over ground the path is hardly lower or higher than where it began.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import shapely
 
 from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
-from companion.kernels.arrays import Limits
+from companion.kernels.arrays import Ground, Limits
+from companion.kernels.geometry.ground import over_ground
 from companion.types.threat import Obstacle
 
 TURN_STEPS = 16  # A half circle is tried in this many steps; turns go up to a full circle.
@@ -28,6 +30,9 @@ KEPT_SHARE = 0.6  # The path keeps this share of the first distance; the checker
 STRAIGHT_RAD = 1e-3  # Smaller changes of course or climb angle count as none.
 NEARER_TOLERANCE_M = 0.25  # A row may seem nearer to an obstacle than the last by this much: rounding.
 INSIDE_M = 5.0  # The path ends this far inside the bounds and the margin.
+RISES_M = (0.0, 10.0, -10.0, 25.0, -25.0, 50.0, -50.0, 100.0, -100.0)  # Heights that are tried over ground,
+GROUND_TURNS = 4  # with every fourth turn.
+GROUND_MORE_M = 10.0  # While it turns back, the path may pass the limits over ground by this much more.
 OVERSHOOT_RADII = 2.0  # While it turns back, the path may go this many turn radii farther out of bounds.
 
 
@@ -67,7 +72,9 @@ class ObstacleDistances:
         return away
 
 
-def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits) -> FloatArray | None:
+def recovery_path(
+    state: FloatArray, obstacles: Sequence[Obstacle], limits: Limits, ground: Ground
+) -> FloatArray | None:
     """Return the shortest recovery path, or None if a plan may begin at the start, or no path is found.
 
     Parameters
@@ -78,6 +85,8 @@ def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limi
         What the aircraft keeps clear of.
     limits : Limits
         The aircraft's limits, and the bounds.
+    ground : Ground
+        The ground.
 
     Returns
     -------
@@ -85,20 +94,24 @@ def recovery_path(state: FloatArray, obstacles: Sequence[Obstacle], limits: Limi
         States ``limits.tau`` apart in still air; the first is the start.
     """
     clearance = ObstacleDistances(obstacles)
-    if not _is_outside(state[None], clearance, limits, limits.margin)[0]:
+    is_over_limits = over_ground(state[0], state[1], state[2], ground) < limits.margin
+    if not is_over_limits and not _is_outside(state[None], clearance, limits, limits.margin)[0]:
         return None
     best: FloatArray | None = None
-    for number in range(2 * TURN_STEPS + 1):
-        for side in (1.0, -1.0):
-            rows = _flown(state, side * math.pi * number / TURN_STEPS, limits)
-            end = _end_of(rows, clearance, limits)
-            if end is not None and (best is None or end < len(best) - 1):
-                best = rows[: end + 1]
+    turns = range(0, 2 * TURN_STEPS + 1, GROUND_TURNS if is_over_limits else 1)
+    for number, side, rise in product(turns, (1.0, -1.0), RISES_M if is_over_limits else (0.0,)):
+        rows = _flown(state, side * math.pi * number / TURN_STEPS, limits, rise)
+        end = _end_of(rows, clearance, limits, ground)
+        if end is not None and (best is None or end < len(best) - 1):
+            best = rows[: end + 1]
     return best
 
 
-def _flown(state: FloatArray, turn: float, limits: Limits) -> FloatArray:
-    """Return the states (N, 6) of a turn by an angle [rad], then straight flight, from ``state`` (6,)."""
+def _flown(state: FloatArray, turn: float, limits: Limits, rise: float) -> FloatArray:
+    """Return the states (N, 6) of a turn by an angle [rad], then straight flight, from ``state`` (6,).
+
+    It climbs by ``rise`` [m], or as far as the bounds are away.
+    """
     step, radius = state[5] * limits.tau, turn_radius(state[5], limits)
     num = int(LENGTH_MAX_M / step)
     along = step * np.arange(num + 1)
@@ -110,7 +123,7 @@ def _flown(state: FloatArray, turn: float, limits: Limits) -> FloatArray:
     rows[:, 0] = state[0] + side * radius * (np.sin(theta) - math.sin(state[3])) + straight * np.cos(theta)
     rows[:, 1] = state[1] - side * radius * (np.cos(theta) - math.cos(state[3])) + straight * np.sin(theta)
     low, high = limits.bounds[4] + INSIDE_M, limits.bounds[5] - INSIDE_M
-    wanted = min(max(state[2], low), max(low, high)) if limits.dimension == 3 else state[2]
+    wanted = min(max(state[2] + rise, low), max(low, high)) if limits.dimension == 3 else state[2]
     slope = math.tan(limits.climb_max if wanted > state[2] else -limits.descent_max)
     change = np.clip(along * slope, min(wanted - state[2], 0.0), max(wanted - state[2], 0.0))
     rows[:, 2] = state[2] + change
@@ -137,12 +150,18 @@ def _is_outside(rows: FloatArray, clearance: ObstacleDistances, limits: Limits, 
     return is_outside
 
 
-def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits) -> int | None:
+def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits, ground: Ground) -> int | None:
     """Return the first of ``rows`` (N, 6) at which a plan may begin, or None without a valid path there."""
     clear = clearance.distances(rows)
     out = _out_of_bounds(rows, limits, INSIDE_M)
     is_level = np.abs(rows[:, 4]) < STRAIGHT_RAD
-    ready = (out <= 0.0) & (clear.min(axis=1, initial=np.inf) >= limits.margin + INSIDE_M) & is_level
+    left = np.array([over_ground(row[0], row[1], row[2], ground) for row in rows])
+    ready = (
+        (out <= 0.0)
+        & (left >= limits.margin)
+        & (clear.min(axis=1, initial=np.inf) >= limits.margin + INSIDE_M)
+        & is_level
+    )
     turning = np.abs(np.diff(rows[:, 3], prepend=rows[0, 3])) > STRAIGHT_RAD
     if turning.any():  # A plan may begin with a turn, which needs straight flight before it.
         ends_turn = int(np.flatnonzero(turning)[-1])
@@ -152,10 +171,12 @@ def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits) -> i
     if not len(ends):
         return None
     end = int(ends[0])
-    is_shut_out = out[0] > 0.0 or clear[0].min(initial=np.inf) <= 0.0
+    is_shut_out = out[0] > 0.0 or left[0] < limits.margin or clear[0].min(initial=np.inf) <= 0.0
     if not is_shut_out and end * rows[0, 5] * limits.tau > NEAR_MAX_M:
         return None
     if out[: end + 1].max() > out[0] + OVERSHOOT_RADII * limits.r_min:
+        return None
+    if left[: end + 1].min() < min(left[0], limits.margin) - GROUND_MORE_M:
         return None
     before_end = clear[: end + 1]
     kept = KEPT_SHARE * np.minimum(before_end[0], limits.margin)

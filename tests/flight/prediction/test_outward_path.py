@@ -10,7 +10,7 @@ from tests.support.paths import straight_path
 
 
 def test_the_way_out_of_600_m_is_surrounded_but_for_its_last_150_m():
-    path = straight_path(num=25, speed=25.0)  # 600 m to the east
+    path = straight_path(num=25, speed=25.0)  # 600 m
     prisms = outward_path(path, float(path.times_s[-1]))
     ground = [Polygon(prism.polygon_enu_m) for prism in prisms]
     assert sum(entry.area for entry in ground) == np.float64(425.0 * 2.0 * AWAY_M)  # rows are 25 m apart

@@ -136,7 +136,7 @@ def test_what_another_process_cannot_compile_is_told_by_name(monkeypatch, tmp_pa
 
 
 def test_a_signature_says_how_a_kernel_is_called(called):
-    signature = called["companion.kernels.geometry.line_of_sight.line_blocked"].signature
-    assert signature.names[-1] == "prisms"
+    signature = called["companion.kernels.geometry.line_of_sight.sight_blocked"].signature
+    assert signature.names[-1] == "walls"
     assert signature.kinds[:6] == (kinds.Scalar("f"),) * 6
     assert signature.returns == kinds.Scalar("b")

@@ -47,7 +47,9 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
     )  # fmt: skip
     shape = (21, 21, 1 if dimension == 2 else 5)
     grid = np.array([0.0, 0.0, 100.0 if dimension == 2 else 50.0, 50.0, 50.0, 50.0])
-    field = CostField(grid, np.empty(shape), np.empty(shape), np.empty((1, *shape)), np.zeros(1))
+    field = CostField(
+        grid, np.zeros(shape[:2]), np.empty(shape), np.empty(shape), np.empty((1, *shape)), np.zeros(1)
+    )
     fill_clearance(field, packed, 100.0)
     fill_rate(field, objective)
     heap = Heap(np.empty(20_000), np.empty(20_000, dtype=np.int64))
@@ -63,7 +65,7 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
         nodes=nodes, heap=heap,
         cells=Cells(np.zeros(2**14, dtype=np.int64), np.empty(2**14), np.empty(2**14)),
         sizes=np.ones(2, dtype=np.int64), field=field, objective=objective,
-        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf),
+        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf, 1.0),
         scene=scene, work=work_for(10),
     )  # fmt: skip
 

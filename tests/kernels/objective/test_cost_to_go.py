@@ -17,7 +17,14 @@ BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 0.0, 200.0)
 def field_of(levels=1, rate=1.0):
     shape = (41, 41, levels)
     grid = np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, 10.0])
-    return CostField(grid, np.full(shape, 100.0), np.full(shape, rate), np.empty((1, *shape)), np.zeros(1))
+    return CostField(
+        grid,
+        np.zeros(shape[:2]),
+        np.full(shape, 100.0),
+        np.full(shape, rate),
+        np.empty((1, *shape)),
+        np.zeros(1),
+    )
 
 
 def filled(field, goal, *, dimension=2, wind=(0.0, 0.0)):

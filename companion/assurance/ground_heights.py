@@ -1,0 +1,123 @@
+"""The ground as the check reads it: the map's posts, interpolated between the four about a place.
+
+It shares no code with the cells over which plans are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Transformer
+from scipy.ndimage import map_coordinates
+
+from companion.frames import FloatArray
+from companion.types.elevation import ElevationPosts
+
+BoolArray = NDArray[np.bool_]
+
+SAMPLES_A_POST = 4  # Lines are looked at so often from one post to the next,
+SAMPLE_MIN_M = 2.0  # but not more often than this.
+TOLERANCE_M = 3.0  # Heights over ground may pass their limits by this much.
+NEAR_EYE_M = 5.0  # Ground this near to either end of a line hides nothing: posts do not show it.
+
+
+class GroundHeights:
+    """Heights over ground, and their limits.
+
+    Parameters
+    ----------
+    posts : ElevationPosts
+        The map.
+    height_min_m, height_max_m : float
+        Limits of the height over ground of paths and missions [m].
+    """
+
+    def __init__(self, posts: ElevationPosts, height_min_m: float, height_max_m: float) -> None:
+        self.posts, self.height_min_m, self.height_max_m = posts, height_min_m, height_max_m
+        self._there = there = Transformer.from_crs(posts.frame.crs, posts.crs, always_xy=True)
+        middle = 0.5 * np.array(posts.up_m.shape)
+        x = posts.first_x + posts.step_x * middle[1]
+        y = posts.first_y + posts.step_y * np.array([middle[0], middle[0] + 1.0])
+        east, north = there.transform(np.array([x, x]), y, direction="INVERSE")
+        apart = float(np.hypot(east[1] - east[0], north[1] - north[0]))
+        self._sample_m = max(apart / SAMPLES_A_POST, SAMPLE_MIN_M)
+
+    def up_m(self, places_enu_m: FloatArray) -> FloatArray:
+        """Return the height of the ground below places, (N,) [m].
+
+        Parameters
+        ----------
+        places_enu_m : ndarray, shape (N, 2) or (N, 3)
+            Places; beyond the map the ground of its edge counts [m].
+        """
+        posts = self.posts
+        x, y = self._there.transform(places_enu_m[:, 0], places_enu_m[:, 1])
+        at = np.array([(y - posts.first_y) / posts.step_y, (x - posts.first_x) / posts.step_x])
+        return np.asarray(map_coordinates(posts.up_m, at, order=1, mode="nearest"))
+
+    def too_near(
+        self, starts: FloatArray, ends: FloatArray, heights_m: FloatArray
+    ) -> Iterator[tuple[int, float]]:
+        """Yield number and least height over ground [m] of segments that are lower somewhere than they may.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (N, 3)
+            Ends of the segments [m].
+        heights_m : ndarray, shape (N,)
+            Height over ground to keep [m].
+        """
+        over, which = self._along(starts, ends)
+        least = np.full(len(starts), np.inf)
+        np.minimum.at(least, which, over)
+        for segment in np.flatnonzero(least < heights_m):
+            yield int(segment), float(least[segment])
+
+    def too_high(self, starts: FloatArray, ends: FloatArray) -> Iterator[tuple[int, float]]:
+        """Yield number and greatest height over ground [m] of segments above the highest that is allowed.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (N, 3)
+            Ends of the segments [m].
+        """
+        if np.isinf(self.height_max_m):
+            return
+        over, which = self._along(starts, ends)
+        most = np.full(len(starts), -np.inf)
+        np.maximum.at(most, which, over)
+        for segment in np.flatnonzero(most > self.height_max_m + TOLERANCE_M):
+            yield int(segment), float(most[segment])
+
+    def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
+        """Return which lines of sight pass over the ground, (N,).
+
+        Parameters
+        ----------
+        eyes, places : ndarray, shape (N, 3)
+            Ends of the lines [m].
+        """
+        at, which = self._samples(eyes, places)
+        ends = np.minimum(
+            np.linalg.norm(at - eyes[which], axis=1), np.linalg.norm(at - places[which], axis=1)
+        )
+        hides = (at[:, 2] < self.up_m(at)) & (ends > NEAR_EYE_M)
+        free = np.ones(len(eyes), dtype=bool)
+        free[which[hides]] = False
+        return free
+
+    def _along(self, starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return heights over ground (S,) [m] along segments, and the segment (S,) of each."""
+        at, which = self._samples(starts, ends)
+        return at[:, 2] - self.up_m(at), which
+
+    def _samples(self, starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return places (S, 3) along segments, both ends among them, and the segment (S,) of each."""
+        lengths = np.linalg.norm((ends - starts)[:, :2], axis=1)
+        counts = np.ceil(lengths / self._sample_m).astype(np.int64) + 1
+        which = np.repeat(np.arange(len(starts)), counts)
+        number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        share = (number / np.maximum(counts[which] - 1, 1))[:, None]
+        return starts[which] + share * (ends - starts)[which], which

@@ -1,0 +1,108 @@
+"""The ground of a mission file: read once, for the planner, the check and the simulator."""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+
+from companion.assurance.ground_heights import GroundHeights
+from companion.config.models import MissionConfig
+from companion.config.sections.terrain_section import TerrainConfig
+from companion.frames import LocalFrame
+from companion.kernels.arrays import Ground
+from companion.types.elevation import ElevationPosts
+from companion.world.ground.elevation_file import TerrainError, read_posts
+from companion.world.ground.generated_ground import generated_posts, sample_posts
+from companion.world.ground.ground_cells import ground_cells, spacing_m
+from companion.world.obstacles import NO_GROUND
+
+CACHED_MAPS_MAX = 4
+COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
+
+__all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of"]
+
+
+def posts_of(mission: MissionConfig) -> ElevationPosts | None:
+    """Return the posts over the bounds and a little more; None without a section ``terrain``.
+
+    Raises
+    ------
+    TerrainError
+        If the map cannot be used.
+    """
+    if mission.terrain is None:
+        return None
+    return _posts(mission.terrain, mission.frame, _flat_bounds(mission))
+
+
+def ground_of(mission: MissionConfig) -> Ground:
+    """Return the ground for the planner; without a section ``terrain`` it lies infinitely deep.
+
+    What is left over ground counts like a distance from an obstacle: it is ``clearance_min_m`` at the limits
+    of height over ground.
+
+    Raises
+    ------
+    TerrainError
+        If the map cannot be used.
+    """
+    if mission.terrain is None:
+        return NO_GROUND
+    margin = float(mission.planning.clearance_min_m)
+    return _ground(mission.terrain, mission.frame, _flat_bounds(mission), margin)
+
+
+def ground_heights_of(mission: MissionConfig) -> GroundHeights | None:
+    """Return the ground for the independent check; None without a section ``terrain``.
+
+    Raises
+    ------
+    TerrainError
+        If the map cannot be used.
+    """
+    posts, terrain = posts_of(mission), mission.terrain
+    if posts is None or terrain is None:
+        return None
+    most = math.inf if terrain.height_max_m is None else float(terrain.height_max_m)
+    return GroundHeights(posts, float(terrain.height_min_m), most)
+
+
+def _flat_bounds(mission: MissionConfig) -> tuple[float, float, float, float]:
+    east, north = mission.bounds.east_m, mission.bounds.north_m
+    return float(east[0]), float(east[1]), float(north[0]), float(north[1])
+
+
+@functools.lru_cache(maxsize=CACHED_MAPS_MAX)
+def _posts(
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float]
+) -> ElevationPosts:
+    """Read or compute the posts."""
+    if terrain.generated is not None:
+        generated = terrain.generated
+        return generated_posts(generated.kind, generated.seed, generated.relief_m, frame, bounds)
+    if terrain.sample is not None:
+        posts = sample_posts(frame)
+    else:
+        geoid_m = terrain.geoid_height_m if terrain.datum == "ellipsoid" else 0.0
+        posts = read_posts(Path(terrain.file or ""), frame, bounds, geoid_m)
+    apart = spacing_m(posts, bounds)
+    if apart > COARSE_M:
+        raise TerrainError(f"posts {apart:.0f} m apart", f"a map with posts at most {COARSE_M:.0f} m apart")
+    return posts
+
+
+@functools.lru_cache(maxsize=CACHED_MAPS_MAX)
+def _ground(
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float], margin_m: float
+) -> Ground:
+    """Return the cells of the ground."""
+    least, most = float(terrain.height_min_m), terrain.height_max_m
+    return ground_cells(
+        _posts(terrain, frame, bounds),
+        bounds,
+        least_m=least - margin_m,
+        wanted_m=float(terrain.height_wanted_m or least),
+        most_m=math.inf if most is None else float(most) + margin_m,
+        drivable=math.tan(math.radians(terrain.drivable_slope_deg)),
+    )

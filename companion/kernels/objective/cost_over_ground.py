@@ -1,0 +1,103 @@
+"""The cost-to-go field V over ground between a lowest and a highest height.
+
+There the nodes of a column begin at the lowest height over its ground. Slopes may be steeper than the
+aircraft climbs, and valleys too narrow to turn in, so that V depends on the direction of flight. It is the
+cheapest way over a graph (Dijkstra's algorithm) of nodes and eight directions. A step leads one column on,
+after a turn of an eighth at most, at the same level, one above or one below, if it is not too steep.
+
+Ways in eight directions are too long by up to 8 %. This is taken off, so that V errs on the low side.
+
+References
+----------
+Dijkstra, "A note on two problems in connexion with graphs", Numerische Mathematik 1, 1959.
+"""
+
+from __future__ import annotations
+
+import math
+
+from companion.kernels.arrays import Float1D, Limits
+from companion.kernels.native.kernel import inlined, kernel_numpy_errors
+from companion.kernels.objective.cost_to_go import (
+    SETTLED_S,
+    CostField,
+    Heap,
+    begin_at,
+    height_of,
+    is_inside,
+    place_of,
+)
+from companion.kernels.threat.pursuit_game import pop_least, push
+
+DIRECTIONS = 8
+SHORTENED = 0.924  # cos(22.5°): no way is longer in eight directions by more than its inverse.
+STEEPER = 1.1  # A step may be steeper than a climb by this factor: a flight need not begin at the nodes.
+
+
+@inlined
+def step_of(direction: int) -> tuple[int, int]:
+    """The columns east and north of a step in one of eight directions, counter-clockwise from east."""
+    d = direction % DIRECTIONS
+    east = 1 if d == 0 or d == 1 or d == 7 else (0 if d == 2 or d == 6 else -1)
+    north = 1 if d == 1 or d == 2 or d == 3 else (0 if d == 0 or d == 4 else -1)
+    return east, north
+
+
+@kernel_numpy_errors
+def time_along(dx: float, dy: float, limits: Limits) -> float:
+    """Time of a flight over (dx, dy) [m] at cruise in the wind [s]."""
+    flat, v = math.hypot(dx, dy), limits.v_cruise
+    along = (limits.wind_x * dx + limits.wind_y * dy) / flat
+    across = (limits.wind_x * dy - limits.wind_y * dx) / flat
+    return flat / max(along + math.sqrt(max(v * v - across * across, 0.0)), 0.1 * v)
+
+
+@kernel_numpy_errors
+def fill_cost_over_ground(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
+    """V of goal ``g`` at every node, in every direction, from which a way leads to it; how many were settled.
+
+    ``goal`` (≥ 3,) is its centre [m].
+    """
+    values, rate, grid, first = field.values, field.rate, field.grid, g * DIRECTIONS
+    _, m, p = rate.shape
+    size, num, count = _begin(field, first, goal, limits, heap), 0, rate.size
+    up_most, down_most = STEEPER * math.tan(limits.climb_max), STEEPER * math.tan(limits.descent_max)
+    while size > 0:
+        key, entry = heap.keys[0], heap.nodes[0]
+        size = pop_least(heap.keys, heap.nodes, size)
+        arrives, node = entry // count, entry % count
+        i, j, k = place_of(rate, node)
+        if key > values[first + arrives, i, j, k] + SETTLED_S:
+            continue
+        num += 1
+        di, dj = step_of(arrives)
+        a, b = i - di, j - dj
+        if not is_inside(rate, a, b, 0):
+            continue
+        dx, dy = di * grid[3], dj * grid[4]
+        taken, flat = SHORTENED * time_along(dx, dy, limits), math.hypot(dx, dy)
+        for c in range(max(0, k - 1), min(p, k + 2)):
+            rise = height_of(field, i, j, k) - height_of(field, a, b, c)
+            if rate[a, b, c] == math.inf or not -down_most * flat <= rise <= up_most * flat:
+                continue
+            found = key + taken * 0.5 * (rate[i, j, k] + rate[a, b, c])
+            for turn in range(-1, 2):
+                d = (arrives + turn + DIRECTIONS) % DIRECTIONS
+                if found < values[first + d, a, b, c] - SETTLED_S and size < heap.keys.shape[0] - 1:
+                    values[first + d, a, b, c] = found
+                    size = push(heap.keys, heap.nodes, size, found, d * count + (a * m + b) * p + c)
+    return num
+
+
+@kernel_numpy_errors
+def _begin(field: CostField, first: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
+    """Begin at the nodes about the goal in each direction, all others infinite; the heap's size."""
+    value = field.values[first]
+    size = begin_at(field, first, goal, limits, heap)
+    for d in range(1, DIRECTIONS):
+        field.values[first + d] = value
+        for node in range(value.size):
+            i, j, k = place_of(value, node)
+            if value[i, j, k] < math.inf:
+                size = push(heap.keys, heap.nodes, size, value[i, j, k], d * value.size + node)
+    return size

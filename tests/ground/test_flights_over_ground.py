@@ -1,0 +1,45 @@
+"""Flights over ground in the simulator, and beside them flights that know no ground."""
+
+import pytest
+
+from companion.config import load_mission
+from companion.types.events import Dialect
+from tests.sim.client import CONFIGS
+from tests.support.sitl_harness import SitlHarness
+
+BOTH = pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
+
+
+def flown(name, dialect, until_s, *, knows_ground=True):
+    """The flight of a shipped mission over its ground."""
+    mission = load_mission(CONFIGS / f"{name}.yaml")
+    harness = SitlHarness(mission, seed=1, dialect=dialect)
+    if not knows_ground:
+        harness.flight.mission = mission.model_copy(update={"terrain": None})
+    harness.fly(until_s)
+    return mission, harness.flight
+
+
+@BOTH
+def test_ridges_are_passed_low_and_out_of_the_radars_sight(dialect):
+    mission, flight = flown("ridge", dialect, 330.0)
+    truth = flight.simulator.truth
+    assert flight.goal_reached
+    assert not truth.collision
+    assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0
+    assert flight.measures().over_all()["seconds_in_radar"] < 10.0
+
+
+def test_who_knows_no_ground_flies_into_the_ridge():
+    _, flight = flown("ridge", Dialect.ARDUPILOT, 330.0, knows_ground=False)
+    assert flight.simulator.truth.collision
+
+
+@pytest.mark.slow
+@BOTH
+def test_real_mountains_are_crossed_between_both_limits(dialect):
+    mission, flight = flown("jacksboro", dialect, 1000.0)
+    truth = flight.simulator.truth
+    assert flight.goal_reached
+    assert not truth.collision
+    assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0

@@ -1,0 +1,88 @@
+"""V near ground: the time of flight on level ground, the climb up a slope, and no way that is too steep."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.kernels.objective.cost_over_ground import (
+    DIRECTIONS,
+    fill_cost_over_ground,
+    step_of,
+    time_along,
+)
+from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go, cost_to_go_on
+from companion.world.vehicle.vehicle_model import VehicleModel
+
+SPACING_M, LEVEL_M, COLUMNS, LEVELS = 100.0, 20.0, 21, 4
+SHAPE = (COLUMNS, COLUMNS, LEVELS)
+
+
+def field_over(height):
+    """V to (1800, 1000) over ground whose height is a function of east and north [m]."""
+    at = SPACING_M * np.arange(COLUMNS)
+    floor = np.asarray(height(*np.meshgrid(at, at, indexing="ij")), dtype=np.float64)
+    field = CostField(
+        np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, LEVEL_M]), floor, np.full(SHAPE, 100.0),
+        np.ones(SHAPE),
+        np.empty((DIRECTIONS, *SHAPE)), np.zeros(1),
+    )  # fmt: skip
+    room = 64 * field.free.size
+    goal = np.array([1800.0, 1000.0, float(floor[18, 10]) + LEVEL_M])
+    fill_cost_over_ground(field, 0, goal, LIMITS, Heap(np.empty(room), np.empty(room, dtype=np.int64)))
+    return field
+
+
+LIMITS = VehicleModel().limits(3, (0.0, 2000.0, 0.0, 2000.0, 0.0, 5000.0), 15.0, 1.0, (0.0, 0.0))
+FLAT = field_over(lambda east, north: 0.0 * east)
+
+
+def test_eight_steps_lead_all_round():
+    assert {step_of(d) for d in range(DIRECTIONS)} == {
+        (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
+    }
+    for d in range(DIRECTIONS):
+        east, north = step_of(d)
+        assert math.atan2(north, east) % (2.0 * math.pi) == pytest.approx(d * math.pi / 4.0)
+
+
+def test_on_level_ground_it_is_the_time_of_flight():
+    straight_s = 1600.0 / LIMITS.v_cruise
+    found = cost_to_go_on(FLAT, 0, 200.0, 1000.0, LEVEL_M, 0.0)
+    assert 0.9 * straight_s <= found <= straight_s
+
+
+def test_who_flies_the_other_way_turns_first():
+    there, back = (cost_to_go_on(FLAT, 0, 1000.0, 1000.0, LEVEL_M, theta) for theta in (0.0, math.pi))
+    assert back > there + 4.0  # Half a circle of eighths takes four steps of 100 m at least.
+    assert cost_to_go(FLAT, 0, 1000.0, 1000.0, LEVEL_M) <= there + 1e-9
+
+
+def test_a_gentle_slope_costs_its_way_and_a_steep_one_is_flown_along():
+    gentle, steep = 0.5 * math.tan(LIMITS.climb_max), 2.5 * math.tan(LIMITS.climb_max)
+    up_s = cost_to_go(field_over(lambda east, north: gentle * east), 0, 200.0, 1000.0, LEVEL_M)
+    assert up_s == pytest.approx(cost_to_go(FLAT, 0, 200.0, 1000.0, LEVEL_M), rel=0.06)
+    slope = field_over(lambda east, north: steep * east)
+    longer_s = cost_to_go(slope, 0, 200.0, 1000.0, 200.0 * steep + LEVEL_M)
+    climb_s = steep * 1600.0 / math.tan(1.1 * LIMITS.climb_max) / LIMITS.v_cruise
+    assert longer_s > 0.9 * climb_s
+
+
+def test_a_cliff_is_not_flown_over():
+    cliff = field_over(lambda east, north: 400.0 * (east > 1000.0))
+    assert cost_to_go(cliff, 0, 200.0, 1000.0, LEVEL_M) == math.inf
+    assert cost_to_go(cliff, 0, 1400.0, 1000.0, 400.0 + LEVEL_M) < math.inf
+
+
+@given(st.floats(-900.0, 900.0), st.floats(-900.0, 900.0), st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
+def test_the_time_along_a_leg_is_that_of_the_wind_triangle(dx, dy, wind_x, wind_y):
+    """Flown for that time, the air carries the aircraft so that it arrives."""
+    flat = math.hypot(dx, dy)
+    if flat < 1.0:
+        return
+    windy = LIMITS._replace(wind_x=wind_x, wind_y=wind_y)
+    taken = time_along(dx, dy, windy)
+    through_air = math.hypot(dx - taken * wind_x, dy - taken * wind_y)
+    assert through_air == pytest.approx(taken * LIMITS.v_cruise, rel=1e-9)
