@@ -15,9 +15,11 @@ from companion.types.elevation import ElevationPosts
 from companion.world.ground.elevation_file import TerrainError, read_posts
 from companion.world.ground.generated_ground import generated_posts, sample_posts
 from companion.world.ground.ground_cells import ground_cells, spacing_m
+from companion.world.ground.served_heights import ServedHeights
 from companion.world.obstacles import NO_GROUND
 
 CACHED_MAPS_MAX = 4
+SERVED_M = 6_000.0  # An autopilot is served heights so far beyond the bounds.
 COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
 
 __all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of"]
@@ -68,6 +70,25 @@ def ground_heights_of(mission: MissionConfig) -> GroundHeights | None:
     return GroundHeights(posts, float(terrain.height_min_m), most)
 
 
+def served_heights_of(mission: MissionConfig) -> ServedHeights | None:
+    """Return heights for an autopilot that asks; None without a section ``terrain``.
+
+    A file is read some way beyond the bounds, as far as it reaches.
+    """
+    terrain, posts = mission.terrain, posts_of(mission)
+    if terrain is None or posts is None:
+        return None
+    if terrain.file is not None:
+        west, east, south, north = _flat_bounds(mission)
+        wider = west - SERVED_M, east + SERVED_M, south - SERVED_M, north + SERVED_M
+        posts = read_posts(Path(terrain.file), mission.frame, wider, _geoid_m(terrain), may_have_holes=True)
+    return ServedHeights(posts)
+
+
+def _geoid_m(terrain: TerrainConfig) -> float:
+    return float(terrain.geoid_height_m) if terrain.datum == "ellipsoid" else 0.0
+
+
 def _flat_bounds(mission: MissionConfig) -> tuple[float, float, float, float]:
     east, north = mission.bounds.east_m, mission.bounds.north_m
     return float(east[0]), float(east[1]), float(north[0]), float(north[1])
@@ -84,8 +105,7 @@ def _posts(
     if terrain.sample is not None:
         posts = sample_posts(frame)
     else:
-        geoid_m = terrain.geoid_height_m if terrain.datum == "ellipsoid" else 0.0
-        posts = read_posts(Path(terrain.file or ""), frame, bounds, geoid_m)
+        posts = read_posts(Path(terrain.file or ""), frame, bounds, _geoid_m(terrain))
     apart = spacing_m(posts, bounds)
     if apart > COARSE_M:
         raise TerrainError(f"posts {apart:.0f} m apart", f"a map with posts at most {COARSE_M:.0f} m apart")

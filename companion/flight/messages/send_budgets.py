@@ -7,6 +7,7 @@ import math
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
 from companion.link.messages.file_server import FileServer
+from companion.link.messages.terrain_server import TerrainServer
 from companion.link.wire.decoded_frame import DecodedFrame
 from companion.token_bucket import TokenBucket, get_or_create
 
@@ -28,10 +29,14 @@ class SendBudgets:
         The link's codec, which counts what is not sent as ``unanswered`` and ``untold``.
     line_bytes_per_s : float or None
         Capacity of the line; None if not known.
+    terrain : TerrainServer, optional
+        Answers the autopilot's requests for heights of the ground; left out, there are none.
     """
 
-    def __init__(self, codec: Codec, line_bytes_per_s: float | None) -> None:
-        self._codec = codec
+    def __init__(
+        self, codec: Codec, line_bytes_per_s: float | None, terrain: TerrainServer | None = None
+    ) -> None:
+        self._codec, self._terrain = codec, terrain
         share_rate = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
         answer_rate, text_rate = min(ANSWER_BYTES_PER_S, share_rate), min(TEXT_BYTES_PER_S, share_rate)
         self._answers = TokenBucket(answer_rate, BURST_S * answer_rate)
@@ -48,7 +53,7 @@ class SendBudgets:
 
     def answer(self, frame: DecodedFrame, now_s: float) -> bytes:
         """Return the answer to a frame, within the budgets of its sender and of all."""
-        if frame.request is None:
+        if frame.request is None or (frame.request.kind == "terrain" and not self._serves(frame)):
             return b""
         sender = frame.system_id, frame.component_id
         budget = get_or_create(self._answers_to, sender, self._share, SOURCES_MAX)
@@ -58,10 +63,18 @@ class SendBudgets:
         ):
             self._codec.counters["unanswered"] += 1
             return b""
-        said = answer(frame, self._codec, self._parameters, self._files, now_s)
+        if frame.request.kind == "terrain" and self._terrain is not None:
+            said = self._terrain.answer(frame.request, self._codec)
+        else:
+            said = answer(frame, self._codec, self._parameters, self._files, now_s)
         budget.owe(len(said))
         self._answers.owe(len(said))
         return said
+
+    def _serves(self, frame: DecodedFrame) -> bool:
+        """Return whether heights of the ground are sent: to our autopilot only, if there is a map."""
+        is_autopilot = self._codec.identity.is_autopilot(frame.system_id, frame.component_id)
+        return self._terrain is not None and is_autopilot
 
     def _share(self) -> TokenBucket:
         rate = SOURCE_SHARE * self._answers.rate

@@ -222,7 +222,7 @@ class Codec:
             raw.message_id,
             tuple(events),
             _reply(kind, message, raw, stamp_s) if raw.system_id == self.vehicle_system_id else None,
-            _request(kind, message),
+            None if (make := _REQUESTS.get(kind)) is None else make(message),
         )
 
     def renumbered(self, raw: bytes) -> bytes:
@@ -396,6 +396,10 @@ class Codec:
         cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
         return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled, mission_type))
 
+    def terrain_data(self, lat_e7: int, lon_e7: int, spacing_m: int, square: int, up_m: list[int]) -> bytes:
+        """Pack 16 heights of the ground."""
+        return self._packed(mavlink.MAVLink_terrain_data_message(lat_e7, lon_e7, spacing_m, square, up_m))
+
     def parameter_request(self, name: str) -> bytes:
         """Pack a PARAM_REQUEST_READ of an autopilot parameter, by name."""
         return self._packed(
@@ -488,9 +492,5 @@ _REQUESTS: dict[str, Callable[[Any], Request]] = {
     ),
     "MISSION_REQUEST_LIST": lambda m: Request("mission_list", m.target_system, m.target_component),
     "MISSION_COUNT": lambda m: Request("mission_list", m.target_system, m.target_component),
+    "TERRAIN_REQUEST": lambda m: Request("terrain", 0, 0, m.mask, (m.lat, m.lon, m.grid_spacing)),
 }
-
-
-def _request(kind: str, message: Any) -> Request | None:  # noqa: ANN401
-    make = _REQUESTS.get(kind)
-    return None if make is None else make(message)

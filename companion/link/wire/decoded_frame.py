@@ -96,13 +96,15 @@ class Request:
     ----------
     kind : str
         ``command``, ``ping``, ``parameter_list``, ``parameter_read``, ``parameter_set``,
-        ``mission_list``, or ``file``.
+        ``mission_list``, ``file``, or ``terrain``.
     number : int
         The command of ``command``; the sequence number of ``ping``; the index of ``parameter_read``, or -1
-        if it gives a name; the MAV_PARAM_TYPE of ``parameter_set``. 0 for other requests.
+        if it gives a name; the MAV_PARAM_TYPE of ``parameter_set``; a bit for each square of heights that
+        ``terrain`` asks for. 0 for other requests.
     parameters : tuple of float
         The first four parameters of ``command``, with -1 in place of values that are not finite; the time of
-        ``ping`` [µs]; the new value of ``parameter_set``.
+        ``ping`` [µs]; the new value of ``parameter_set``; latitude, longitude [1e-7 deg] and spacing [m] of
+        ``terrain``.
     name : str
         Name of the parameter to read or set; '' for other requests.
     data : bytes

@@ -38,7 +38,9 @@ class TerrainError(CompanionError):
         self.got, self.expected = got, expected
 
 
-def read_posts(place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m: float) -> ElevationPosts:
+def read_posts(
+    place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m: float, *, may_have_holes: bool = False
+) -> ElevationPosts:
     """Read the posts over the bounds.
 
     Parameters
@@ -51,6 +53,8 @@ def read_posts(place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m:
         East and north, each low and high [m].
     geoid_m : float
         Is subtracted from all heights [m].
+    may_have_holes : bool
+        Whether heights may be missing, which are then not a number.
 
     Raises
     ------
@@ -88,7 +92,8 @@ def read_posts(place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m:
         transform.c + 0.5 * transform.a, transform.f + 0.5 * transform.e, transform.a, transform.e,
         crs, frame, place.name,
     )  # fmt: skip
-    _require_whole(posts.up_m, place)
+    if not may_have_holes:
+        _require_whole(posts.up_m, place)
     return posts
 
 

@@ -4,7 +4,7 @@ Theory of operation. From the start the aircraft tries turns of several angles t
 by straight flight, climbing or descending if the height is wrong; over ground, by several heights. The
 shortest of these paths whose last row is a valid start of a plan wins. The path has to keep the margin from
 all obstacles. From an obstacle that the start is already too near to, it keeps most of that distance. A fence
-that was drawn around the aircraft is left. Over ground the path is hardly lower or higher than where it began.
+that was drawn around the aircraft is left. Over ground the path is hardly lower or higher than its start.
 """
 
 from __future__ import annotations

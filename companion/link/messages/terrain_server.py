@@ -1,0 +1,75 @@
+"""Answers to an autopilot that asks for heights of the ground.
+
+An ArduPilot with TERRAIN_ENABLE asks for squares of 4 by 4 heights, 56 of them in a request, and asks again
+until it has all. It asks whoever is on the link; usually a ground station answers.
+
+References
+----------
+MAVLink ``common.xml``, TERRAIN_REQUEST, TERRAIN_DATA; ArduPilot ``AP_Terrain``, ``Location::offset_latlng``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.link.messages.codec import Codec
+from companion.link.wire.decoded_frame import Request
+
+SIDE = 4  # Heights along each side of a square.
+ACROSS, SQUARES = 8, 56  # A request has squares in rows of eight from west to east.
+AT_ONCE = 8  # At most so many squares are sent at once.
+SPACING_M = range(1, 1_001)  # Other distances between heights are not served.
+M_PER_E7 = 0.011131884502145034  # ArduPilot's length of 1e-7 degrees of latitude.
+INT16 = 32_767.0
+EAST = np.arange(SIDE)
+Heights = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+class TerrainServer:
+    """Serves heights.
+
+    Parameters
+    ----------
+    heights : callable
+        Takes latitudes and longitudes (N,) [deg]; returns heights above mean sea level (N,) [m], not a number
+        where they are unknown.
+    """
+
+    def __init__(self, heights: Heights) -> None:
+        self._heights = heights
+        self._first = 0
+
+    def answer(self, request: Request, codec: Codec) -> bytes:
+        """Return TERRAIN_DATA for some of the squares that a TERRAIN_REQUEST asks for.
+
+        A square with an unknown height is left out. Requests are repeated, so that each begins with another.
+        """
+        latitude_e7, longitude_e7, spacing_m = (int(value) for value in request.parameters)
+        if spacing_m not in SPACING_M or abs(latitude_e7) > 850_000_000:
+            codec.counters["refused_terrain"] += 1
+            return b""
+        asked = [square for square in range(SQUARES) if request.number >> square & 1]
+        later = [square for square in asked if square >= self._first]
+        said = []
+        for square in [*later, *(square for square in asked if square < self._first)]:
+            heights = self._square(latitude_e7, longitude_e7, spacing_m, square)
+            if np.isfinite(heights).all() and float(np.abs(heights).max()) < INT16:
+                whole = [round(float(height)) for height in heights]
+                said.append(codec.terrain_data(latitude_e7, longitude_e7, spacing_m, square, whole))
+            if len(said) == AT_ONCE:
+                self._first = (square + 1) % SQUARES
+                break
+        return b"".join(said)
+
+    def _square(self, latitude_e7: int, longitude_e7: int, spacing_m: int, square: int) -> FloatArray:
+        """Return 16 heights, row by row from the south, each from west to east [m]."""
+        north = spacing_m * (SIDE * (square // ACROSS) + np.repeat(EAST, SIDE))
+        east = spacing_m * (SIDE * (square % ACROSS) + np.tile(EAST, SIDE))
+        latitude = 1e-7 * (latitude_e7 + north / M_PER_E7)
+        middle = np.radians(0.5 * (1e-7 * latitude_e7 + latitude))
+        longitude = 1e-7 * (longitude_e7 + east / (M_PER_E7 * np.maximum(np.cos(middle), math.cos(1.5))))
+        return self._heights(latitude, longitude)

@@ -1,0 +1,38 @@
+"""Heights above the sea at places on the globe, for whoever asks; unknown beyond the map and in its holes."""
+
+from __future__ import annotations
+
+import numpy as np
+from pyproj import Transformer
+from scipy.ndimage import map_coordinates
+
+from companion.frames import FloatArray
+from companion.types.elevation import ElevationPosts
+
+
+class ServedHeights:
+    """Heights of a map, which may have holes.
+
+    Parameters
+    ----------
+    posts : ElevationPosts
+        The map; what is unknown is not a number.
+    """
+
+    def __init__(self, posts: ElevationPosts) -> None:
+        self._posts = posts
+        self._there = Transformer.from_crs("EPSG:4326", posts.crs, always_xy=True)
+
+    def __call__(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
+        """Return the heights (N,) above mean sea level [m], not a number where they are unknown.
+
+        Parameters
+        ----------
+        latitude_deg, longitude_deg : ndarray, shape (N,)
+            Places, WGS84 [deg].
+        """
+        posts = self._posts
+        x, y = self._there.transform(longitude_deg, latitude_deg)
+        at = np.array([(y - posts.first_y) / posts.step_y, (x - posts.first_x) / posts.step_x])
+        up = map_coordinates(posts.up_m, at, order=1, mode="constant", cval=np.nan)
+        return np.asarray(up + posts.frame.altitude_amsl_m)
