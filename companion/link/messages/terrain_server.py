@@ -21,7 +21,7 @@ from companion.link.wire.decoded_frame import Request
 
 SIDE = 4  # Heights along each side of a square.
 ACROSS, SQUARES = 8, 56  # A request has squares in rows of eight from west to east.
-AT_ONCE = 8  # At most so many squares are sent at once.
+AT_ONCE = 16  # At most so many squares are sent at once.
 SPACING_M = range(1, 1_001)  # Other distances between heights are not served.
 M_PER_E7 = 0.011131884502145034  # ArduPilot's length of 1e-7 degrees of latitude.
 INT16 = 32_767.0

@@ -181,10 +181,7 @@ class Ground:
     def _heights(
         self, frame: LocalFrame, area: tuple[float, float, float, float]
     ) -> dict[str, object] | None:
-        """Heights above the mission's origin, rows from south to north; None where none is known.
-
-        They are 16-bit little-endian steps above the lowest, in base64; the highest number where unknown.
-        """
+        """Heights above the mission's origin, as in :func:`height_grid`; None where none is known."""
         west, east, south, north = area
         spacing = max(east - west, north - south) / CELLS
         columns = math.floor((east - west) / spacing) + 1
@@ -204,19 +201,33 @@ class Ground:
                 height[inside] = square.heights(latitude[inside], longitude[inside])
         if np.isnan(height).all():
             return None
-        low, high = float(np.nanmin(height)), float(np.nanmax(height))
-        step = max((high - low) / (_NO_STEP - 1), 1e-3)
-        steps = np.where(np.isnan(height), _NO_STEP, np.round((height - low) / step))
-        return {
-            "west_m": west,
-            "south_m": south,
-            "spacing_m": spacing,
-            "columns": columns,
-            "rows": rows,
-            "low_m": low - frame.altitude_amsl_m,
-            "step_m": step,
-            "steps": base64.b64encode(steps.astype("<u2").tobytes()).decode("ascii"),
-        }
+        height -= frame.altitude_amsl_m
+        return height_grid(height.reshape(rows, columns), (west, south, spacing))
+
+
+def height_grid(up_m: FloatArray, grid: tuple[float, float, float]) -> dict[str, object]:
+    """Return heights for the page: 16-bit little-endian steps above the lowest, in base64.
+
+    Parameters
+    ----------
+    up_m : ndarray, shape (NY, NX)
+        Rows from south to north [m]; not a number where unknown, which becomes the highest step.
+    grid : tuple of float
+        West and south of the first height, and the spacing [m].
+    """
+    low, high = float(np.nanmin(up_m)), float(np.nanmax(up_m))
+    step = max((high - low) / (_NO_STEP - 1), 1e-3)
+    steps = np.where(np.isnan(up_m), _NO_STEP, np.round((up_m - low) / step))
+    return {
+        "west_m": grid[0],
+        "south_m": grid[1],
+        "spacing_m": grid[2],
+        "columns": up_m.shape[1],
+        "rows": up_m.shape[0],
+        "low_m": low,
+        "step_m": step,
+        "steps": base64.b64encode(steps.astype("<u2").tobytes()).decode("ascii"),
+    }
 
 
 def _places_of_tiles(frame: LocalFrame, area: tuple[float, float, float, float]) -> dict[str, object]:

@@ -70,9 +70,7 @@ class Pages:
                 return Answer(HTTPStatus.OK, "text/plain; charset=utf-8", playback.body)
             case ["field", number, height] if (world := self._world(number)) is not None:
                 return _field(world, height)
-            case ["ground", number] if (
-                world := self._world(number)
-            ) is not None and self._ground is not None:
+            case ["ground", number] if (world := self._world(number)) is not None and self._shows(world):
                 return Answer(HTTPStatus.OK, KINDS[".json"], world.ground(self._ground))
             case ["tiles", *place] if (tile := self._tile(place)) is not None:
                 return tile
@@ -92,6 +90,10 @@ class Pages:
         """Addresses of data that is fetched besides a flight's messages."""
         ground = {} if self._ground is None else {"ground": f"/ground/{number}"}
         return {"field": f"/field/{number}"} | ground
+
+    def _shows(self, world: WorldDocument) -> bool:
+        """Whether anything is known of the ground."""
+        return self._ground is not None or world.knows_ground
 
     def _tile(self, place: Sequence[str]) -> Answer | None:
         """Picture of a tile, by zoom, column and row of its address; None if there is no such address.

@@ -11,9 +11,10 @@ import numpy as np
 
 from companion.config import MissionConfig, mission_from_text
 from companion.config.compose import bounds_of, world_of
+from companion.config.terrain import ground_heights_of
 from companion.errors import ConfigError
 from companion.recording.mcap_writer import plain
-from companion.ui.page.ground import Ground
+from companion.ui.page.ground import CELLS, Ground, height_grid
 from companion.world.snapshot import Snapshot
 from companion.world.threat_field import threat_field
 
@@ -62,13 +63,23 @@ class WorldDocument:
         if self._building is not None:
             self._building.join()
 
-    def ground(self, ground: Ground) -> bytes:
-        """The tiles around the mission, and the ground's heights; empty if they cannot be read."""
+    @property
+    def knows_ground(self) -> bool:
+        """Whether the mission file names a map of heights."""
+        return self._mission is not None and self._mission.terrain is not None
+
+    def ground(self, ground: Ground | None) -> bytes:
+        """The tiles around the mission, and the ground's heights; empty if they cannot be read.
+
+        The heights are the mission file's, where it has a map.
+        """
         if self._ground is None:
-            mission = self._mission
-            self._ground = _json(
-                {} if mission is None else ground.document(mission.frame, bounds_of(mission))
-            )
+            mission, found = self._mission, dict[str, object]()
+            if mission is not None and ground is not None:
+                found = ground.document(mission.frame, bounds_of(mission))
+            if mission is not None and (heights := _heights(mission)) is not None:
+                found = {"area_m": bounds_of(mission)[:4], **found, "heights": heights}
+            self._ground = _json(found)
         return self._ground
 
     def field(self, height_m: float) -> bytes:
@@ -104,6 +115,18 @@ def _json(document: dict[str, object]) -> bytes:
     return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
+def _heights(mission: MissionConfig) -> dict[str, object] | None:
+    """Heights of the mission file's map over the bounds; None without a map."""
+    ground, bounds = ground_heights_of(mission), bounds_of(mission)
+    if ground is None:
+        return None
+    spacing = max(bounds[1] - bounds[0], bounds[3] - bounds[2]) / CELLS
+    east, north = (np.arange(low, high + 0.5 * spacing, spacing) for low, high in (bounds[:2], bounds[2:4]))
+    places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
+    up = ground.up_m(places).reshape(len(north), len(east))
+    return height_grid(up, (bounds[0], bounds[2], spacing))
+
+
 def _document(mission: MissionConfig) -> dict[str, object]:
     """The answer to ``/world`` about a mission."""
     start, origin, planning, vehicle = mission.start, mission.origin, mission.planning, mission.vehicle
@@ -126,4 +149,5 @@ def _document(mission: MissionConfig) -> dict[str, object]:
         "airspeed_min_m_s": vehicle.airspeed_min_m_s,
         "airspeed_max_m_s": vehicle.airspeed_max_m_s,
         "resume": mission.authority.resume,
+        "terrain": None if mission.terrain is None else mission.terrain.model_dump(exclude={"file"}),
     }

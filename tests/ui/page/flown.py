@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from companion.config.load import text_of
+from companion.config.load import mission_from_text, text_of
 from companion.recording.recorder import About, Recorder
 from companion.types.path import Path
 from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk, SearchTrace
@@ -78,10 +78,12 @@ class Told:
         Told every message.
     folder : Path or None
         Where it is recorded, too.
+    more : str
+        More sections of its mission file.
     """
 
-    def __init__(self, listener, folder=None):
-        self.mission = mission()
+    def __init__(self, listener, folder=None, more=""):
+        self.mission = mission_from_text(text_of(mission()) + more, "made-up.yaml") if more else mission()
         self.recorder = Recorder(folder, EPOCH_S, About(self.mission, 1, text_of(self.mission)))
         self.recorder.listen(listener)
         self.world = snapshot_of(self.mission)

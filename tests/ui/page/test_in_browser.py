@@ -96,6 +96,32 @@ def played():
     return playbacks
 
 
+def test_a_mission_over_ground_is_seen_from_the_side(window):
+    """The ground is flat at 0 m up but for a metre, the path 120 m up; without a map there is no such view."""
+    feed = Feed()
+    told = Told(feed.tell, more="terrain: {generated: {kind: hills, relief_m: 1.0}, height_min_m: 60}\n")
+    told.fly(20)
+    server = PageServer(Access(0), feed)
+    page = window()
+    page.look(server)
+    page.until("document.querySelector('.side b')?.innerText === 'lowest 119 m over ground'")
+    drawn = page.run(
+        "const canvas = document.querySelector('.side canvas');"
+        "const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;"
+        "return new Set(pixels.filter((_, index) => index % 4 === 3)).size"
+    )
+    assert drawn > 2, "ground, paths and limits"
+    assert page.is_content()
+    server.close()
+
+
+def test_without_a_map_there_is_no_view_from_the_side(window, live):
+    page = window()
+    page.look(live[1])
+    page.until("document.querySelector('#strips b').innerText.endsWith('up')")
+    assert page.run("return document.querySelector('.side').hidden")
+
+
 # --- a running flight
 
 
@@ -640,7 +666,7 @@ def test_three_dimensions_have_what_the_map_has(window, live):
         21.0, operator_enu_m=items, returns={"is_safe": True, "text": "flies straight home", "way_enu_m": way}
     )
     page.until("window.companionPage.page.store.standing.operator_enu_m.length === 2")
-    assert "RTL here flies straight home. Choosing AUTO" in page.run("return document.body.innerText")
+    page.until("document.body.innerText.includes('RTL here flies straight home. Choosing AUTO')")
     page.until("window.companionPage.page.map.field && window.companionPage.page.map.reach.lines.length")
     whole = parts()
     for layer in (

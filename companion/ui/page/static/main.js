@@ -4,6 +4,7 @@ import { GroundMap, LAYERS } from "./map.js";
 import { Panels } from "./panels.js";
 import { Live, Played } from "./source.js";
 import { Store } from "./store.js";
+import { SideView } from "./side.js";
 import { Strips } from "./strips.js";
 import { clock } from "./words.js";
 
@@ -47,6 +48,7 @@ class Page {
       hover: (text, x, y) => this.hover(text, x, y),
     });
     this.panels = new Panels(this.store, (stamp) => this.seek(stamp));
+    this.side = new SideView(find("strips"), this.store, this.map.ground);
     this.strips = new Strips(find("strips"), this.store, this.map.ground, (stamp) => this.played && this.seek(stamp));
     this.buildLayers();
     this.listen();
@@ -210,6 +212,7 @@ class Page {
       this.isDue.strips = false;
       this.drawnAt.strips = now;
       if (!isEmbedded) this.strips.draw();
+      if (!isEmbedded) this.side.draw();
     }
     this.isDue.map = false;
     if (this.solid?.isShown) this.solid.draw();
@@ -293,10 +296,12 @@ class Page {
   async renewGround() {
     const { world } = this.store;
     const key = `${world?.name}/${JSON.stringify(world?.origin)}/${JSON.stringify(world?.bounds_m)}`;
-    if (!this.source?.ground || !world?.bounds_m || key === this.groundKey) return;
+    // A mission file with a map has heights where no file of the ground was named.
+    const address = this.source?.ground ?? (world?.terrain ? this.source?.field?.replace("/field/", "/ground/") : null);
+    if (!address || !world?.bounds_m || key === this.groundKey) return;
     this.groundKey = key;
     try {
-      const answer = await fetch(this.source.ground);
+      const answer = await fetch(address);
       if (answer.ok) this.map.ground.set(await answer.json());
       else this.groundKey = null;
     } catch {

@@ -20,7 +20,7 @@ export const LAYERS = [
   ["horizon", "sensing horizon, sub goals", true],
   ["tree", "the planner's search tree", true],
   ["threatTree", "the threats' trees", false],
-  ["relief", "ground, metres up; only drawn", true],
+  ["relief", "ground, metres up", true],
   ["tiles", "map from a file; only drawn", true],
 ];
 
