@@ -97,9 +97,10 @@ def played():
 
 
 def test_a_mission_over_ground_is_seen_from_the_side(window):
-    """The ground is flat at 0 m up but for a metre, the path 120 m up; without a map there is no such view."""
+    """The ground is flat at 0 m up but for a metre, and the path 120 m up."""
     feed = Feed()
-    told = Told(feed.tell, more="terrain: {generated: {kind: hills, relief_m: 1.0}, height_min_m: 60}\n")
+    ground = "terrain: {generated: {kind: hills, relief_m: 1.0}, height_min_m: 60}\n"
+    told = Told(feed.tell, more=ground)
     told.fly(20)
     server = PageServer(Access(0), feed)
     page = window()
@@ -666,7 +667,8 @@ def test_three_dimensions_have_what_the_map_has(window, live):
         21.0, operator_enu_m=items, returns={"is_safe": True, "text": "flies straight home", "way_enu_m": way}
     )
     page.until("window.companionPage.page.store.standing.operator_enu_m.length === 2")
-    page.until("document.body.innerText.includes('RTL here flies straight home. Choosing AUTO')")
+    words = "RTL here flies straight home. Choosing AUTO"
+    page.until(f"document.body.innerText.includes('{words}')")
     page.until("window.companionPage.page.map.field && window.companionPage.page.map.reach.lines.length")
     whole = parts()
     for layer in (
