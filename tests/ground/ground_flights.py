@@ -33,8 +33,8 @@ bounds: {{east_m: [{west:.0f}, {east:.0f}], north_m: [{south:.0f}, {north:.0f}],
 start: {{east_m: {a[0]:.0f}, north_m: {a[1]:.0f}, up_m: {a[2]:.0f}, course_deg: {course:.0f}}}
 goals:
   - {{east_m: {b[0]:.0f}, north_m: {b[1]:.0f}, up_m: {b[2]:.0f}, acceptance_radius_m: 60}}
-vehicle: {{airspeed_min_m_s: 12.5, airspeed_max_m_s: 37.5, airspeed_cruise_m_s: 25, acceleration_max_m_s2: 0.5,
-  turn_radius_min_m: 125, straight_length_min_m: 40, penetration_speed_m_s: 30}}
+vehicle: {{airspeed_min_m_s: 12.5, airspeed_max_m_s: 37.5, airspeed_cruise_m_s: 25,
+  acceleration_max_m_s2: 0.5, turn_radius_min_m: 125, straight_length_min_m: 40, penetration_speed_m_s: 30}}
 planning: {{sensing_horizon_m: 1500, time_horizon_s: 15, total_planning_time_s: 600}}
 terrain: {{{source}, height_min_m: 60, height_max_m: 200}}
 simulation: {{wind_speed_m_s: {wind:.1f}, wind_from_deg: {wind_from:.0f}, turbulence: light}}

@@ -1,23 +1,27 @@
 """The ground as the planner's cells, each with the highest and the lowest ground in it.
 
-Between four posts the ground is bilinear, so that it lies between the highest and the lowest of them. Each
-square of posts is entered in every cell that its bounding box touches.
+Between four posts the ground is bilinear, so that it lies between the highest and the lowest of them. Where
+posts are far apart, more are put between them on the same surface, and cells are as small. Each square of posts
+is entered in every cell that its bounding box touches.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
+from scipy.ndimage import map_coordinates
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Ground, IntArray
 from companion.types.elevation import ElevationPosts
 from companion.world.ground.elevation_file import TerrainError
 
+FINE_M = 25.0  # Posts farther apart than this have others between them.
 CELLS_MAX = 2_000  # The grid has at most so many cells along the longer side of the bounds.
 BLOCK_ROWS = 200  # So many rows of posts are entered at once.
 
@@ -60,7 +64,9 @@ def ground_cells(
         If the posts do not cover the bounds.
     """
     west, east, south, north = bounds[:4]
-    side = max(spacing_m(posts, bounds), max(east - west, north - south) / CELLS_MAX)
+    apart, least_side = spacing_m(posts, bounds), max(east - west, north - south) / CELLS_MAX
+    parts = max(1, math.ceil(apart / max(FINE_M, least_side) - 0.5))
+    posts, side = _divided(posts, parts), max(apart / parts, least_side)
     shape = (math.ceil((east - west) / side) + 1, math.ceil((north - south) / side) + 1)
     high, low = np.full(shape, -math.inf), np.full(shape, math.inf)
     back = Transformer.from_crs(posts.crs, posts.frame.crs, always_xy=True)
@@ -74,6 +80,16 @@ def ground_cells(
     if not np.isfinite(low).all():
         raise TerrainError(posts.name, "posts that cover the bounds")
     return Ground(high, low, np.array([west, south, side]), least_m, wanted_m, most_m, drivable)
+
+
+def _divided(posts: ElevationPosts, parts: int) -> ElevationPosts:
+    """Return posts on the same surface, so many for each."""
+    if parts == 1:
+        return posts
+    rows, columns = ((count - 1) * parts + 1 for count in posts.up_m.shape)
+    at = np.meshgrid(np.arange(rows) / parts, np.arange(columns) / parts, indexing="ij")
+    up = map_coordinates(posts.up_m, at, order=1, mode="nearest")
+    return replace(posts, up_m=up, step_x=posts.step_x / parts, step_y=posts.step_y / parts)
 
 
 def _enter(high: FloatArray, low: FloatArray, up: FloatArray, cells: IntArray) -> None:
