@@ -8,8 +8,9 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.config import MissionConfig
-from companion.config.compose import energy_budget_of, goals_of, wind_of
+from companion.config.compose import bounds_of, energy_budget_of, goals_of, wind_of
 from companion.config.rules import rules_of
+from companion.config.terrain import ground_of, posts_of, spacing_m
 from companion.mission.energy_budget import EnergyBudget
 from companion.mission.glide.glide_coverage import Coverage, coverage_of_legs, coverage_of_path
 from companion.plain_text import printable
@@ -55,12 +56,30 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             for threat in mission.dynamic_threats
         ],
     }
-    budget, coverage = mission_budget(mission), mission_coverage(mission)
+    budget, coverage, ground = mission_budget(mission), mission_coverage(mission), _ground_document(mission)
+    if ground is not None:
+        summary["ground"] = ground
     if budget is not None:
         summary["energy"] = _energy_document(mission, budget)
     if coverage is not None:
         summary["glide"] = coverage.document()
     return summary
+
+
+def _ground_document(mission: MissionConfig) -> dict[str, object] | None:
+    """Return what the map of heights holds over the bounds; None without a map."""
+    posts, bounds = posts_of(mission), bounds_of(mission)
+    if posts is None:
+        return None
+    ground = ground_of(mission)
+    lowest, highest = round(float(ground.low.min())), round(float(ground.high.max()))
+    return {
+        "map": posts.name,
+        "lowest_up_m": lowest,
+        "highest_up_m": highest,
+        "highest_amsl_m": highest + round(mission.frame.altitude_amsl_m),
+        "spacing_m": round(spacing_m(posts, bounds)),
+    }
 
 
 def mission_budget(mission: MissionConfig) -> EnergyBudget | None:
@@ -150,6 +169,13 @@ def summary_table(mission: MissionConfig) -> Table:
         f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g} m/s, "
         f"turn radius {vehicle.turn_radius_min_m:g} m",
     )
+    ground = _ground_document(mission)
+    if ground is not None:
+        table.add_row(
+            "ground",
+            f"{ground['lowest_up_m']} to {ground['highest_up_m']} m up, posts {ground['spacing_m']} m apart, "
+            f"{printable(str(ground['map']))}; highest {ground['highest_amsl_m']} m AMSL",
+        )
     table.add_row("obstacles", str(len(mission.obstacles)))
     table.add_row("radars", str(len(mission.radars)))
     table.add_row("moving threats", str(len(mission.dynamic_threats)))

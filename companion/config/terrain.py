@@ -22,7 +22,7 @@ CACHED_MAPS_MAX = 4
 SERVED_M = 6_000.0  # An autopilot is served heights so far beyond the bounds.
 COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
 
-__all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of"]
+__all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of", "served_heights_of", "spacing_m"]
 
 
 def posts_of(mission: MissionConfig) -> ElevationPosts | None:

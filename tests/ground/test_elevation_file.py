@@ -7,6 +7,7 @@ from pyproj import Transformer
 
 from companion.assurance.ground_heights import GroundHeights
 from companion.config import mission_from_text
+from companion.config.mission_summary import mission_summary
 from companion.config.terrain import ground_of, posts_of
 from companion.errors import ConfigError
 from companion.world.ground.elevation_file import TerrainError, read_posts
@@ -136,3 +137,10 @@ def test_the_same_seed_gives_the_same_ground():
     assert (first != other).any()
     assert first.min() == 0.0
     assert first.max() == pytest.approx(40.0)
+
+
+def test_the_summary_says_what_the_map_holds():
+    mission = mission_from_text(mission_text("{generated: {kind: hills, seed: 1, relief_m: 40}}"), "m.yaml")
+    assert mission_summary(mission)["ground"] == {
+        "map": "hills 1", "lowest_up_m": 0, "highest_up_m": 40, "highest_amsl_m": 624, "spacing_m": 30,
+    }  # fmt: skip

@@ -27,6 +27,7 @@ from companion.world.threat_field import threat_field
 
 MAP_LONG_IN = 8.4
 SIDE_IN = 3.0
+GROUND_CONTOURS = 10  # About so many contours of the ground are drawn.
 NUM_RADAR_LABELS_MAX = 24
 
 
@@ -155,9 +156,27 @@ def draw_world(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot) -> N
         )  # fmt: skip
         sheet.axes.set(xlim=limits[0], ylim=limits[1])
         sheet.bar(image, f"radar threat μ at {sheet.height_m:.0f} m up, masked")
+    _draw_ground(sheet, snapshot)
     draw_obstacles(sheet, snapshot)
     _draw_radars(sheet, snapshot)
     _draw_ends(sheet, mission)
+
+
+def _draw_ground(sheet: MapSheet, snapshot: Snapshot) -> None:
+    """Draw contours of the ground, where it is known, with their heights."""
+    ground = snapshot.obstacles.ground
+    if not np.isfinite(ground.low[0, 0]):
+        return
+    east, north = (
+        ground.grid[axis] + ground.grid[2] * (0.5 + np.arange(ground.high.shape[axis])) for axis in range(2)
+    )
+    limits = sheet.axes.get_xlim(), sheet.axes.get_ylim()
+    lines = sheet.axes.contour(
+        east, north, 0.5 * (ground.high + ground.low).T, GROUND_CONTOURS, colors=style.GROUND, linewidths=0.5,
+        zorder=0.8,
+    )  # fmt: skip
+    sheet.axes.clabel(lines, fmt="%.0f", fontsize=5)
+    sheet.axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def draw_obstacles(sheet: MapSheet, snapshot: Snapshot) -> None:

@@ -42,6 +42,7 @@ MISSION_MAP: Final = "viridis"
 THREAT_MAP: Final = LinearSegmentedColormap.from_list(
     "threat", ["#ffffff", "#fff3d6", "#fddfae", "#f8c08f", "#efa07c"]
 )
+GROUND: Final = "#8c7a5e"
 HALO: Final = (withStroke(linewidth=2.4, foreground="white"),)
 DPI: Final = 150
 LINE_SPACING_PT: Final = 4.0

@@ -1,8 +1,8 @@
 """The ground as the planner's cells, each with the highest and the lowest ground in it.
 
 Between four posts the ground is bilinear, so that it lies between the highest and the lowest of them. Where
-posts are far apart, more are put between them on the same surface, and cells are as small. Each square of posts
-is entered in every cell that its bounding box touches.
+posts are far apart, more are put between them on the same surface, and cells are as small. Each square of
+posts is entered in every cell that its bounding box touches.
 """
 
 from __future__ import annotations
