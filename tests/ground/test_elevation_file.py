@@ -142,5 +142,5 @@ def test_the_same_seed_gives_the_same_ground():
 def test_the_summary_says_what_the_map_holds():
     mission = mission_from_text(mission_text("{generated: {kind: hills, seed: 1, relief_m: 40}}"), "m.yaml")
     assert mission_summary(mission)["ground"] == {
-        "map": "hills 1", "lowest_up_m": 0, "highest_up_m": 40, "highest_amsl_m": 624, "spacing_m": 30,
+        "map": "hills 1", "lowest_up_m": 0, "highest_up_m": 39, "highest_amsl_m": 623, "spacing_m": 30,
     }  # fmt: skip
