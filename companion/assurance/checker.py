@@ -326,7 +326,8 @@ class Checker:
             for segment, over in self._ground.too_near(starts, ends, least):
                 row, limit = int(rows[segment]), float(least[segment])
                 yield Violation("clearance", row, over, limit, "distance to the ground [m]")
-            for segment, over in () if is_track else self._ground.too_high(starts, ends):
+            tolerance_m = self.limits.altitude_tolerance_m
+            for segment, over in () if is_track else self._ground.too_high(starts, ends, tolerance_m):
                 row, limit = int(rows[segment]), self._ground.height_max_m
                 yield Violation("bounds", row, over, limit, "height over ground [m]")
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
@@ -419,7 +420,7 @@ class Checker:
         out = float(np.maximum(low - widened - place, place - high - widened).max())
         if self._ground is not None and np.isfinite(out):
             over = float(place[2] - self._ground.up_m(place[None])[0])
-            out = max(out, over - self._ground.height_max_m - TOLERANCE_M)
+            out = max(out, over - self._ground.height_max_m - self.limits.altitude_tolerance_m)
         if not np.isfinite(out):
             return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])

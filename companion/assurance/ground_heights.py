@@ -19,7 +19,7 @@ BoolArray = NDArray[np.bool_]
 
 SAMPLES_A_POST = 4  # Lines are looked at so often from one post to the next,
 SAMPLE_MIN_M = 2.0  # but not more often than this.
-TOLERANCE_M = 3.0  # Heights over ground may pass their limits by this much.
+TOLERANCE_M = 3.0  # The least height over ground may be passed by this much.
 NEAR_EYE_M = 5.0  # Ground this near to either end of a line hides nothing: posts do not show it.
 
 
@@ -75,20 +75,24 @@ class GroundHeights:
         for segment in np.flatnonzero(least < heights_m):
             yield int(segment), float(least[segment])
 
-    def too_high(self, starts: FloatArray, ends: FloatArray) -> Iterator[tuple[int, float]]:
+    def too_high(
+        self, starts: FloatArray, ends: FloatArray, tolerance_m: float
+    ) -> Iterator[tuple[int, float]]:
         """Yield number and greatest height over ground [m] of segments above the highest that is allowed.
 
         Parameters
         ----------
         starts, ends : ndarray, shape (N, 3)
             Ends of the segments [m].
+        tolerance_m : float
+            The limit may be passed by this [m].
         """
         if np.isinf(self.height_max_m):
             return
         over, which = self._along(starts, ends)
         most = np.full(len(starts), -np.inf)
         np.maximum.at(most, which, over)
-        for segment in np.flatnonzero(most > self.height_max_m + TOLERANCE_M):
+        for segment in np.flatnonzero(most > self.height_max_m + tolerance_m):
             yield int(segment), float(most[segment])
 
     def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:

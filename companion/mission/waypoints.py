@@ -24,7 +24,8 @@ CHORD_MAX_RAD = math.radians(25.0)  # A turn flown from point to point is divide
 GOAL_ACCEPTANCE_M = 15.0
 STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
 FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
-HEIGHT_TOLERANCE_M = 8.0  # Waypoints are added if the height differs from the line between them by more.
+# Waypoints are added if the height differs from the line between them by more; over ground, by less.
+HEIGHT_TOLERANCE_M, OVER_GROUND_TOLERANCE_M = 8.0, 2.5
 SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
 MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
 SPACING_M = 60.0  # A waypoint for height keeps this distance from its neighbours.
@@ -86,6 +87,7 @@ def waypoints_from_path(
     flies_by: bool = True,
     marked_m: Sequence[float] = (),
     spacing: float = 1.0,
+    height_tolerance_m: float = HEIGHT_TOLERANCE_M,
 ) -> Waypoints:
     """Return waypoints along a path, with several of them in a turn.
 
@@ -93,7 +95,7 @@ def waypoints_from_path(
     polygon around an arc: an aircraft that rounds them at the path's radius flies the arc itself. A PX4 turns
     no more than about 10 m before a waypoint, whatever the item requests (measured, and so in its
     ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs a waypoint only if the height
-    differs from the line between two waypoints by more than :data:`HEIGHT_TOLERANCE_M`.
+    differs too much from the line between two waypoints.
 
     Parameters
     ----------
@@ -109,11 +111,13 @@ def waypoints_from_path(
         none is near.
     spacing : float
         Turn angle from one waypoint to the next, as a share of the usual one.
+    height_tolerance_m : float
+        Waypoints are added if the height differs from the line between them by more [m].
     """
     points, courses, travelled = path.positions_enu_m, np.unwrap(path.courses_rad), path.travelled_m
     turns = _turns(points, courses, travelled, flies_by=flies_by, spacing=spacing)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
-    marks = _with_heights(marks, points, travelled)
+    marks = _with_heights(marks, points, travelled, height_tolerance_m)
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
     if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_STRAIGHT_MIN_M and len(points) > 2:
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
@@ -220,7 +224,7 @@ def _runs_of_turning(courses: FloatArray) -> list[tuple[int, int]]:
 
 
 def _with_heights(
-    marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray
+    marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray, tolerance_m: float
 ) -> list[tuple[float, FloatArray]]:
     """Return marks, and rows of the path where the height between two marks differs from their line.
 
@@ -234,10 +238,11 @@ def _with_heights(
         if len(inner) > 0:
             line = np.interp(travelled[inner], [before[0], after[0]], [before[1][2], after[1][2]])
             worst = int(np.argmax(np.abs(points[inner, 2] - line)))
-            if abs(points[inner[worst], 2] - line[worst]) > HEIGHT_TOLERANCE_M:
+            if abs(points[inner[worst], 2] - line[worst]) > tolerance_m:
                 row = inner[worst]
-                result += _with_heights([before, (float(travelled[row]), points[row])], points, travelled)[1:]
-                result += _with_heights([result[-1], after], points, travelled)[1:]
+                middle = float(travelled[row]), points[row]
+                result += _with_heights([before, middle], points, travelled, tolerance_m)[1:]
+                result += _with_heights([result[-1], after], points, travelled, tolerance_m)[1:]
                 continue
         result.append(after)
     return result

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 
@@ -15,12 +16,14 @@ from companion.types.threat import Obstacle
 from sim.autopilot.arduplane.arduplane import home_item
 from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
+from sim.true_ground import TrueGround
 
 Place = tuple[float, float, float]
 
 _AHEAD_M = (400.0, 300.0, 200.0, 500.0)
 _BEARINGS_DEG = (0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0)
 _MARGIN_M = 40.0
+_GROUND_M = 40.0  # The circle is so high over ground.
 _OVERSHOOT_M = 40.0  # A circle that is entered from its centre is flown this much wider at first.
 _HEIGHT_MARGIN_M = 20.0
 _BEYOND_M = 500.0  # The aircraft flies straight for so long behind the last goal.
@@ -30,7 +33,11 @@ _LANDING_SIDES = 8  # Directions of the landing that are looked at, the first fr
 
 
 def safe_loiter(
-    obstacles: tuple[Obstacle, ...], start: tuple[float, float, float], course_rad: float, radius_m: float
+    obstacles: tuple[Obstacle, ...],
+    start: tuple[float, float, float],
+    course_rad: float,
+    radius_m: float,
+    ground: TrueGround | None = None,
 ) -> tuple[float, float]:
     """East and north [m] of a circle near the start that can be flown to and round without hitting anything.
 
@@ -51,11 +58,24 @@ def safe_loiter(
         gap = walls.distance(Point(centre)) - radius_m - _OVERSHOOT_M if level else math.inf
         way = walls.distance(LineString([(east, north), centre])) if level else math.inf
         gap = min(gap, way)
+        if ground is not None and _over_ground_m(ground, start, centre, radius_m) < _GROUND_M:
+            gap = min(gap, 0.0)
         if gap >= _MARGIN_M:
             return centre
         if gap > best_gap:
             best, best_gap = centre, gap
     return best
+
+
+def _over_ground_m(
+    ground: TrueGround, start: tuple[float, float, float], centre: tuple[float, float], radius_m: float
+) -> float:
+    """Least height over ground on the way to a circle and on it, flown level [m]."""
+    angles = np.linspace(0.0, 2.0 * math.pi, 36)
+    share = np.linspace(0.0, 1.0, 20)
+    east = np.append(centre[0] + radius_m * np.sin(angles), start[0] + share * (centre[0] - start[0]))
+    north = np.append(centre[1] + radius_m * np.cos(angles), start[1] + share * (centre[1] - start[1]))
+    return start[2] - float(ground.ups_m(east, north).max())
 
 
 def operator_mission(

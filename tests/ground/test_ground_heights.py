@@ -56,7 +56,9 @@ def test_a_path_over_the_hill_is_refused_by_its_height_over_ground():
     assert found
     assert found[0].in_short.endswith("from the ground")
     assert found[0].row == pytest.approx(7, abs=2)  # The ground is 53 m high 198 m before the top.
-    high = straight_path(num=11, speed=25.0, start=(100.0, 50.0, 130.0), course=EASTWARDS)
+    high = straight_path(
+        num=11, speed=25.0, start=(100.0, 50.0, 130.0), course=EASTWARDS
+    )  # no tolerance here
     assert {entry.rule for entry in checker.check_path(high)} == {"bounds"}
 
 

@@ -40,6 +40,8 @@ from companion.frames import FloatArray
 from companion.kernels.arrays import IntArray
 from companion.mission.loiter import Circle, circles_along
 from companion.mission.waypoints import (
+    HEIGHT_TOLERANCE_M,
+    OVER_GROUND_TOLERANCE_M,
     MissionPart,
     Waypoints,
     merge_close_waypoints,
@@ -194,7 +196,9 @@ def _best_of(
         if best is not None and not best.faults.is_serious:
             return best
     if not found and not forbidden:
-        waypoints = waypoints_from_path(path.until(ends[0]), airspeed, flies_by=state.flies_by)
+        waypoints = waypoints_from_path(
+            path.until(ends[0]), airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
+        )
         forbidden = [Candidate(waypoints, float(path.times_s[min(ends[0], last)]), (NO_CIRCLE,))]
     return min(found, key=_rank) if found else forbidden[0]
 
@@ -249,6 +253,11 @@ def _hot_stretch(state: FlightState) -> float:
     return HOT_STRETCH if state.flies_by else 1.0
 
 
+def _tolerance_m(state: FlightState) -> float:
+    """Return by how much legs may differ from the path's height [m]."""
+    return HEIGHT_TOLERANCE_M if state.mission.terrain is None else OVER_GROUND_TOLERANCE_M
+
+
 def _fitted(
     state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, is_last: bool
 ) -> Candidate:
@@ -258,7 +267,7 @@ def _fitted(
     for spacing in SPACINGS:
         waypoints = waypoints_from_path(
             part, airspeed_m_s, flies_by=state.flies_by, marked_m=[length for length, _ in actions],
-            spacing=spacing,
+            spacing=spacing, height_tolerance_m=_tolerance_m(state),
         )  # fmt: skip
         for _ in range(CORRECTIONS + 1):
             candidate, track = _judged(state, part, waypoints, circle)
