@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.config.terrain import posts_of
 from companion.types.events import Dialect
 from sim.autopilot.arduplane.arduplane import ArduPlane
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.operator_missions import (
     Place,
+    ground_of,
     landing_circle,
     mission_over,
     operator_mission,
@@ -25,7 +25,6 @@ from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
 from sim.threats.adsb_source import TrackSource
 from sim.threats.pursuers import Pursuers, pursuers_of
-from sim.true_ground import TrueGround
 from sim.truth import Truth
 from sim.vehicle.control import TICK_S, Flight
 from sim.vehicle.fdm import FlightDynamics, Start, Weather
@@ -102,9 +101,7 @@ def build(
         math.radians(mission.start.course_deg),
         float(mission.vehicle.airspeed_cruise_m_s),
     )
-    posts = posts_of(mission)
-    ground = None if posts is None else TrueGround(posts)
-    home_m = 0.0 if ground is None else ground.up_m(start.east_m, start.north_m)
+    ground, home_m = ground_of(mission)
     dynamics = FlightDynamics(
         frame, start, _weather(mission), seed=seed, projection=projection,
         lowest_m=0.0 if ground is None else ground.lowest_m,

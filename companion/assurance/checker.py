@@ -40,10 +40,10 @@ from companion.assurance.edges import (
     straight_violations,
 )
 from companion.assurance.exposure import Exposure
-from companion.assurance.ground_heights import TOLERANCE_M, GroundHeights
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
-from companion.assurance.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.return_to_bounds import OUT_MIN_M, OVERSHOOT_RADII, ReturnToBounds
+from companion.assurance.surroundings.ground_heights import TOLERANCE_M, GroundHeights
+from companion.assurance.surroundings.prisms import LENGTH_TOLERANCE_M, Prisms
 from companion.assurance.violation import Violation, outside, violated
 from companion.frames import FloatArray
 from companion.types.path import Path

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.assurance import curves
-from companion.assurance.prisms import LENGTH_TOLERANCE_M
+from companion.assurance.surroundings.prisms import LENGTH_TOLERANCE_M
 from companion.assurance.violation import Violation, violated
 from companion.frames import FloatArray
 from companion.types.path import Path

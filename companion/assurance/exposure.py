@@ -17,8 +17,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from companion.assurance.ground_heights import GroundHeights
-from companion.assurance.sight_lines import SightLines
+from companion.assurance.surroundings.ground_heights import GroundHeights
+from companion.assurance.surroundings.sight_lines import SightLines
 from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState

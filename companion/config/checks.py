@@ -9,6 +9,7 @@ import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
 from companion.config.sections.glide_section import FieldConfig
+from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.kernels.arrays import Ground
 from companion.planning.comparators import METHODS
@@ -93,10 +94,23 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
     terrain = config.terrain
     if terrain is None:
         return
-    sources = [terrain.file, terrain.generated, terrain.sample]
-    if sum(source is not None for source in sources) != 1:
+    sources = [key for key in ("file", "generated", "sample") if getattr(terrain, key) is not None]
+    if len(sources) != 1:
         yield ("terrain",), "one of file, generated and sample"
         return
+    yield from _heights_over_ground(config, terrain)
+    # Many commands read no map, and PROJ takes long to import.
+    from companion.config.sections.terrain_map import TerrainError, ground_of  # noqa: PLC0415
+
+    try:
+        ground = ground_of(config)
+    except TerrainError as error:
+        yield ("terrain", sources[0]), f"{error.expected}; found: {error.got}"
+        return
+    yield from _over_ground(config, ground)
+
+
+def _heights_over_ground(config: MissionConfig, terrain: TerrainConfig) -> Iterator[Finding]:
     least, most, wanted = terrain.height_min_m, terrain.height_max_m, terrain.height_wanted_m
     if least < config.planning.clearance_min_m:
         yield ("terrain", "height_min_m"), f"at least clearance_min_m, {config.planning.clearance_min_m:g}"
@@ -104,16 +118,6 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
         yield ("terrain", "height_max_m"), f"above height_min_m, {least:g}"
     if wanted is not None and not least <= wanted <= (math.inf if most is None else most):
         yield ("terrain", "height_wanted_m"), "between height_min_m and height_max_m"
-    # Many commands read no map, and PROJ takes long to import.
-    from companion.config.terrain import TerrainError, ground_of  # noqa: PLC0415
-
-    try:
-        ground = ground_of(config)
-    except TerrainError as error:
-        source = next(key for key in ("file", "generated", "sample") if getattr(terrain, key) is not None)
-        yield ("terrain", source), f"{error.expected}; found: {error.got}"
-        return
-    yield from _over_ground(config, ground)
 
 
 def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
-from companion.config.terrain import ground_heights_of, ground_of
+from companion.config.sections.terrain_map import ground_heights_of, ground_of
 from companion.mission.energy_budget import EnergyBudget, budget_of
 from companion.mission.glide.landing_choice import LandingPlace, Place
 from companion.planning.comparators import Certainty

@@ -10,7 +10,7 @@ from rich.text import Text
 from companion.config import MissionConfig
 from companion.config.compose import bounds_of, energy_budget_of, goals_of, wind_of
 from companion.config.rules import rules_of
-from companion.config.terrain import ground_of, posts_of, spacing_m
+from companion.config.sections.terrain_map import ground_of, posts_of, spacing_m
 from companion.mission.energy_budget import EnergyBudget
 from companion.mission.glide.glide_coverage import Coverage, coverage_of_legs, coverage_of_path
 from companion.plain_text import printable

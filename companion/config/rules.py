@@ -19,7 +19,7 @@ from companion.config.compose import (
     vehicle_of,
 )
 from companion.config.models import MissionConfig
-from companion.config.terrain import ground_heights_of
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.mission.glide.landing_choice import GlideOptions, Place
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings

@@ -88,7 +88,7 @@ def _packed(shapes: tuple[tuple[bytes, float, float], ...], bounds: tuple[float,
 
 
 def _pack(shapes: Sequence[tuple[FloatArray, float, float]], bounds: tuple[float, ...]) -> Obstacles:
-    """Pack prisms that are given by their corners (N, 2), base and top [m]."""
+    """Pack prisms that are given by ``shapes``, their corners (N, 2), base and top [m]."""
     polygons = [polygon for polygon, _, _ in shapes]
     sizes = [len(polygon) for polygon in polygons]
     edges = np.zeros((sum(sizes), 4))

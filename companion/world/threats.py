@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import IntArray, Obstacles, Threats
-from companion.kernels.geometry.ground import fill_ground_shadows
+from companion.kernels.geometry.ground_surface import fill_ground_shadows
 from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
 

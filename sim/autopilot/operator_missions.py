@@ -11,12 +11,14 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 
+from companion.config import MissionConfig
+from companion.config.sections.terrain_map import posts_of
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.threat import Obstacle
 from sim.autopilot.arduplane.arduplane import home_item
 from sim.autopilot.telemetry import Home
 from sim.projection import FastProjection
-from sim.true_ground import TrueGround
+from sim.vehicle.true_ground import TrueGround
 
 Place = tuple[float, float, float]
 
@@ -30,6 +32,18 @@ _BEYOND_M = 500.0  # The aircraft flies straight for so long behind the last goa
 _LANDING_M = (1000.0, 750.0)  # Distances of the landing's circle from the runway.
 _PATTERN_HEIGHT_M = 60.0  # Height of that circle.
 _LANDING_SIDES = 8  # Directions of the landing that are looked at, the first from north.
+
+
+def ground_of(mission: MissionConfig) -> tuple[TrueGround | None, float]:
+    """Return the ground of a mission file's map, and its height at the start [m].
+
+    Without a map there is none, and it is flat at the origin's height.
+    """
+    posts = posts_of(mission)
+    if posts is None:
+        return None, 0.0
+    ground = TrueGround(posts)
+    return ground, ground.up_m(float(mission.start.east_m), float(mission.start.north_m))
 
 
 def safe_loiter(

@@ -10,7 +10,7 @@ from shapely.geometry import LineString
 
 from companion.assurance.checker import Checker
 from companion.assurance.exposure import Exposure, ExposureModel, shortest_lengths
-from companion.assurance.sight_lines import SightLines
+from companion.assurance.surroundings.sight_lines import SightLines
 from companion.config.compose import exposure_of, vehicle_of, world_of
 from companion.config.rules import rules_of
 from companion.kernels.printed.reachability import dt_positions

@@ -19,6 +19,7 @@ PLAN_KEYS = {
 }
 SITL_KEYS = {
     *("success", "goal_reached", "collision", "min_obstacle_clearance_m", "min_dt_distance_m"),
+    "min_ground_height_m",
     *("missions_uploaded", "missions_rejected", "replans", "plan_ms", "track_to_mission_ms"),
     *("flight_s", "wall_s", "true_path", "dt_path", "dt_paths", "dynamic_threats", "threatened", "is_safe"),
     *("seconds_in_reach", "seconds_in_reach_and_sight", "t_f_s", "miss_distance_m", "miss_s"),

@@ -101,7 +101,7 @@ def test_a_signer_that_takes_anything_is_noticed(monkeypatch):
 
 def test_a_codec_that_takes_no_note_of_what_is_finite_is_noticed(monkeypatch):
     told = codecs.Request("command", 1, 1, 0, (float("nan"),))
-    monkeypatch.setattr(codecs, "_request", lambda kind, message: told)
+    monkeypatch.setitem(codecs._REQUESTS, "HEARTBEAT", lambda message: told)
     with pytest.raises(BrokenPromiseError, match="no finite number"):
         link_targets.check_codec(bytes((1,)) + record_of(heartbeat(), link_targets.LISTENED))
 

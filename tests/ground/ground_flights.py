@@ -11,10 +11,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from companion.config import mission_from_text
-from companion.config.terrain import posts_of
+from companion.config.sections.terrain_map import posts_of
 from companion.errors import ConfigError
 from companion.types.events import Dialect
-from sim.true_ground import TrueGround
+from sim.vehicle.true_ground import TrueGround
 from tests.support.sitl_harness import SitlHarness
 
 SIDE_M, TURN_M = 5_000.0, 125.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.kernels.geometry.ground import over_ground
+from companion.kernels.geometry.ground_surface import over_ground
 from companion.world.ground.ground_cells import ground_cells
 from companion.world.vehicle.recovery_path import recovery_path
 from companion.world.vehicle.vehicle_model import VehicleModel

@@ -5,10 +5,10 @@ import pytest
 import rasterio
 from pyproj import Transformer
 
-from companion.assurance.ground_heights import GroundHeights
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.config import mission_from_text
 from companion.config.mission_summary import mission_summary
-from companion.config.terrain import ground_of, posts_of
+from companion.config.sections.terrain_map import ground_of, posts_of
 from companion.errors import ConfigError
 from companion.world.ground.elevation_file import TerrainError, read_posts
 from tests.ground.maps import BOUNDS, FRAME

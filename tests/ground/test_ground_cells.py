@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.geometry.ground import (
+from companion.kernels.geometry.ground_surface import (
     crosses_ground,
     fill_ground_shadows,
     ground_hides,

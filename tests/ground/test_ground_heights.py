@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.assurance.checker import Checker
-from companion.assurance.ground_heights import GroundHeights
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.config import mission_from_text
 from companion.flight.takeover.capability import shortfalls
 from companion.types.state import AutopilotSettings
-from sim.true_ground import TrueGround
+from sim.vehicle.true_ground import TrueGround
 from tests.ground.maps import bilinear, hill, posts_over, rough
 from tests.sim.client import PLAIN
 from tests.support.paths import check_limits, straight_path

@@ -18,8 +18,8 @@ GROUPS = PROJECT["dependency-groups"]
 NAME = canonicalize_name(PROJECT["project"]["name"])
 # What each file is for: extras, whose dependencies come with those of the project itself, and groups.
 FILES = {
-    "dev": (("dev", "sim", "metrics", "plot", "dask"), ("build",)),
-    "service": (("metrics", "plot"), ("build",)),
+    "dev": (("dev", "sim", "metrics", "plot", "terrain", "dask"), ("build",)),
+    "service": (("metrics", "plot", "terrain"), ("build",)),
     "rerun": (("rerun",), ()),
     "fuzz": ((), ("fuzz",)),
     "sbom": ((), ("sbom",)),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from companion.config import MissionConfig
+from companion.config.sections.terrain_map import served_heights_of
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore, answer
 from companion.link.messages.file_server import FileServer
@@ -29,14 +31,16 @@ class SendBudgets:
         The link's codec, which counts what is not sent as ``unanswered`` and ``untold``.
     line_bytes_per_s : float or None
         Capacity of the line; None if not known.
-    terrain : TerrainServer, optional
-        Answers the autopilot's requests for heights of the ground; left out, there are none.
+    mission : MissionConfig, optional
+        If it has a map of heights, an autopilot that asks is answered.
     """
 
     def __init__(
-        self, codec: Codec, line_bytes_per_s: float | None, terrain: TerrainServer | None = None
+        self, codec: Codec, line_bytes_per_s: float | None, mission: MissionConfig | None = None
     ) -> None:
-        self._codec, self._terrain = codec, terrain
+        self._codec = codec
+        heights = None if mission is None else served_heights_of(mission)
+        self._terrain = None if heights is None else TerrainServer(heights)
         share_rate = math.inf if line_bytes_per_s is None else LINE_SHARE * line_bytes_per_s
         answer_rate, text_rate = min(ANSWER_BYTES_PER_S, share_rate), min(TEXT_BYTES_PER_S, share_rate)
         self._answers = TokenBucket(answer_rate, BURST_S * answer_rate)

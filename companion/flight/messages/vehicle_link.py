@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 from companion.clock import Clock
 from companion.config import MissionConfig
-from companion.config.terrain import served_heights_of
 from companion.flight.messages.observer import Observer
 from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import ParameterStore
 from companion.link.messages.streams import Streams
-from companion.link.messages.terrain_server import TerrainServer
 from companion.link.missions.autopilot_link import AutopilotLink
 from companion.link.wire.framing import frames_in
 from companion.link.wire.link_quality import LinkQuality
@@ -80,9 +78,7 @@ class VehicleLink:
         self._recorder = recorder
         self._observer = observer or Observer()
         self._take: Callable[[Event, float], None] = _ignore
-        heights = served_heights_of(mission)
-        terrain = None if heights is None else TerrainServer(heights)
-        self._budgets = SendBudgets(self.codec, transport.bytes_per_s, terrain)
+        self._budgets = SendBudgets(self.codec, transport.bytes_per_s, mission)
         self.autopilot = link_kind(self.codec, clock, self.send)
 
     @property

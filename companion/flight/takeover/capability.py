@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.config.terrain import ground_heights_of
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.types.state import AutopilotSettings
 
 GRAVITY_M_S2 = 9.80665

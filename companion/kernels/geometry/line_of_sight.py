@@ -11,7 +11,7 @@ Ericson, *Real-Time Collision Detection* (2005), 5.3.3 (segment against a box by
 from __future__ import annotations
 
 from companion.kernels.arrays import Float2D, Obstacles
-from companion.kernels.geometry.ground import ground_hides
+from companion.kernels.geometry.ground_surface import ground_hides
 from companion.kernels.geometry.prism_distance import edges_cross, point_in_polygon
 from companion.kernels.native.kernel import kernel_numpy_errors
 

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from companion.kernels.arrays import Float1D, Float2D, Float3D, FloatArray, Obstacles
-from companion.kernels.geometry.ground import crosses_ground, over_ground
+from companion.kernels.geometry.ground_surface import crosses_ground, over_ground
 from companion.kernels.native.kernel import inlined, kernel
 
 

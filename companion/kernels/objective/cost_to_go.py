@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Float2D, Float3D, Float4D, Int1D, Limits, Obstacles
-from companion.kernels.geometry.ground import lack_of_height
+from companion.kernels.geometry.ground_surface import lack_of_height
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.native.kernel import (
     inlined,

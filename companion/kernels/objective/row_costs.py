@@ -14,7 +14,7 @@ import math
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, propagate
 from companion.kernels.arrays import Float1D, Float3D, Game, Limits, Obstacles, Pursuers, Threats, Uncertainty
-from companion.kernels.geometry.ground import lack_of_height
+from companion.kernels.geometry.ground_surface import lack_of_height
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel

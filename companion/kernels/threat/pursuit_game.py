@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Float2D, Game, Int1D, Obstacles
-from companion.kernels.geometry.ground import cell_along
+from companion.kernels.geometry.ground_surface import cell_along
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import inlined, kernel
 
@@ -30,6 +30,7 @@ STANDS_M = 1.0
 BEARING_CELLS = 1.5  # Two lines of sight are at most so many cells apart at the rim of a DT's reach.
 # The difference of two cells' arrivals overestimates their distance by at most so many cells.
 ROUNDED_CELLS = 3.0
+NEAR_M = 1e-9  # A place is at least so far away, where it is divided by that.
 # Cells along each side of a block: where a DT reaches none of them in time, no line of sight is cast.
 BLOCK = 8
 
@@ -144,16 +145,14 @@ def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late:
     best = math.inf
     vehicles = game.vehicles
     for d in range(vehicles.shape[0]):
-        kind, reach, v = vehicles[d, 7], vehicles[d, 5], vehicles[d, 4]
+        kind, v = vehicles[d, 7], vehicles[d, 4]
         if kind == PASSES_BY:
             continue
         flat = math.hypot(x - vehicles[d, 0], y - vehicles[d, 1])
         up = z - vehicles[d, 2] if game.is_plane == 0 else 0.0
-        if kind == DRIVES and game.ground.low[0, 0] > -math.inf:
-            up = 0.0  # Its height changes as it drives: any place within reach in the plane is looked at.
-        if kind == DRIVES and abs(up) > reach:
+        radius = _reach_in_plane(game, d, up)
+        if radius < 0.0:
             continue
-        radius = math.sqrt(reach * reach - up * up) if kind == DRIVES else reach
         away = flat if kind == DRIVES else math.hypot(flat, up)
         left = max(0.0, away - radius - vehicles[d, 6] - 0.5 * game.grid[2])
         soonest = vehicles[d, 3]
@@ -167,6 +166,18 @@ def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late:
         if best <= soon:
             break
     return best
+
+
+@inlined
+def _reach_in_plane(game: Game, d: int, up: float) -> float:
+    """Reach in the plane of DT ``d`` to places ``up`` metres above it; negative where it has none.
+
+    Over ground its height changes as it drives: all places within reach in the plane are looked at.
+    """
+    reach = game.vehicles[d, 5]
+    if game.vehicles[d, 7] != DRIVES or game.ground.low[0, 0] > -math.inf:
+        return reach
+    return math.sqrt(reach * reach - up * up) if abs(up) <= reach else -1.0
 
 
 @kernel
@@ -250,32 +261,39 @@ def _bearings_to(game: Game, d: int, x: float, y: float, radius: float, late: fl
     return about + low, high - low
 
 
+@inlined
+def _ground_at(game: Game, d: int, x: float, y: float) -> tuple[float, float]:
+    """Lowest ground of a cell, and how high DT ``d`` would be there: without ground, as high as it is [m]."""
+    ground = game.ground
+    i = cell_along(x, ground.grid[0], ground.grid[2], ground.low.shape[0])
+    j = cell_along(y, ground.grid[1], ground.grid[2], ground.low.shape[1])
+    low = ground.low[i, j]
+    return low, game.vehicles[d, 2] if low == -math.inf else ground.high[i, j]
+
+
 @kernel
 def _seen_along(game: Game, d: int, x: float, y: float, z: float, angle: float, length: float) -> float:
     """:func:`_seen_from` of the places on one line of sight, ``length`` metres long at ``angle``.
 
     A place is seen over all that is nearer if no line to the tops of that is less steep downwards.
     """
-    grid, tops, ground, cell = game.grid, game.tops, game.ground, game.grid[2]
-    east, north, reach = math.cos(angle), math.sin(angle), game.vehicles[d, 5]
-    best, steepest, r = math.inf, -math.inf, 0.0
+    grid, tops, cell, reach = game.grid, game.tops, game.grid[2], game.vehicles[d, 5]
+    east, north, best, steepest, r = math.cos(angle), math.sin(angle), math.inf, -math.inf, 0.0
+    z = game.vehicles[d, 2] if game.is_plane == 1 else z
     while True:
         px, py = x + r * east, y + r * north
         i, j = int(math.floor((px - grid[0]) / cell + 0.5)), int(math.floor((py - grid[1]) / cell + 0.5))
         if i < 0 or j < 0 or i >= tops.shape[0] or j >= tops.shape[1]:
             break
-        a = cell_along(px, ground.grid[0], ground.grid[2], ground.low.shape[0])
-        b = cell_along(py, ground.grid[1], ground.grid[2], ground.low.shape[1])
-        is_flat = ground.low[a, b] == -math.inf
-        up = 0.0 if game.is_plane == 1 else (game.vehicles[d, 2] if is_flat else ground.high[a, b]) - z
+        low, there = _ground_at(game, d, px, py)
+        up = there - z
         if tops[i, j] > -math.inf and r > 0.0:
-            if tops[i, j] >= (game.vehicles[d, 2] if game.is_plane == 1 else z):
+            if tops[i, j] >= z:
                 break
             steepest = max(steepest, (tops[i, j] - z) / r)
         elif up >= steepest * r and r * r + up * up <= reach * reach:
             best = min(best, game.arrival[d, i, j])
-        if not is_flat and r > 0.0:
-            steepest = max(steepest, (ground.low[a, b] - z) / r)
+        steepest = max(steepest, (low - z) / max(r, NEAR_M))
         if r >= length:
             break
         r = min(r + cell, length)

@@ -11,7 +11,8 @@ MAVLink ``common.xml``, TERRAIN_REQUEST, TERRAIN_DATA; ArduPilot ``AP_Terrain``,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -52,21 +53,27 @@ class TerrainServer:
         if spacing_m not in SPACING_M or abs(latitude_e7) > 850_000_000:
             codec.counters["refused_terrain"] += 1
             return b""
-        asked = [square for square in range(SQUARES) if request.number >> square & 1]
-        later = [square for square in asked if square >= self._first]
-        said = []
-        for square in [*later, *(square for square in asked if square < self._first)]:
+        said = b""
+        squares = self._known(latitude_e7, longitude_e7, spacing_m, request.number)
+        for square, heights in islice(squares, AT_ONCE):
+            said += codec.terrain_data(latitude_e7, longitude_e7, spacing_m, square, heights)
+            self._first = (square + 1) % SQUARES
+        return said
+
+    def _known(
+        self, latitude_e7: int, longitude_e7: int, spacing_m: int, mask: int
+    ) -> Iterator[tuple[int, list[int]]]:
+        """Yield the squares of a mask with known heights, from the next one on, and these heights."""
+        for number in range(self._first, self._first + SQUARES):
+            square = number % SQUARES
+            if not mask >> square & 1:
+                continue
             heights = self._square(latitude_e7, longitude_e7, spacing_m, square)
             if np.isfinite(heights).all() and float(np.abs(heights).max()) < INT16:
-                whole = [round(float(height)) for height in heights]
-                said.append(codec.terrain_data(latitude_e7, longitude_e7, spacing_m, square, whole))
-            if len(said) == AT_ONCE:
-                self._first = (square + 1) % SQUARES
-                break
-        return b"".join(said)
+                yield square, [round(float(height)) for height in heights]
 
     def _square(self, latitude_e7: int, longitude_e7: int, spacing_m: int, square: int) -> FloatArray:
-        """Return 16 heights, row by row from the south, each from west to east [m]."""
+        """Return heights (16,) [m], row by row from the south, each from west to east."""
         north = spacing_m * (SIDE * (square // ACROSS) + np.repeat(EAST, SIDE))
         east = spacing_m * (SIDE * (square % ACROSS) + np.tile(EAST, SIDE))
         latitude = 1e-7 * (latitude_e7 + north / M_PER_E7)

@@ -180,7 +180,7 @@ def is_near_ground(problem: Problem) -> bool:
 
 
 def _lowest_over(ground: Ground, grid: tuple[float, float, float], columns: tuple[int, int]) -> FloatArray:
-    """Return the heights (NX, NY) at which nothing is left over ground [m], at nodes of a grid."""
+    """Return the heights at which nothing is left over ground [m], at nodes of a grid, (X, Y)."""
     cells = [
         np.clip(
             ((grid[axis] + grid[2] * np.arange(columns[axis]) - ground.grid[axis]) // ground.grid[2]), 0,

@@ -13,7 +13,7 @@ from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig, load_mission
 from companion.config.compose import world_of
 from companion.config.load import mission_from_text
-from companion.config.terrain import ground_heights_of
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.errors import RecordError
 from companion.frames import FloatArray
 from companion.recording import mcap_reader

@@ -7,7 +7,7 @@ from dataclasses import replace
 from companion.assurance.encounters import known_encounters
 from companion.config import MissionConfig
 from companion.config.rules import rules_of
-from companion.config.terrain import ground_heights_of
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.flight.state.world_model import WorldModel
 from companion.link.messages.codec import Codec
 from companion.recording.reader import Recording

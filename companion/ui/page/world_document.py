@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.config import MissionConfig, mission_from_text
 from companion.config.compose import bounds_of, world_of
-from companion.config.terrain import ground_heights_of
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.errors import ConfigError
 from companion.recording.mcap_writer import plain
 from companion.ui.page.ground import CELLS, Ground, height_grid

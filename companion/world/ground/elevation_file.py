@@ -123,7 +123,7 @@ def _box(
 
 
 def _whole_steps(values: FloatArray, first: float, step: float) -> tuple[float, float]:
-    """Return the least and the greatest of values, widened to borders of the raster's cells."""
+    """Return the least and the greatest of ``values`` (N,), widened to borders of the raster's cells."""
     side = abs(step)
     low = math.floor((float(values.min()) - first) / side) - POSTS_MORE
     high = math.ceil((float(values.max()) - first) / side) + POSTS_MORE
@@ -131,7 +131,7 @@ def _whole_steps(values: FloatArray, first: float, step: float) -> tuple[float, 
 
 
 def _require_whole(up: FloatArray, place: Path) -> None:
-    """Refuse a map with holes, which are also what lies beyond its edge."""
+    """Refuse heights ``up`` (R, C) with holes, which are also what lies beyond the map's edge."""
     holes = int(np.isnan(up).sum())
     if holes:
         share = 100.0 * holes / up.size

@@ -57,7 +57,7 @@ def generated_posts(
 
 
 def _hills(rng: np.random.Generator, shape: tuple[int, int]) -> FloatArray:
-    """Return smooth random heights from 0 to 1."""
+    """Return smooth random heights from 0 to 1, (R, C)."""
     rough = gaussian_filter(rng.standard_normal(shape), HILL_M / SPACING_M, mode="reflect")
     return np.asarray((rough - rough.min()) / (rough.max() - rough.min()))
 

@@ -19,7 +19,7 @@ import shapely
 from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Ground, Limits
-from companion.kernels.geometry.ground import over_ground
+from companion.kernels.geometry.ground_surface import over_ground
 from companion.types.threat import Obstacle
 
 TURN_STEPS = 16  # A half circle is tried in this many steps; turns go up to a full circle.

@@ -113,12 +113,18 @@ class GroundHeights:
         return free
 
     def _along(self, starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Return heights over ground (S,) [m] along segments, and the segment (S,) of each."""
+        """Return heights over ground (S,) [m] along segments, and the segment (S,) of each.
+
+        They lead from ``starts`` to ``ends`` (N, 3) [m].
+        """
         at, which = self._samples(starts, ends)
         return at[:, 2] - self.up_m(at), which
 
     def _samples(self, starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Return places (S, 3) along segments, both ends among them, and the segment (S,) of each."""
+        """Return places (S, 3) along segments, both ends among them, and the segment (S,) of each.
+
+        They lead from ``starts`` to ``ends`` (N, 3) [m].
+        """
         lengths = np.linalg.norm((ends - starts)[:, :2], axis=1)
         counts = np.ceil(lengths / self._sample_m).astype(np.int64) + 1
         which = np.repeat(np.arange(len(starts)), counts)

@@ -6,7 +6,7 @@ import functools
 import math
 from pathlib import Path
 
-from companion.assurance.ground_heights import GroundHeights
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.config.models import MissionConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame

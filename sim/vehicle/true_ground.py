@@ -38,7 +38,7 @@ class TrueGround:
         return float(self.ups_m(np.array([east_m]), np.array([north_m]))[0])
 
     def ups_m(self, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
-        """Return the heights of the ground at places, of the shape (N,) of both [m]."""
+        """Return the heights (N,) of the ground at places ``east_m`` (N,), ``north_m`` (N,) [m]."""
         posts, up = self._posts, self._posts.up_m
         x, y = self._there.transform(east_m, north_m)
         across = np.clip((x - posts.first_x) / posts.step_x, 0.0, up.shape[1] - 1.0)

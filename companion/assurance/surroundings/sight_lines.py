@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from companion.assurance.ground_heights import GroundHeights
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.frames import FloatArray
 from companion.types.threat import Obstacle
 
