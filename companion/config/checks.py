@@ -98,6 +98,8 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
     if len(sources) != 1:
         yield ("terrain",), "one of file, generated and sample"
         return
+    if config.glide is not None:
+        yield ("glide",), "left out, since there is a section terrain: glides know flat ground only"
     yield from _heights_over_ground(config, terrain)
     # Many commands read no map, and PROJ takes long to import.
     from companion.config.sections.terrain_map import TerrainError, ground_of  # noqa: PLC0415
