@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
-from scipy.ndimage import map_coordinates
 
 from companion.frames import FloatArray
 from companion.types.elevation import ElevationPosts
@@ -54,8 +53,14 @@ class GroundHeights:
         """
         posts = self.posts
         x, y = self._there.transform(places_enu_m[:, 0], places_enu_m[:, 1])
-        at = np.array([(y - posts.first_y) / posts.step_y, (x - posts.first_x) / posts.step_x])
-        return np.asarray(map_coordinates(posts.up_m, at, order=1, mode="nearest"))
+        count = posts.up_m.shape
+        row = np.clip((y - posts.first_y) / posts.step_y, 0.0, count[0] - 1.0)
+        column = np.clip((x - posts.first_x) / posts.step_x, 0.0, count[1] - 1.0)
+        j, i = np.minimum(np.floor([row, column]).astype(int), [[count[0] - 2], [count[1] - 2]])
+        low, high = posts.up_m[j, i], posts.up_m[j + 1, i]
+        low = low + (column - i) * (posts.up_m[j, i + 1] - low)
+        high = high + (column - i) * (posts.up_m[j + 1, i + 1] - high)
+        return np.asarray(low + (row - j) * (high - low))
 
     def too_near(
         self, starts: FloatArray, ends: FloatArray, heights_m: FloatArray

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from companion.frames import FloatArray, LocalFrame
 from companion.types.elevation import ElevationPosts
@@ -58,8 +57,18 @@ def generated_posts(
 
 def _hills(rng: np.random.Generator, shape: tuple[int, int]) -> FloatArray:
     """Return smooth random heights from 0 to 1, (R, C)."""
-    rough = gaussian_filter(rng.standard_normal(shape), HILL_M / SPACING_M, mode="reflect")
+    rough = _smoothed(_smoothed(rng.standard_normal(shape)).T).T
     return np.asarray((rough - rough.min()) / (rough.max() - rough.min()))
+
+
+def _smoothed(rough: FloatArray) -> FloatArray:
+    """Return ``rough`` (R, C), smoothed along its columns by a normal distribution, reflected at the ends, (R, C)."""
+    deviation = HILL_M / SPACING_M
+    reach = int(4.0 * deviation + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
+    padded = np.pad(rough, ((reach, reach), (0, 0)), mode="symmetric")
+    parts = (weight * padded[first : first + len(rough)] for first, weight in enumerate(weights))
+    return np.asarray(sum(parts) / weights.sum())
 
 
 def _ridges(rng: np.random.Generator, along: FloatArray, across: FloatArray) -> FloatArray:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
-from scipy.ndimage import map_coordinates
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Ground, IntArray
 from companion.types.elevation import ElevationPosts
+from companion.world.ground.bilinear import bilinear
 from companion.world.ground.elevation_file import TerrainError
 
 FINE_M = 25.0  # Posts farther apart than this have others between them.
@@ -88,7 +88,7 @@ def _divided(posts: ElevationPosts, parts: int) -> ElevationPosts:
         return posts
     rows, columns = ((count - 1) * parts + 1 for count in posts.up_m.shape)
     at = np.meshgrid(np.arange(rows) / parts, np.arange(columns) / parts, indexing="ij")
-    up = map_coordinates(posts.up_m, at, order=1, mode="nearest")
+    up = bilinear(posts.up_m, *at)
     return replace(posts, up_m=up, step_x=posts.step_x / parts, step_y=posts.step_y / parts)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from pyproj import Transformer
-from scipy.ndimage import map_coordinates
 
 from companion.frames import FloatArray
 from companion.types.elevation import ElevationPosts
+from companion.world.ground.bilinear import bilinear
 
 
 class ServedHeights:
@@ -33,6 +33,8 @@ class ServedHeights:
         """
         posts = self._posts
         x, y = self._there.transform(longitude_deg, latitude_deg)
-        at = np.array([(y - posts.first_y) / posts.step_y, (x - posts.first_x) / posts.step_x])
-        up = map_coordinates(posts.up_m, at, order=1, mode="constant", cval=np.nan)
-        return np.asarray(up + posts.frame.altitude_amsl_m)
+        rows, columns = (y - posts.first_y) / posts.step_y, (x - posts.first_x) / posts.step_x
+        up = bilinear(posts.up_m, rows, columns) + posts.frame.altitude_amsl_m
+        last = np.array(posts.up_m.shape) - 1
+        is_beyond = (rows < 0.0) | (columns < 0.0) | (rows > last[0]) | (columns > last[1])
+        return np.where(is_beyond, np.nan, up)
