@@ -26,11 +26,7 @@ def bilinear(values: FloatArray, rows: FloatArray, columns: FloatArray) -> Float
     j, i = (np.minimum(at.astype(np.int64), values.shape[axis] - 2) for axis, at in enumerate((v, u)))
     v, u = v - j, u - i
     total = np.zeros(np.shape(rows))
-    for dj, di, weight in (
-        (0, 0, (1 - v) * (1 - u)),
-        (0, 1, (1 - v) * u),
-        (1, 0, v * (1 - u)),
-        (1, 1, v * u),
-    ):
+    for dj, di in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        weight = (v if dj else 1.0 - v) * (u if di else 1.0 - u)
         total += np.where(weight > 0.0, weight * values[j + dj, i + di], 0.0)
     return total

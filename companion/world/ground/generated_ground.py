@@ -62,7 +62,7 @@ def _hills(rng: np.random.Generator, shape: tuple[int, int]) -> FloatArray:
 
 
 def _smoothed(rough: FloatArray) -> FloatArray:
-    """Return ``rough`` (R, C), smoothed along its columns by a normal distribution, reflected at the ends, (R, C)."""
+    """Return ``rough`` (R, C) smoothed along columns by a normal distribution, (R, C); its ends reflect."""
     deviation = HILL_M / SPACING_M
     reach = int(4.0 * deviation + 0.5)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
