@@ -40,7 +40,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 # All other files take their versions from the first. make lock LOCK=--upgrade takes the newest there are.
 lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade for newer versions
 	$(COMPILE) $(LOCK) --extra dev --extra plot --extra dask --group build pyproject.toml -o $(LOCKS)/dev.txt
-	$(COMPILE) -c $(LOCKS)/dev.txt --extra metrics --extra plot --extra terrain --group build pyproject.toml -o $(LOCKS)/service.txt
+	$(COMPILE) -c $(LOCKS)/dev.txt --extra metrics --extra plot --group build pyproject.toml -o $(LOCKS)/service.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --extra rerun pyproject.toml -o $(LOCKS)/rerun.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt

@@ -19,7 +19,7 @@ NAME = canonicalize_name(PROJECT["project"]["name"])
 # What each file is for: extras, whose dependencies come with those of the project itself, and groups.
 FILES = {
     "dev": (("dev", "sim", "metrics", "plot", "terrain", "dask"), ("build",)),
-    "service": (("metrics", "plot", "terrain"), ("build",)),
+    "service": (("metrics", "plot"), ("build",)),
     "rerun": (("rerun",), ()),
     "fuzz": ((), ("fuzz",)),
     "sbom": ((), ("sbom",)),
