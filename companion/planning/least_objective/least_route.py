@@ -51,7 +51,7 @@ FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
 # Near ground V leads into places that are too narrow to turn in. A tree gets out of them over larger cells,
 # or by a V that keeps to where there is much room.
 FINDING_NEAR_GROUND = (
-    FINDING[0], Patience(2.0, 8_000, side=2.0), Patience(1.3, 20_000, side=1.5),
+    FINDING[0], Patience(2.0, 8_000, side=2.0), Patience(1.3, 20_000, side=1.5), FINDING[2],
     Patience(1.15, 40_000, avoids_gaps=True), Patience(1.0, 40_000, side=2.0),
 )  # fmt: skip
 IMPROVING = Patience(1.02, 8_000)
