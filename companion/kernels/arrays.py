@@ -30,7 +30,7 @@ NUM_CELLS = 48  # The grid that finds near nodes has so many cells along each si
 
 
 class Ground(Struct):
-    """The ground in square cells; without any it lies infinitely deep.
+    """The ground in square cells; without any it lies too deep to matter.
 
     ``high``, ``low`` (GX, GY) the highest and the lowest ground of each cell; ``grid`` (3,) x0 y0 of the
     first cell's corner and the side of a cell. ``least``, ``wanted`` and ``most`` are heights over ground [m]

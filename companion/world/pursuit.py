@@ -9,6 +9,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Game, Obstacles
+from companion.kernels.geometry.ground_surface import DEEP
 from companion.kernels.threat.pursuit_game import (
     BLOCK,
     DRIVES,
@@ -47,7 +48,7 @@ def pursuit_game(
     west, east, south, north = bounds[:4]
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
     shape = (int((east - west) / spacing) + 2, int((north - south) / spacing) + 2) if tracks else (1, 1)
-    is_flat = not np.isfinite(walls.ground.low[0, 0])
+    is_flat = walls.ground.low[0, 0] <= DEEP
     game = Game(
         vehicles=np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
         arrival=np.full((len(tracks), *shape), math.inf),

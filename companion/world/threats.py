@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import IntArray, Obstacles, Threats
-from companion.kernels.geometry.ground_surface import fill_ground_shadows
+from companion.kernels.geometry.ground_surface import DEEP, fill_ground_shadows
 from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
 
@@ -30,7 +30,7 @@ def packed_threats(
     shadows = np.zeros((len(rows), *shape))
     for row, shadow in zip(rows, shadows, strict=True):
         fill_shadows(shadow, grid, row, obstacles)
-        if np.isfinite(obstacles.ground.low[0, 0]):
+        if obstacles.ground.low[0, 0] > DEEP:
             fill_ground_shadows(shadow, grid, row, obstacles.ground)
     return Threats(radars=rows, known=np.ones(len(rows), dtype=np.int64), shadows=shadows, grid=grid)
 

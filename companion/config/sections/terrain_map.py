@@ -39,7 +39,7 @@ def posts_of(mission: MissionConfig) -> ElevationPosts | None:
 
 
 def ground_of(mission: MissionConfig) -> Ground:
-    """Return the ground for the planner; without a section ``terrain`` it lies infinitely deep.
+    """Return the ground for the planner; without a section ``terrain`` it lies too deep to matter.
 
     What is left over ground counts like a distance from an obstacle: it is ``clearance_min_m`` at the limits
     of height over ground.

@@ -17,6 +17,7 @@ import math
 from companion.kernels.arrays import Float1D, Float2D, Ground
 from companion.kernels.native.kernel import inlined, kernel
 
+DEEP = -1.0e12  # Without any ground, it lies so deep that nothing depends on it [m].
 BESIDE = 1e-9  # A segment that advances less than this along an axis crosses no border of that axis [m].
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Float2D, Game, Int1D, Obstacles
-from companion.kernels.geometry.ground_surface import cell_along
+from companion.kernels.geometry.ground_surface import DEEP, cell_along
 from companion.kernels.geometry.prism_distance import point_in_polygon
 from companion.kernels.native.kernel import inlined, kernel
 
@@ -175,7 +175,7 @@ def _reach_in_plane(game: Game, d: int, up: float) -> float:
     Over ground its height changes as it drives: all places within reach in the plane are looked at.
     """
     reach = game.vehicles[d, 5]
-    if game.vehicles[d, 7] != DRIVES or game.ground.low[0, 0] > -math.inf:
+    if game.vehicles[d, 7] != DRIVES or game.ground.low[0, 0] > DEEP:
         return reach
     return math.sqrt(reach * reach - up * up) if abs(up) <= reach else -1.0
 
@@ -268,7 +268,7 @@ def _ground_at(game: Game, d: int, x: float, y: float) -> tuple[float, float]:
     i = cell_along(x, ground.grid[0], ground.grid[2], ground.low.shape[0])
     j = cell_along(y, ground.grid[1], ground.grid[2], ground.low.shape[1])
     low = ground.low[i, j]
-    return low, game.vehicles[d, 2] if low == -math.inf else ground.high[i, j]
+    return low, game.vehicles[d, 2] if low == DEEP else ground.high[i, j]
 
 
 @kernel
