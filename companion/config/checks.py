@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
@@ -13,6 +14,7 @@ from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.kernels.arrays import Ground
 from companion.planning.comparators import METHODS
+from companion.world.ground.cell_lookup import cells_along
 from companion.world.vehicle.energy import level_power_range
 
 Finding = tuple[KeyPath, str]
@@ -128,12 +130,8 @@ def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
     places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
     margin = config.planning.clearance_min_m
     for path, place in places:
-        cell = tuple(
-            min(max(int((at - first) // ground.grid[2]), 0), count - 1)
-            for at, first, count in zip(
-                (place.east_m, place.north_m), ground.grid[:2], ground.high.shape, strict=True
-            )
-        )
+        at = np.array([place.east_m, place.north_m])
+        cell = cells_along(ground, 0, at[:1])[0], cells_along(ground, 1, at[1:])[0]
         low, high = ground.high[cell] + ground.least + margin, ground.low[cell] + ground.most - margin
         if not low <= place.up_m <= high:
             limits = f"{math.ceil(low)}" + ("" if math.isinf(high) else f" to {math.floor(high)}")

@@ -19,6 +19,7 @@ from companion.kernels.threat.pursuit_game import (
     fill_tops,
 )
 from companion.types.threat import TrackState
+from companion.world.ground.cell_lookup import cells_along
 from companion.world.pursuer_trees import deviations
 
 CELLS = 256  # The grid has this many cells along the longer side of the bounds.
@@ -74,9 +75,8 @@ def pursuit_game(
 def _bar_steep_ground(game: Game) -> None:
     """Make cells that are too steep to drive over walls as high as their ground."""
     ground, tops = game.ground, game.tops
-    at = [game.grid[axis] + game.grid[2] * np.arange(tops.shape[axis]) for axis in range(2)]
     rows, columns = (
-        np.clip(((at[axis] - ground.grid[axis]) // ground.grid[2]).astype(int), 0, ground.low.shape[axis] - 1)
+        cells_along(ground, axis, game.grid[axis] + game.grid[2] * np.arange(tops.shape[axis]))
         for axis in range(2)
     )
     middle = 0.5 * (ground.high + ground.low)

@@ -63,11 +63,10 @@ def ground_heights_of(mission: MissionConfig) -> GroundHeights | None:
     TerrainError
         If the map cannot be used.
     """
-    posts, terrain = posts_of(mission), mission.terrain
-    if posts is None or terrain is None:
+    terrain = mission.terrain
+    if terrain is None:
         return None
-    most = math.inf if terrain.height_max_m is None else float(terrain.height_max_m)
-    return GroundHeights(posts, float(terrain.height_min_m), most)
+    return _ground_heights(terrain, mission.frame, _flat_bounds(mission))
 
 
 def served_heights_of(mission: MissionConfig) -> ServedHeights | None:
@@ -126,3 +125,12 @@ def _ground(
         most_m=math.inf if most is None else float(most) + margin_m,
         drivable=math.tan(math.radians(terrain.drivable_slope_deg)),
     )
+
+
+@functools.lru_cache(maxsize=CACHED_MAPS_MAX)
+def _ground_heights(
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float]
+) -> GroundHeights:
+    """Return the ground for the independent check."""
+    most = math.inf if terrain.height_max_m is None else float(terrain.height_max_m)
+    return GroundHeights(_posts(terrain, frame, bounds), float(terrain.height_min_m), most)

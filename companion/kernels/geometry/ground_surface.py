@@ -55,9 +55,7 @@ def crosses_ground(
     i_end, j_end = cell_along(qx, grid[0], side, n), cell_along(qy, grid[1], side, m)
     dx, dy, dz, t = qx - px, qy - py, qz - pz, 0.0
     while True:
-        tx = _leaves(px, dx, grid[0], side, i, i_end)
-        ty = _leaves(py, dy, grid[1], side, j, j_end)
-        t_out = min(tx, ty, 1.0)
+        t_out, i_next, j_next = _out_of(px, py, dx, dy, grid, i, j, i_end, j_end)
         z_in, z_out = pz + t * dz, pz + t_out * dz
         if min(z_in, z_out) - high[i, j] - ground.least < margin:
             return True
@@ -65,11 +63,7 @@ def crosses_ground(
             return True
         if t_out >= 1.0:
             return False
-        if tx <= ty:
-            i += 1 if dx > 0.0 else -1
-        else:
-            j += 1 if dy > 0.0 else -1
-        t = t_out
+        i, j, t = i_next, j_next, t_out
 
 
 @kernel
@@ -81,18 +75,24 @@ def ground_hides(px: float, py: float, pz: float, qx: float, qy: float, qz: floa
     i_end, j_end = cell_along(qx, grid[0], side, n), cell_along(qy, grid[1], side, m)
     dx, dy, dz, t = qx - px, qy - py, qz - pz, 0.0
     while True:
-        tx = _leaves(px, dx, grid[0], side, i, i_end)
-        ty = _leaves(py, dy, grid[1], side, j, j_end)
-        t_out = min(tx, ty, 1.0)
+        t_out, i_next, j_next = _out_of(px, py, dx, dy, grid, i, j, i_end, j_end)
         if max(pz + t * dz, pz + t_out * dz) < low[i, j]:
             return True
         if t_out >= 1.0:
             return False
-        if tx <= ty:
-            i += 1 if dx > 0.0 else -1
-        else:
-            j += 1 if dy > 0.0 else -1
-        t = t_out
+        i, j, t = i_next, j_next, t_out
+
+
+@inlined
+def _out_of(
+    px: float, py: float, dx: float, dy: float, grid: Float1D, i: int, j: int, i_end: int, j_end: int
+) -> tuple[float, int, int]:
+    """The fraction at which a segment leaves a cell, at most 1, and the cell that it enters there."""
+    tx = _leaves(px, dx, grid[0], grid[2], i, i_end)
+    ty = _leaves(py, dy, grid[1], grid[2], j, j_end)
+    if tx <= ty:
+        return min(tx, 1.0), i + (1 if dx > 0.0 else -1), j
+    return min(ty, 1.0), i, j + (1 if dy > 0.0 else -1)
 
 
 @inlined
@@ -115,17 +115,13 @@ def ground_shadow(rx: float, ry: float, rz: float, x: float, y: float, ground: G
     i, j = cell_along(rx, grid[0], side, n), cell_along(ry, grid[1], side, m)
     i_end, j_end = cell_along(x, grid[0], side, n), cell_along(y, grid[1], side, m)
     dx, dy, rise = x - rx, y - ry, -math.inf
+    t_in, i_next, j_next = _out_of(rx, ry, dx, dy, grid, i, j, i_end, j_end)
     while i != i_end or j != j_end:
-        tx = _leaves(rx, dx, grid[0], side, i, i_end)
-        ty = _leaves(ry, dy, grid[1], side, j, j_end)
-        t_in = min(tx, ty, 1.0)
-        if tx <= ty:
-            i += 1 if dx > 0.0 else -1
-        else:
-            j += 1 if dy > 0.0 else -1
-        t_out = min(_leaves(rx, dx, grid[0], side, i, i_end), _leaves(ry, dy, grid[1], side, j, j_end), 1.0)
+        i, j = i_next, j_next
+        t_out, i_next, j_next = _out_of(rx, ry, dx, dy, grid, i, j, i_end, j_end)
         over = low[i, j] - rz
         rise = max(rise, over / (t_out if over > 0.0 else max(t_in, 1e-9)))
+        t_in = t_out
     return rz + rise
 
 

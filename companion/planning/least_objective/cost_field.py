@@ -26,6 +26,7 @@ from companion.kernels.objective.cost_to_go import (
 )
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
 from companion.planning.problem import Problem
+from companion.world.ground.cell_lookup import cells_along
 
 # Along the longer side of the bounds. Over ground between two heights there are as many as in a plane.
 CELLS_2D, CELLS_3D = 120, 50
@@ -181,13 +182,8 @@ def is_near_ground(problem: Problem) -> bool:
 
 def _lowest_over(ground: Ground, grid: tuple[float, float, float], columns: tuple[int, int]) -> FloatArray:
     """Return the heights at which nothing is left over ground [m], at nodes of a grid, (X, Y)."""
-    cells = [
-        np.clip(
-            ((grid[axis] + grid[2] * np.arange(columns[axis]) - ground.grid[axis]) // ground.grid[2]), 0,
-            ground.high.shape[axis] - 1,
-        ).astype(int)
-        for axis in range(2)
-    ]  # fmt: skip
+    at = [np.asarray(grid[axis] + grid[2] * np.arange(columns[axis])) for axis in range(2)]
+    cells = [cells_along(ground, axis, at[axis]) for axis in range(2)]
     return np.asarray(ground.high[np.ix_(*cells)] + ground.least + ROUNDED_M)
 
 

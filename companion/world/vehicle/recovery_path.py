@@ -19,8 +19,8 @@ import shapely
 from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Ground, Limits
-from companion.kernels.geometry.ground_surface import over_ground
 from companion.types.threat import Obstacle
+from companion.world.ground.cell_lookup import left_over_ground
 
 TURN_STEPS = 16  # A half circle is tried in this many steps; turns go up to a full circle.
 LENGTH_MAX_M = 3_000.0  # Recovery paths are not longer than this.
@@ -94,7 +94,7 @@ def recovery_path(
         States ``limits.tau`` apart in still air; the first is the start.
     """
     clearance = ObstacleDistances(obstacles)
-    is_over_limits = over_ground(state[0], state[1], state[2], ground) < limits.margin
+    is_over_limits = left_over_ground(ground, state[None])[0] < limits.margin
     if not is_over_limits and not _is_outside(state[None], clearance, limits, limits.margin)[0]:
         return None
     best: FloatArray | None = None
@@ -155,7 +155,7 @@ def _end_of(rows: FloatArray, clearance: ObstacleDistances, limits: Limits, grou
     clear = clearance.distances(rows)
     out = _out_of_bounds(rows, limits, INSIDE_M)
     is_level = np.abs(rows[:, 4]) < STRAIGHT_RAD
-    left = np.array([over_ground(row[0], row[1], row[2], ground) for row in rows])
+    left = left_over_ground(ground, rows)
     ready = (
         (out <= 0.0)
         & (left >= limits.margin)

@@ -1,0 +1,51 @@
+"""The cells of the ground below many places at once, by the same rule as in the kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.kernels.arrays import Ground, IntArray
+
+
+def cells_along(ground: Ground, axis: int, at: FloatArray) -> IntArray:
+    """Return the cells of coordinates along one axis; the first or last one beyond the grid.
+
+    Parameters
+    ----------
+    ground : Ground
+        The ground.
+    axis : int
+        0 for east, 1 for north.
+    at : ndarray, shape (N,)
+        Coordinates [m].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        A cell for each coordinate.
+    """
+    cells = np.floor((at - ground.grid[axis]) / ground.grid[2])
+    return np.asarray(np.clip(cells, 0, ground.high.shape[axis] - 1), dtype=np.int64)
+
+
+def left_over_ground(ground: Ground, places: FloatArray) -> FloatArray:
+    """Return what is left above the lowest and below the highest height over ground [m].
+
+    It is that of :func:`~companion.kernels.geometry.ground_surface.over_ground`; negative outside.
+
+    Parameters
+    ----------
+    ground : Ground
+        The ground.
+    places : ndarray, shape (N, C)
+        East, north, up [m] in the first three columns.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        What is left at each place [m].
+    """
+    at = cells_along(ground, 0, places[:, 0]), cells_along(ground, 1, places[:, 1])
+    above = places[:, 2] - ground.high[at] - ground.least
+    return np.minimum(above, ground.low[at] + ground.most - places[:, 2])
