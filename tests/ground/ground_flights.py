@@ -62,6 +62,11 @@ class GroundFlight:
 
 def scenario(seed):
     """A mission over a random place of random ground, between two circles that keep their height."""
+    return mission_from_text(scenario_text(seed), f"ground {seed}")
+
+
+def scenario_text(seed, *, range_times=1.0, is_known=False):
+    """The mission file of a seed; its radars see so many times as far, and may be known beforehand."""
     rng = np.random.default_rng(seed)
     is_sample = seed % 3 != 2
     reach = SAMPLE_M - SIDE_M
@@ -86,11 +91,13 @@ def scenario(seed):
             up, reach = ground.up_m(east, north) + 10.0, rng.uniform(600.0, 1_500.0)
             radars.append(
                 f"  - {{name: r{number}, east_m: {east:.0f}, north_m: {north:.0f}, up_m: {up:.0f}, "
-                f"max_threat_radius_m: {reach:.0f}}}"
+                f"max_threat_radius_m: {range_times * reach:.0f}, known_beforehand: {str(is_known).lower()}}}"
             )
         values |= {"a": a, "b": b, "course": rng.uniform(0.0, 359.0), "radars": "\n".join(radars)}
+        text = MISSION.format(**values)
         try:
-            return mission_from_text(MISSION.format(**values), f"ground {seed}")
+            mission_from_text(text, f"ground {seed}")
+            return text
         except ConfigError:  # The highest ground of a cell is too high for the start or the goal.
             continue
 

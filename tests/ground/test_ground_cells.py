@@ -54,17 +54,17 @@ def test_the_ground_lies_between_the_heights_of_its_cell(east, north, seed):
 
 
 def test_a_plane_is_as_high_as_the_posts_about_a_cell():
-    """Posts are 50 m apart, and cells 25 m long; a cell touches two squares of posts a side at most."""
+    """Posts are 50 m apart, and cells 12.5 m long; a cell touches two squares of posts a side at most."""
     ground = cells(posts_over(lambda east, north: 0.2 * east))
     side = ground.grid[2]
-    assert side == pytest.approx(25.0, rel=1e-3)
+    assert side == pytest.approx(12.5, rel=1e-3)
     row = int(525.0 / side)
     assert 0.2 * side * (row + 1) - 0.01 <= ground.high[row, 5] <= 0.2 * side * (row + 2) + 0.01
     assert ground.high[row, 5] - ground.low[row, 5] <= 0.2 * 2.0 * side + 0.01
 
 
 def test_posts_that_are_close_are_not_divided():
-    assert cells(posts_over(hill, spacing=20.0)).grid[2] == pytest.approx(20.0, rel=1e-3)
+    assert cells(posts_over(hill, spacing=12.0)).grid[2] == pytest.approx(12.0, rel=1e-3)
 
 
 def test_posts_far_apart_have_their_distance():

@@ -45,8 +45,8 @@ class TerrainConfig(Section):
     height_max_m: HeightOverGround | None = None
     """Plans stay at most this high over ground; by default only `bounds` limit the height."""
     height_wanted_m: HeightOverGround | None = None
-    """Below this height over ground a second costs more, the more the lower; by default height over ground
-    costs nothing."""
+    """Below this height over ground a second costs more, the more the lower (`price_near`); by default 10 m
+    above `height_min_m`, since a flight does not keep to its path to the metre."""
     drivable_slope_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 30.0
     """Ground vehicles do not drive over steeper ground."""
     home_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 20.0

@@ -88,7 +88,7 @@ class Rules(Struct):
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
     counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
     (g of J) at which a place may be passed; ``cost_max`` a path that costs as much is not worth finding [s];
-    ``side`` how many steps at cruise a cell is long and wide.
+    ``stride`` how many steps a motion has at least, and a cell is long and wide.
     """
 
     goals: Float2D
@@ -96,7 +96,7 @@ class Rules(Struct):
     seen_max: float
     danger_max: float
     cost_max: float
-    side: float
+    stride: int
 
 
 class BestFirst(Struct):
@@ -118,10 +118,10 @@ class BestFirst(Struct):
 
 
 @inlined
-def _cell(nodes: Nodes, i: int, limits: Limits, steps: float) -> int:
+def _cell(nodes: Nodes, i: int, limits: Limits, stride: int) -> int:
     """Number of the cell of node ``i``, from 1 on."""
     b, state = limits.bounds, nodes.state[i]
-    side = steps * limits.v_cruise * limits.tau
+    side = stride * limits.v_cruise * limits.tau
     x, y = int((state[0] - b[0]) / side), int((state[1] - b[2]) / side)
     level = HEIGHT_CELLS * limits.v_cruise * limits.tau
     z = int((state[2] - b[4]) / level) if limits.dimension == 3 else 0
@@ -145,17 +145,17 @@ def fly_on(nodes: Nodes, first: int, at: int, way: int, phi: float, limits: Limi
     """Rows of one motion from node ``at`` from row ``first`` on; the last one, or -1 where it breaks a limit.
 
     ``way`` turns left (1), right (-1) or flies straight (0); ``phi`` is the climb angle that is gone to
-    [rad]. A turn is one step; straight flight goes on until another turn may begin. The motion ends at the
-    goal. Only states, rates, the turn rule and the goals passed are filled in.
+    [rad]. A turn has ``rules.stride`` steps; straight flight goes on until another turn may begin. The motion
+    ends at the goal. Only states, rates, the turn rule and the goals passed are filled in.
     """
     tau, stage = limits.tau, nodes.stage[at]
     straight = nodes.straight[at] if nodes.turn[at] == 0 else 0.0
     if way != 0 and nodes.turn[at] != way and (nodes.turn[at] != 0 or straight < limits.straight_min - 1e-6):
         return -1
-    steps = 1
+    steps = rules.stride
     if way == 0:
         left = limits.straight_min - straight
-        steps = max(STRAIGHT_STEPS, int(math.ceil(left / (nodes.state[at, 5] * tau) - 1e-6)))
+        steps = max(STRAIGHT_STEPS, steps, int(math.ceil(left / (nodes.state[at, 5] * tau) - 1e-6)))
     before = at
     for n in range(first, first + steps):
         here, out = nodes.state[before], nodes.state[n]
@@ -249,7 +249,7 @@ def enter(search: BestFirst, last: int) -> bool:
     """Queue node ``last`` unless its cell has one that is as good; whether it was queued."""
     nodes, cells, field, heap, sizes = search.nodes, search.cells, search.field, search.heap, search.sizes
     state, stage = nodes.state[last], nodes.stage[last]
-    key = _cell(nodes, last, search.objective.limits, search.rules.side)
+    key = _cell(nodes, last, search.objective.limits, search.rules.stride)
     slot = _slot(cells, key)
     is_known = cells.keys[slot] != 0
     is_later = is_known and nodes.time[last] > cells.time[slot] - EARLIER_S
@@ -271,7 +271,9 @@ def enter(search: BestFirst, last: int) -> bool:
 def extend_by_one(search: BestFirst, at: int, way: int) -> int:
     """Extend node ``at`` one way, with each climb angle; as :func:`grow_best_first`."""
     nodes, sizes, limits, goals = search.nodes, search.sizes, search.objective.limits, search.rules.goals
-    longest = STRAIGHT_STEPS + 2 + int(limits.straight_min / (limits.v_min * limits.tau))
+    longest = (
+        STRAIGHT_STEPS + search.rules.stride + 2 + int(limits.straight_min / (limits.v_min * limits.tau))
+    )
     for c in range(3 if limits.dimension == 3 else 1):
         phi = 0.0 if c == 0 else limits.climb_max if c == 1 else -limits.descent_max
         first = sizes[0]

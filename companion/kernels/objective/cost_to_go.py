@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import Float1D, Float2D, Float3D, Float4D, Int1D, Limits, Obstacles
-from companion.kernels.geometry.ground_surface import lack_of_height
-from companion.kernels.geometry.prism_distance import clearance, clearance_bound
+from companion.kernels.arrays import Float1D, Float2D, Float3D, Float4D, Int1D, Limits
+from companion.kernels.geometry.ground_surface import over_ground
 from companion.kernels.native.kernel import (
     inlined,
     inlined_numpy_errors,
@@ -27,7 +26,13 @@ from companion.kernels.native.kernel import (
     local_floats,
 )
 from companion.kernels.native.struct import Struct
-from companion.kernels.objective.row_costs import Objective, collision_price, exposure
+from companion.kernels.objective.row_costs import (
+    Objective,
+    collision_price,
+    exposure,
+    lack_of_room,
+    prism_clearance_up_to,
+)
 from companion.kernels.threat.pursuit_game import pop_least, push
 
 SETTLED_S = 1e-6  # A smaller change of V does not count.
@@ -41,15 +46,14 @@ class CostField(Struct):
     """Fields over a grid.
 
     ``grid`` (6,) is x0 y0 z0 and the spacings [m]; ``floor`` (NX, NY) how much higher each column of nodes
-    begins [m]; ``free`` (NX, NY, NZ) the clearance [m], 0 outside the bounds; ``rate`` (NX, NY, NZ) what a
-    second costs there, infinite where nothing flies; ``values`` (G·D, NX, NY, NZ) V of each goal [s],
-    infinite where no way leads to it, for each of D directions of flight where it depends on them, else once;
-    ``rest`` (G,) the V of all goals after it, each from the one before [s].
+    begins [m]; ``rate`` (NX, NY, NZ) what a second costs there, infinite where nothing flies;
+    ``values`` (G·D, NX, NY, NZ) V of each goal [s], infinite where no way leads to it, for each of D
+    directions of flight where it depends on them, else once; ``rest`` (G,) the V of all goals after it, each
+    from the one before [s].
     """
 
     grid: Float1D
     floor: Float2D
-    free: Float3D
     rate: Float3D
     values: Float4D
     rest: Float1D
@@ -69,40 +73,28 @@ def height_of(field: CostField, i: int, j: int, k: int) -> float:
 
 
 @kernel
-def fill_clearance(field: CostField, obstacles: Obstacles, enough: float) -> None:
-    """Clearance of every node into ``field.free``, up to ``enough`` [m]."""
-    grid, free = field.grid, field.free
-    for i in range(free.shape[0]):
-        x = grid[0] + i * grid[3]
-        for j in range(free.shape[1]):
-            y = grid[1] + j * grid[4]
-            for k in range(free.shape[2]):
-                z = height_of(field, i, j, k)
-                bound = clearance_bound(x, y, z, obstacles)
-                free[i, j, k] = enough if bound >= enough else clearance(x, y, z, obstacles, enough)
+def fill_rate(field: CostField, objective: Objective, enough: float) -> None:
+    """What a second costs at every node at cruise, into ``field.rate``, without pursuers.
 
-
-@kernel
-def fill_rate(field: CostField, objective: Objective) -> None:
-    """What a second costs at every node at cruise, into ``field.rate``, without pursuers."""
-    grid, free, rate = field.grid, field.free, field.rate
+    Nothing depends on more clearance than ``enough`` [m].
+    """
+    grid, rate, obstacles = field.grid, field.rate, objective.obstacles
     prices, margin = objective.prices, objective.limits.margin
-    for i in range(free.shape[0]):
+    for i in range(rate.shape[0]):
         x = grid[0] + i * grid[3]
-        for j in range(free.shape[1]):
+        for j in range(rate.shape[1]):
             y = grid[1] + j * grid[4]
-            for k in range(free.shape[2]):
-                if free[i, j, k] < margin:
+            for k in range(rate.shape[2]):
+                z = height_of(field, i, j, k)
+                from_prisms = prism_clearance_up_to(x, y, z, enough, obstacles)
+                free = min(from_prisms, over_ground(x, y, z, obstacles.ground))
+                if free < margin:
                     rate[i, j, k] = math.inf
                     continue
-                cost = 1.0
+                cost = 1.0 + prices.near * lack_of_room(x, y, z, from_prisms, objective)
                 if prices.seen > 0.0:
-                    cost += prices.seen * exposure(x, y, height_of(field, i, j, k), objective.threats)
-                if free[i, j, k] < prices.wanted:
-                    cost += prices.near * (prices.wanted - free[i, j, k]) / prices.wanted
-                z = height_of(field, i, j, k)
-                cost += prices.near * lack_of_height(x, y, z, objective.obstacles.ground)
-                cost += collision_price(free[i, j, k], objective.start, objective) / objective.limits.tau
+                    cost += prices.seen * exposure(x, y, z, objective.threats)
+                cost += collision_price(free, objective.start, objective) / objective.limits.tau
                 rate[i, j, k] = cost
 
 

@@ -3,9 +3,9 @@
 ``J = ∫ (1 + p_seen·m + p_pursued·g + p_near·n + p_energy·e) dt + p_collision·Σ −log p_c``. A price says how
 many seconds of detour a second of something is worth. The sum goes over the rows of a path.
 
-Symbols: ``m`` exposure to radars, ``g`` danger from pursuers, ``n`` lack of clearance and
-of height over ground, ``e`` power beyond that of cruise, ``p_c`` the probability that a row is free of a
-collision.
+Symbols: ``m`` exposure to radars, ``g`` danger from pursuers, ``n`` lack of clearance from prisms or of
+height over ground, the larger of both, ``e`` power beyond that of cruise, ``p_c`` the probability that a row
+is free of a collision.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import math
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation, propagate
 from companion.kernels.arrays import Float1D, Float3D, Game, Limits, Obstacles, Pursuers, Threats, Uncertainty
-from companion.kernels.geometry.ground_surface import lack_of_height
-from companion.kernels.geometry.prism_distance import clearance, clearance_bound
+from companion.kernels.geometry.ground_surface import lack_of_height, over_ground
+from companion.kernels.geometry.prism_distance import prism_bound, prism_clearance
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
@@ -32,9 +32,9 @@ DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c
 class Prices(Struct):
     """Seconds of detour that a second of something is worth.
 
-    ``seen`` by radars, ``pursued``, ``near`` an obstacle without any clearance, ``energy`` at twice the power
-    of cruise; ``collision`` seconds for each unit of −log p_c. ``wanted`` is the clearance [m] beyond which
-    nothing is near; ``cruise`` the airspeed [m/s] beyond which power is paid for.
+    ``seen`` by radars, ``pursued``, ``near`` a prism or the lowest height over ground, ``energy`` at twice
+    the power of cruise; ``collision`` seconds for each unit of −log p_c. ``wanted`` is the clearance from
+    prisms [m] beyond which nothing is near; ``cruise`` the airspeed [m/s] beyond which power is paid for.
     """
 
     seen: float
@@ -132,13 +132,22 @@ def collision_price(free: float, time: float, objective: Objective) -> float:
     return -prices.collision * math.log(max(collision_free(free, known[step], limits.dimension), LEAST_CLEAR))
 
 
+@inlined
+def lack_of_room(x: float, y: float, z: float, from_prisms: float, objective: Objective) -> float:
+    """N of J: 0 where nothing is near, 1 at a prism or at the lowest height over ground.
+
+    ``from_prisms`` is the clearance from prisms [m].
+    """
+    wanted, lack = objective.prices.wanted, lack_of_height(x, y, z, objective.obstacles.ground)
+    return max(lack, (wanted - from_prisms) / wanted) if from_prisms < wanted else lack
+
+
 @kernel
-def clearance_up_to(x: float, y: float, z: float, objective: Objective) -> float:
-    """Clearance [m] as far as J depends on it; more counts as just enough."""
-    enough = max(objective.prices.wanted, DEVIATIONS_FREE * objective.deviations[-1])
-    if clearance_bound(x, y, z, objective.obstacles) >= enough:
+def prism_clearance_up_to(x: float, y: float, z: float, enough: float, obstacles: Obstacles) -> float:
+    """Clearance from prisms [m]; ``enough`` where it is known without looking at them that there is more."""
+    if prism_bound(x, y, z, obstacles) >= enough:
         return enough
-    return clearance(x, y, z, objective.obstacles, enough)
+    return prism_clearance(x, y, z, obstacles, enough)
 
 
 @kernel
@@ -148,13 +157,13 @@ def row_cost(state: Float1D, time: float, dt: float, danger: float, objective: O
     ``danger`` is :func:`pursuit_danger` then and there.
     """
     prices, x, y, z = objective.prices, state[0], state[1], state[2]
-    free = clearance_up_to(x, y, z, objective)
+    enough = max(prices.wanted, DEVIATIONS_FREE * objective.deviations[-1])
+    from_prisms = prism_clearance_up_to(x, y, z, enough, objective.obstacles)
+    free = max(0.0, min(from_prisms, over_ground(x, y, z, objective.obstacles.ground)))
     rate = 1.0 + prices.energy * energy_excess(state[5], prices) + prices.pursued * danger
     if prices.seen > 0.0:
         rate += prices.seen * exposure(x, y, z, objective.threats)
-    if free < prices.wanted:
-        rate += prices.near * (prices.wanted - free) / prices.wanted
-    rate += prices.near * lack_of_height(x, y, z, objective.obstacles.ground)
+    rate += prices.near * lack_of_room(x, y, z, from_prisms, objective)
     return rate * dt + collision_price(free, time, objective)
 
 

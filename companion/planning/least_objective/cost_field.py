@@ -20,7 +20,6 @@ from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
     cost_to_go,
-    fill_clearance,
     fill_cost_to_go,
     fill_rate,
 )
@@ -32,7 +31,7 @@ from companion.world.ground.cell_lookup import cells_along
 CELLS_2D, CELLS_3D = 120, 50
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
-LEVELS_OVER_GROUND, LEVELS_IN_BAND = 6, 3  # So many levels lie between the limits of height over ground.
+LEVELS_OVER_GROUND = 6  # So many levels lie between the limits of height over ground.
 TURN_SHARE = 0.8  # Over ground, columns are at least this many turn radii apart: a step turns by an eighth.
 WIND_STEP_M_S = 0.5
 ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
@@ -81,7 +80,7 @@ class CostToGo:
         return max(0.0, fine - max(0.0, coarse - fine))
 
 
-def cost_to_go_of(problem: Problem, objective: Objective, *, is_level: bool = False) -> CostToGo:
+def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
     """V of all goals without pursuers, the same for the same world, prices, limits and goals.
 
     Parameters
@@ -90,9 +89,6 @@ def cost_to_go_of(problem: Problem, objective: Objective, *, is_level: bool = Fa
         Has the goals and the world.
     objective : Objective
         What V adds up.
-    is_level : bool
-        Whether the nodes lie on a few levels near ground, too. V then leads only where the ground leaves much
-        room in height, and is too large elsewhere.
     """
     if is_near_ground(problem):  # There V takes longer, and is kept while the wind hardly changes.
         limits = objective.limits
@@ -100,11 +96,10 @@ def cost_to_go_of(problem: Problem, objective: Objective, *, is_level: bool = Fa
         objective = objective._replace(limits=limits._replace(wind_x=wind_x, wind_y=wind_y))
 
     def make() -> CostToGo:
-        worlds = _world(problem, objective, is_level=is_level)
-        fields = (_at_airspeed(field, objective) for field in worlds)
+        fields = (_at_airspeed(field, objective) for field in _world(problem, objective))
         return CostToGo(*(_with_values(field, problem, objective.limits) for field in fields))
 
-    return _kept(_fields, (*_key(problem, objective), is_level), make)
+    return _kept(_fields, _key(problem, objective), make)
 
 
 def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
@@ -144,21 +139,20 @@ def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
     return (*_world_key(problem, objective), *speeds, problem.goals)
 
 
-def _empty(problem: Problem, limits: Limits, times: float, *, is_level: bool) -> CostField:
+def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
     """A field over the bounds with nothing in it and no goals, at so many times the usual spacing."""
     west, east, south, north, low, high = (float(bound) for bound in limits.bounds)
     is_plane, longer = limits.dimension == 2, max(east - west, north - south)
     ground = problem.snapshot.obstacles.ground
-    is_near = is_near_ground(problem)
-    is_low = is_near and not is_level
+    is_low = is_near_ground(problem)
     turn_m = TURN_SHARE * limits.r_min if is_low else 0.0
-    cell = times * max(CELL_MIN_M, turn_m, longer / (CELLS_2D if is_plane or is_near else CELLS_3D))
+    cell = times * max(CELL_MIN_M, turn_m, longer / (CELLS_2D if is_plane or is_low else CELLS_3D))
     if is_plane:
         low, level, levels = problem.start.position_enu_m[2], 1.0, 1
     else:
         band_m = ground.most - ground.least - 2.0 * limits.margin
-        over_ground_m = band_m / (LEVELS_OVER_GROUND if is_low else LEVELS_IN_BAND)
-        level = times * max(LEVEL_MIN_M, over_ground_m if is_near else (high - low) / LEVELS_MAX)
+        over_m = band_m / LEVELS_OVER_GROUND if is_low else (high - low) / LEVELS_MAX
+        level = times * max(LEVEL_MIN_M, over_m)
         levels = max(2, math.ceil((band_m if is_low else high - low) / level) + 1)
     columns = max(2, math.ceil((east - west) / cell) + 1), max(2, math.ceil((north - south) / cell) + 1)
     floor = np.zeros(columns)
@@ -168,7 +162,6 @@ def _empty(problem: Problem, limits: Limits, times: float, *, is_level: bool) ->
     return CostField(
         grid=np.array([west, south, low, cell, cell, level]),
         floor=floor,
-        free=np.empty(shape),
         rate=np.empty(shape),
         values=np.empty((0, *shape)),
         rest=np.zeros(0),
@@ -187,24 +180,20 @@ def _lowest_over(ground: Ground, grid: tuple[float, float, float], columns: tupl
     return np.asarray(ground.high[np.ix_(*cells)] + ground.least + ROUNDED_M)
 
 
-def _cost_rate_fields(
-    problem: Problem, objective: Objective, *, is_level: bool
-) -> tuple[CostField, CostField]:
+def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
     """The cost of a second at cruise without pursuers, on grids of the usual spacing and of twice that."""
-    fine, coarse = (_empty(problem, objective.limits, times, is_level=is_level) for times in (1.0, 2.0))
+    fine, coarse = (_empty(problem, objective.limits, times) for times in (1.0, 2.0))
     least_m = _least_deviation_m(objective)
     enough = max(objective.prices.wanted, objective.limits.margin + 1.0, DEVIATIONS_FREE * least_m)
     steady = objective._replace(deviations=np.array([least_m]))
     for field in (fine, coarse):
-        fill_clearance(field, objective.obstacles, enough)
-        fill_rate(field, steady)
+        fill_rate(field, steady, enough)
     return fine, coarse
 
 
-def _world(problem: Problem, objective: Objective, *, is_level: bool = False) -> tuple[CostField, CostField]:
+def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
     """What a second costs at cruise without pursuers, kept from plan to plan."""
-    key = (*_world_key(problem, objective), is_level)
-    return _kept(_worlds, key, lambda: _cost_rate_fields(problem, objective, is_level=is_level))
+    return _kept(_worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective))
 
 
 def _at_airspeed(world: CostField, objective: Objective) -> CostField:
@@ -215,7 +204,7 @@ def _at_airspeed(world: CostField, objective: Objective) -> CostField:
 
 def _heap(field: CostField, *, is_low: bool = False) -> Heap:
     """Room for the nodes that wait to be settled."""
-    room = HEAP_SHARE * field.free.size * (DIRECTIONS // 2 if is_low else 1) + 1
+    room = HEAP_SHARE * field.rate.size * (DIRECTIONS // 2 if is_low else 1) + 1
     return Heap(np.empty(room), np.empty(room, dtype=np.int64))
 
 

@@ -35,24 +35,25 @@ class Patience(NamedTuple):
     """How a tree is grown.
 
     ``weight`` times which V counts; ``most`` nodes that may be extended; ``avoids_gaps`` whether V leads
-    through no gap that is nearly too narrow; ``side`` of a cell, in which one node is enough, in steps.
+    through no gap that is nearly too narrow; ``stride`` the steps of a motion, and of a cell, in
+    which one node is enough.
     """
 
     weight: float
     most: int
     avoids_gaps: bool = False
-    side: float = 1.0
+    stride: int = 1
 
 
 # Trees are grown until one comes to the goal. Then one more is to find a cheaper path.
 FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(4.0, 10_000))
 # Where nothing pursues, gaps are avoided before the last tree. Else another airspeed is tried.
 FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
-# Near ground V leads into places that are too narrow to turn in. A tree gets out of them over larger cells,
-# or by a V that keeps to where there is much room.
+# Over ground, where the aircraft climbs and sinks all the time, short motions make a tree far too large. Its
+# motions are about as long as the cells of V.
 FINDING_NEAR_GROUND = (
-    FINDING[0], Patience(2.0, 8_000, side=2.0), Patience(1.3, 20_000, side=1.5), FINDING[2],
-    Patience(1.15, 40_000, avoids_gaps=True), Patience(1.0, 40_000, side=2.0),
+    Patience(1.2, 3_000, stride=3), Patience(1.5, 6_000, stride=2), Patience(2.0, 10_000, stride=4),
+    Patience(2.0, 10_000), Patience(1.1, 40_000, stride=2),
 )  # fmt: skip
 IMPROVING = Patience(1.02, 8_000)
 # Before pursuers, more gains nothing measurable; two of 50 flights under faults then flew out of the bounds.
@@ -237,7 +238,10 @@ class LeastRouteSearch:
         return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
 
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
-        """Trees until one comes to the goal, each less particular, and then one more for a cheaper path."""
+        """Trees until one comes to the goal, each less particular, and then one more for a cheaper path.
+
+        Over ground one more tree costs more time than it gains.
+        """
         grown = list[ObjectiveTree]()
         finding: tuple[Patience, ...] = FINDING if self._exploration.is_pursued else FINDING_ALONE
         if is_near_ground(self._exploration.problem):
@@ -247,7 +251,7 @@ class LeastRouteSearch:
             grown.append(self._tree(objective, along, danger_max, asked, math.inf))
             if math.isfinite(found_s := grown[-1].cost_s):
                 break
-        if math.isfinite(found_s) and not self._should_stop():
+        if math.isfinite(found_s) and not self._should_stop() and finding is not FINDING_NEAR_GROUND:
             improving = IMPROVING_PURSUED if self._exploration.is_pursued else IMPROVING
             grown.append(self._tree(objective, along, danger_max, improving, found_s))
         return grown
@@ -257,7 +261,11 @@ class LeastRouteSearch:
     ) -> ObjectiveTree:
         """A tree that was grown."""
         rules = GrowthRules(
-            weight=asked.weight, danger_max=danger_max, most=asked.most, cost_max=cost_max, side=asked.side
+            weight=asked.weight,
+            danger_max=danger_max,
+            most=asked.most,
+            cost_max=cost_max,
+            stride=asked.stride,
         )
         tree = ObjectiveTree(self._exploration, objective, field, rules)
         tree.grow(self._should_stop)
@@ -266,8 +274,6 @@ class LeastRouteSearch:
     def _field_without_gaps(self, objective: Objective) -> CostField:
         """V for an aircraft that keeps farther away from everything."""
         limits, problem = objective.limits, self._exploration.problem
-        if is_near_ground(problem):
-            return cost_to_go_of(problem, objective, is_level=True).fine
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
         return cost_to_go_of(problem, wide).fine
 

@@ -27,7 +27,7 @@ def prices_of(problem: Problem) -> Prices:
     return Prices(
         seen=settings.price_seen,
         pursued=settings.price_pursued,
-        near=settings.price_near if wanted_m > 0.0 else 0.0,
+        near=settings.price_near,
         energy=settings.price_energy,
         collision=settings.price_collision if settings.strategies.use_uncertainty else 0.0,
         wanted=wanted_m,

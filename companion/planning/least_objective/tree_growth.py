@@ -28,7 +28,8 @@ GOAL_SHARE = 0.75
 LEAST_EXTENDED = 2_000  # So many nodes are extended however late it is: some 10 ms.
 BURST = 500  # So many nodes are extended between two looks at the time.
 TABLE = 2**17  # The table has so many cells, several times as many as a tree needs.
-ROWS_EACH = 12  # The tree has room for at most so many rows for each node that is extended.
+# For each node that is extended, the tree has room for at most so many rows for each step of a motion.
+ROWS_EACH = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +46,15 @@ class GrowthRules:
         How many nodes may be extended.
     cost_max : float
         A path that costs as much is not worth finding [s].
-    side : float
-        How many steps at cruise a cell is long, in which one node is enough.
+    stride : int
+        How many steps a motion has at least. One node is enough in a cell that is as long.
     """
 
     weight: float
     danger_max: float
     most: int
     cost_max: float = math.inf
-    side: float = 1.0
+    stride: int = 1
 
 
 class ObjectiveTree:
@@ -86,7 +87,7 @@ class ObjectiveTree:
         problem, root = exploration.problem, exploration.tree
         self._most = min(rules.most, problem.settings.max_iterations)
         self.end = UNFINISHED
-        num = ROWS_EACH * self._most + ROWS_EACH
+        num = ROWS_EACH * rules.stride * (self._most + 1)
         self.nodes = nodes = _empty_nodes(num)
         nodes.state[0], nodes.time[0], nodes.rate[0] = root.state[0], root.time[0], 0.0
         nodes.turn[0], nodes.straight[0], nodes.parent[0] = root.turn[0], root.straight[0], -1
@@ -106,7 +107,7 @@ class ObjectiveTree:
                 seen_max=problem.settings.seen_max_s,
                 danger_max=rules.danger_max,
                 cost_max=rules.cost_max,
-                side=rules.side,
+                stride=rules.stride,
             ),
             scene=exploration.scene(),
             work=exploration.work,

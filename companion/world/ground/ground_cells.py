@@ -21,7 +21,7 @@ from companion.types.elevation import ElevationPosts
 from companion.world.ground.bilinear import bilinear
 from companion.world.ground.elevation_file import TerrainError
 
-FINE_M = 25.0  # Posts farther apart than this have others between them.
+FINE_M = 12.5  # Posts farther apart than this have others between them.
 CELLS_MAX = 2_000  # The grid has at most so many cells along the longer side of the bounds.
 BLOCK_ROWS = 200  # So many rows of posts are entered at once.
 

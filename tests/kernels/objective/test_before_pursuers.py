@@ -35,13 +35,11 @@ def wave_over(tracks, *, danger_max=0.8, price=0.0, airspeed=25.0, direction=0.0
     )  # fmt: skip
     shape = (NUM, NUM, 1)
     grid = np.array([0.0, 0.0, 100.0, CELL, CELL, 1.0])
-    field = CostField(
-        grid, np.zeros(shape[:2]), np.full(shape, 100.0), np.ones(shape), np.empty((0, *shape)), np.zeros(0)
-    )
+    field = CostField(grid, np.zeros(shape[:2]), np.ones(shape), np.empty((0, *shape)), np.zeros(0))
     start = np.array([*START, 0.0, airspeed, direction])
     empty = (np.zeros(shape) for _ in range(3))
     wave = Wave(start, np.ones(shape), *empty, danger_max, price, LIMITS.r_min)
-    room = 8 * field.free.size
+    room = 8 * field.rate.size
     fill_before_pursuers(wave, field, objective, Heap(np.empty(room), np.empty(room, dtype=np.int64)))
     return wave, field
 

@@ -21,7 +21,6 @@ from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
     cost_to_go,
-    fill_clearance,
     fill_cost_to_go,
     fill_rate,
 )
@@ -37,7 +36,7 @@ CORNERS = np.array([[480.0, 300.0], [520.0, 300.0], [520.0, 1000.0], [480.0, 100
 WALL = Obstacle("wall", CORNERS, 0.0, 300.0)
 
 
-def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
+def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL, stride=1):
     limits = VehicleModel().limits(dimension, BOUNDS, 15.0, 1.0)
     packed = packed_obstacles(obstacles, BOUNDS)
     scene = scene_of(limits, obstacles=packed, bounds=BOUNDS)
@@ -47,11 +46,8 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
     )  # fmt: skip
     shape = (21, 21, 1 if dimension == 2 else 5)
     grid = np.array([0.0, 0.0, 100.0 if dimension == 2 else 50.0, 50.0, 50.0, 50.0])
-    field = CostField(
-        grid, np.zeros(shape[:2]), np.empty(shape), np.empty(shape), np.empty((1, *shape)), np.zeros(1)
-    )
-    fill_clearance(field, packed, 100.0)
-    fill_rate(field, objective)
+    field = CostField(grid, np.zeros(shape[:2]), np.empty(shape), np.empty((1, *shape)), np.zeros(1))
+    fill_rate(field, objective, 100.0)
     heap = Heap(np.empty(20_000), np.empty(20_000, dtype=np.int64))
     fill_cost_to_go(field, 0, np.array(goal), limits, heap)
     nodes = Nodes(
@@ -65,7 +61,7 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL):
         nodes=nodes, heap=heap,
         cells=Cells(np.zeros(2**14, dtype=np.int64), np.empty(2**14), np.empty(2**14)),
         sizes=np.ones(2, dtype=np.int64), field=field, objective=objective,
-        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf, 1.0),
+        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf, stride),
         scene=scene, work=work_for(10),
     )  # fmt: skip
 
@@ -103,6 +99,25 @@ def test_a_goal_above_is_climbed_to():
     path = path_to(search, grow_best_first(search, 3000))
     assert math.dist(path[-1, :3], above) <= 45.0
     assert path[:, 4].max() <= math.radians(10.0) + 1e-9
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_a_motion_has_so_many_steps(stride):
+    """A turn has as many as the stride, straight flight two at least; each takes a second."""
+    search = search_for(stride=stride)
+    nodes, limits = search.nodes, search.objective.limits
+    for way, steps in ((1, stride), (-1, stride), (0, max(2, stride))):
+        last = fly_on(nodes, 1, 0, way, 0.0, limits, search.rules)
+        assert last == steps
+        turned = way * steps * limits.v_cruise / RHO
+        assert nodes.state[last, 3] == pytest.approx(turned, rel=1e-6)
+
+
+def test_with_longer_motions_a_wall_is_flown_round_by_fewer_nodes():
+    short, long = (search_for(obstacles=[WALL], stride=stride) for stride in (1, 3))
+    costs = [search.nodes.cost[grow_best_first(search, 3000)] for search in (short, long)]
+    assert costs[1] <= 1.1 * costs[0]
+    assert long.work.stats[3] < short.work.stats[3]
 
 
 def test_it_says_why_it_ends():

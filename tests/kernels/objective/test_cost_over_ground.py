@@ -25,11 +25,10 @@ def field_over(height):
     at = SPACING_M * np.arange(COLUMNS)
     floor = np.asarray(height(*np.meshgrid(at, at, indexing="ij")), dtype=np.float64)
     field = CostField(
-        np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, LEVEL_M]), floor, np.full(SHAPE, 100.0),
-        np.ones(SHAPE),
-        np.empty((DIRECTIONS, *SHAPE)), np.zeros(1),
+        np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, LEVEL_M]), floor,
+        np.ones(SHAPE), np.empty((DIRECTIONS, *SHAPE)), np.zeros(1),
     )  # fmt: skip
-    room = 64 * field.free.size
+    room = 64 * field.rate.size
     goal = np.array([1800.0, 1000.0, float(floor[18, 10]) + LEVEL_M])
     fill_cost_over_ground(field, 0, goal, LIMITS, Heap(np.empty(room), np.empty(room, dtype=np.int64)))
     return field
@@ -68,6 +67,14 @@ def test_a_gentle_slope_costs_its_way_and_a_steep_one_is_flown_along():
     longer_s = cost_to_go(slope, 0, 200.0, 1000.0, 200.0 * steep + LEVEL_M)
     climb_s = steep * 1600.0 / math.tan(1.1 * LIMITS.climb_max) / LIMITS.v_cruise
     assert longer_s > 0.9 * climb_s
+
+
+def test_a_bank_is_crossed_that_is_higher_than_two_levels_and_steeper_than_the_climb():
+    """The aircraft crosses it at one height: high over the foot, low over the top."""
+    bank_m = 2.6 * LEVEL_M
+    bank = field_over(lambda east, north: bank_m * (east > 1000.0))
+    found = cost_to_go_on(bank, 0, 200.0, 1000.0, 3.0 * LEVEL_M, 0.0)
+    assert found <= 1.05 * 1600.0 / LIMITS.v_cruise
 
 
 def test_a_cliff_is_not_flown_over():

@@ -20,7 +20,6 @@ def field_of(levels=1, rate=1.0):
     return CostField(
         grid,
         np.zeros(shape[:2]),
-        np.full(shape, 100.0),
         np.full(shape, rate),
         np.empty((1, *shape)),
         np.zeros(1),
@@ -29,7 +28,7 @@ def field_of(levels=1, rate=1.0):
 
 def filled(field, goal, *, dimension=2, wind=(0.0, 0.0)):
     limits = VehicleModel().limits(dimension, BOUNDS, 15.0, 1.0, wind)
-    room = 8 * field.free.size
+    room = 8 * field.rate.size
     heap = Heap(np.empty(room), np.empty(room, dtype=np.int64))
     fill_cost_to_go(field, 0, np.array(goal), limits, heap)
     return field, limits

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from companion.kernels.arrays import Ground
 from companion.kernels.objective.row_costs import (
     Objective,
     Prices,
@@ -89,6 +90,22 @@ def test_what_of_the_wanted_clearance_is_lacking_is_paid_for():
     there = objective(obstacles=[BOX], near=3.0, wanted=60.0)
     assert row_cost(state(870.0, 1000.0), 0.0, 1.0, 0.0, there) == pytest.approx(2.5)
     assert row_cost(state(840.0, 1000.0), 0.0, 1.0, 0.0, there) == pytest.approx(1.0)
+
+
+def test_height_over_ground_is_lacking_below_the_wanted_height_and_no_clearance_is():
+    """60 m over the ground are the least, 80 m are wanted: at 70 m half of the 20 m is lacking."""
+    ground = Ground(
+        np.array([[200.0]]), np.array([[200.0]]), np.array([0.0, 0.0, 2000.0]), 60.0, 80.0, 500.0, 1.0
+    )
+    over = packed_obstacles([BOX], BOUNDS)._replace(ground=ground)
+    there = objective(near=3.0, wanted=60.0)._replace(obstacles=over)
+    for up, lacking in ((280.0, 0.0), (270.0, 0.5), (260.0, 1.0)):
+        assert row_cost(state(100.0, 100.0, up=up), 0.0, 1.0, 0.0, there) == pytest.approx(
+            1.0 + 3.0 * lacking
+        )
+    # 30 m from the box half of the clearance is lacking, too: the larger of both counts.
+    assert row_cost(state(870.0, 1000.0, up=270.0), 0.0, 1.0, 0.0, there) == pytest.approx(2.5)
+    assert row_cost(state(870.0, 1000.0, up=260.0), 0.0, 1.0, 0.0, there) == pytest.approx(4.0)
 
 
 def test_power_grows_with_the_cube_of_the_airspeed():
