@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 FloatArray = NDArray[np.float64]
+
+TRANSFORMERS_MAX = 16
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ class LocalFrame:
         )
         return Transformer.from_crs(CRS.from_epsg(4979), local, always_xy=True)
 
+    def transformer_to(self, crs: str) -> Transformer:
+        """Return the transformation of local east and north to ``crs``, in any form that PROJ reads."""
+        return transformer_between(self.crs, crs)
+
     def local_from_global(
         self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
     ) -> tuple[float, float, float]:
@@ -84,6 +90,14 @@ class LocalFrame:
         """
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return np.asarray(latitude), np.asarray(longitude)
+
+
+@lru_cache(maxsize=TRANSFORMERS_MAX)
+def transformer_between(source: str, target: str) -> Transformer:
+    """Return the transformation between coordinate systems in any form of PROJ; east comes before north."""
+    from pyproj import Transformer  # Only a map needs it, and its import takes long.  # noqa: PLC0415
+
+    return Transformer.from_crs(source, target, always_xy=True)
 
 
 def course_from_direction(direction_rad: float) -> float:

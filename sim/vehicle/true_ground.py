@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import Transformer
 
 from companion.frames import FloatArray
 from companion.types.elevation import ElevationPosts
@@ -26,7 +25,7 @@ class TrueGround:
 
     def __init__(self, posts: ElevationPosts) -> None:
         self._posts = posts
-        self._there = Transformer.from_crs(posts.frame.crs, posts.crs, always_xy=True)
+        self._there = posts.frame.transformer_to(posts.crs)
 
     @property
     def lowest_m(self) -> float:

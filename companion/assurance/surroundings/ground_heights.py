@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import Transformer
 
 from companion.frames import FloatArray
 from companion.types.elevation import ElevationPosts
@@ -35,7 +34,7 @@ class GroundHeights:
 
     def __init__(self, posts: ElevationPosts, height_min_m: float, height_max_m: float) -> None:
         self.posts, self.height_min_m, self.height_max_m = posts, height_min_m, height_max_m
-        self._there = there = Transformer.from_crs(posts.frame.crs, posts.crs, always_xy=True)
+        self._there = there = posts.frame.transformer_to(posts.crs)
         middle = 0.5 * np.array(posts.up_m.shape)
         x = posts.first_x + posts.step_x * middle[1]
         y = posts.first_y + posts.step_y * np.array([middle[0], middle[0] + 1.0])
