@@ -1,6 +1,9 @@
 """Flights over ground in the simulator, and beside them flights that know no ground."""
 
+import collections
+
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
 from companion.types.events import Dialect
@@ -28,6 +31,19 @@ def test_ridges_are_passed_low_and_out_of_the_radars_sight(dialect):
     assert not truth.collision
     assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0
     assert flight.measures().over_all()["seconds_in_radar"] < 10.0
+
+
+def test_ridges_are_passed_by_waypoints_over_ground():
+    mission = load_mission(CONFIGS / "ridge.yaml")
+    terrain = mission.terrain.model_copy(update={"item_frame": "terrain"})
+    harness = SitlHarness(mission.model_copy(update={"terrain": terrain}), seed=1)
+    harness.fly(330.0)
+    truth = harness.simulator.truth
+    assert harness.flight.goal_reached
+    assert truth.min_ground_height_m > terrain.height_min_m - 3.0
+    sent = [message for _, message in harness.said("MISSION_ITEM_INT") if message.command == 16]
+    frames = collections.Counter(message.frame for message in sent)
+    assert frames[mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT] > 0.8 * frames.total()
 
 
 def test_who_knows_no_ground_flies_into_the_ridge():

@@ -94,7 +94,7 @@ def _landing(operator: Operator) -> str:
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
     """Return what is wrong with a list, the most serious first."""
-    found = list(shortfalls(state.mission, state.settings, state.home_enu_m))
+    found = list(shortfalls(state.mission, state.settings, state.home_enu_m, flies_by=state.flies_by))
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
         found.append(f"the mission file's origin is {away:.0f} km from here")
