@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.messages.codec import Codec
 from companion.link.messages.terrain_server import SQUARES, TerrainServer
 from companion.link.wire.decoded_frame import Request
-from companion.world.ground.autopilot_ground import AutopilotGround, LookAhead, stored_heights
+from companion.world.ground.autopilot_ground import AutopilotGround, stored_heights
 from companion.world.ground.served_heights import ServedHeights
 from tests.ground.maps import BOUNDS, FRAME, hill, posts_over, rough
 
@@ -77,7 +77,7 @@ def test_the_local_grid_has_the_same_ground_between_its_nodes():
     """Slopes of the hill change by up to 0.7 from one square of posts to the next."""
     wide = (-3000.0, 4000.0, -3000.0, 4000.0)
     heights = ServedHeights(posts_over(lambda east, north: 0.35 * hill(east, north), bounds=wide))
-    ground = AutopilotGround(heights, FRAME, BOUNDS, 100.0, LookAhead(0.0, 2.5))
+    ground = AutopilotGround(heights, FRAME, BOUNDS, 100.0)
     east, north = np.random.default_rng(3).uniform(0.0, 800.0, (2, 500))
     stored = stored_heights(heights, *FRAME.places_from_local(east, north), 100.0) - FRAME.altitude_amsl_m
     found = ground.up_m(np.column_stack([east, north]))

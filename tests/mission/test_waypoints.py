@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
 from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
 from companion.types.mission import Command, MavFrame
-from companion.world.ground.autopilot_ground import AutopilotGround, LookAhead
+from companion.world.ground.autopilot_ground import AutopilotGround
 from tests.mission.made import FRAME, path_along, waypoints
 
 RADIUS = 125.0
@@ -26,7 +26,7 @@ def ground_rising():
     def heights(latitude, longitude):
         return FRAME.altitude_amsl_m + 30.0 + 0.1 * (latitude - FRAME.latitude_deg) * 111_195.0
 
-    return AutopilotGround(heights, FRAME, (-500.0, 500.0, -500.0, 1500.0), 100.0, LookAhead(0.0, 2.5))
+    return AutopilotGround(heights, FRAME, (-500.0, 500.0, -500.0, 1500.0), 100.0)
 
 
 def test_a_right_angle_becomes_two_corners_of_45_degrees():
@@ -203,7 +203,7 @@ def test_over_ground_a_straight_path_has_waypoints_where_the_ground_would_lower_
         north = (latitude - FRAME.latitude_deg) * 111_195.0
         return FRAME.altitude_amsl_m - np.interp(north, [400.0, 600.0, 800.0], [0.0, 40.0, 0.0])
 
-    ground = AutopilotGround(valley, FRAME, (-200.0, 200.0, -200.0, 1500.0), 50.0, LookAhead(0.0, 2.5))
+    ground = AutopilotGround(valley, FRAME, (-200.0, 200.0, -200.0, 1500.0), 50.0)
     found = waypoints_from_path(
         path_along((1200.0, 60), up=100.0), 25.0, ground=ground, height_tolerance_m=2.5
     )

@@ -12,7 +12,7 @@ from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame
 from companion.kernels.arrays import Ground
 from companion.types.elevation import ElevationPosts
-from companion.world.ground.autopilot_ground import AutopilotGround, LookAhead
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.ground.elevation_file import TerrainError, read_posts
 from companion.world.ground.generated_ground import generated_posts, sample_posts
 from companion.world.ground.ground_cells import ground_cells, spacing_m
@@ -81,7 +81,7 @@ def served_heights_of(mission: MissionConfig) -> ServedHeights | None:
 
 
 def autopilot_ground_of(
-    mission: MissionConfig, spacing_m: float, look_ahead: LookAhead
+    mission: MissionConfig, spacing_m: float, look_ahead: ClimbAhead
 ) -> AutopilotGround | None:
     """Return the ground as an ArduPilot stores it that was served; None without a section ``terrain``.
 
@@ -91,12 +91,13 @@ def autopilot_ground_of(
         The mission file.
     spacing_m : float
         Distance of the stored heights from each other [m].
-    look_ahead : LookAhead
+    look_ahead : ClimbAhead
         How the autopilot climbs ahead of rising ground.
     """
     if mission.terrain is None:
         return None
-    return _autopilot_ground(mission.terrain, mission.frame, _flat_bounds(mission), spacing_m, look_ahead)
+    ground = _autopilot_ground(mission.terrain, mission.frame, _flat_bounds(mission), spacing_m)
+    return ground.looking(look_ahead)
 
 
 def _geoid_m(terrain: TerrainConfig) -> float:
@@ -140,12 +141,10 @@ def _served_heights(
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)
 def _autopilot_ground(
-    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float], spacing_m: float,
-    look_ahead: LookAhead,
-) -> AutopilotGround:  # fmt: skip
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float], spacing_m: float
+) -> AutopilotGround:
     """Return the ground as an ArduPilot stores it."""
-    heights = _served_heights(terrain, frame, bounds)
-    return AutopilotGround(heights, frame, bounds, spacing_m, look_ahead)
+    return AutopilotGround(_served_heights(terrain, frame, bounds), frame, bounds, spacing_m)
 
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)

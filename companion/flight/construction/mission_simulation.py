@@ -15,7 +15,7 @@ from companion.frames import speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
-from companion.world.ground.autopilot_ground import AutopilotGround, LookAhead
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.vehicle.guidance import (
     NO_FOLLOWED_GROUND,
     Guidance,
@@ -131,7 +131,7 @@ def followed_ground(state: FlightState) -> AutopilotGround | None:
     return autopilot_ground_of(
         state.mission,
         settings.terrain_spacing_m or TERRAIN_SPACING_M,
-        LookAhead(distance, LOOK_AHEAD_SHARE * climb),
+        ClimbAhead(distance, LOOK_AHEAD_SHARE * climb),
     )
 
 

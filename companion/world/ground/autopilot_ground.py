@@ -12,6 +12,7 @@ ArduPilot ``AP_Terrain::calculate_grid_info``, ``AP_Terrain::height_amsl``, ``Lo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ BEYOND_M = 1_000.0  # The ground is known so far beyond the bounds.
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
 
 
-class LookAhead(NamedTuple):
+class ClimbAhead(NamedTuple):
     """How an ArduPilot climbs ahead of rising ground.
 
     Parameters
@@ -55,19 +56,16 @@ class AutopilotGround:
         East and north, each low and high [m].
     spacing_m : float
         From post to post: TERRAIN_SPACING [m].
-    look_ahead : LookAhead
-        How it climbs ahead of rising ground.
 
     Attributes
     ----------
     followed : FollowedGround
-        The same for kernels, on a grid of the local frame.
+        The same for kernels, on a grid of the local frame; without looking ahead.
     """
 
     def __init__(
-        self, heights: Heights, frame: LocalFrame, bounds: Sequence[float], spacing_m: float,
-        look_ahead: LookAhead,
-    ) -> None:  # fmt: skip
+        self, heights: Heights, frame: LocalFrame, bounds: Sequence[float], spacing_m: float
+    ) -> None:
         side = spacing_m / NODES_A_POST
         west, south = bounds[0] - BEYOND_M, bounds[2] - BEYOND_M
         east = np.arange(west, bounds[1] + BEYOND_M + side, side)
@@ -77,9 +75,15 @@ class AutopilotGround:
         known = up[np.isfinite(up)]
         up = np.nan_to_num(up, nan=float(known.min()) if len(known) else frame.altitude_amsl_m)
         self.followed = FollowedGround(
-            up - frame.altitude_amsl_m, np.array([west, south, side]), float(spacing_m),
-            float(look_ahead.distance_m), float(look_ahead.climb_rate_m_s),
-        )  # fmt: skip
+            up - frame.altitude_amsl_m, np.array([west, south, side]), float(spacing_m), 0.0, 0.0
+        )
+
+    def looking(self, look_ahead: ClimbAhead) -> AutopilotGround:
+        """Return the same ground for an autopilot that climbs ahead of rising ground."""
+        other = copy(self)
+        distance_m, climb_rate_m_s = look_ahead
+        other.followed = self.followed._replace(look_ahead=distance_m, climb_rate=climb_rate_m_s)
+        return other
 
     def up_m(self, places_enu_m: FloatArray) -> FloatArray:
         """Return the height of the ground below places, (N,) [m].

@@ -22,7 +22,7 @@ from companion.flight.construction.mission_simulation import (
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import mission_part, waypoints_from_path
 from companion.types.mission import Command
-from companion.world.ground.autopilot_ground import AutopilotGround, LookAhead
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.vehicle.guidance import track_of_legs
 from tests.flight.construction.test_cycle import BLOCK, EAST, OPEN, begun, straight
 from tests.mission.made import item, path_along
@@ -234,7 +234,8 @@ def over_ground(monkeypatch, heights, spacing_m=100.0, look_ahead_m=2000.0):
     section = "terrain: {generated: {kind: hills, relief_m: 0.01}, height_min_m: 50, height_max_m: 100}\n"
     made = begun(section, text)
     east = (-200.0, 2000.0, -500.0, 500.0)
-    ground = AutopilotGround(heights, made.mission.frame, east, spacing_m, LookAhead(look_ahead_m, 2.0))
+    ground = AutopilotGround(heights, made.mission.frame, east, spacing_m)
+    ground = ground.looking(ClimbAhead(look_ahead_m, 2.0))
     monkeypatch.setattr(mission_construction, "followed_ground", lambda state: ground)
     return made, ground
 

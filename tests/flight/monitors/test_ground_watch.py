@@ -1,4 +1,4 @@
-"""The ground as the autopilot stores or measures it against the map, which is flat and 600 m above the sea."""
+"""The ground as the autopilot stores or measures it against a flat map, 600 m above the sea."""
 
 from dataclasses import replace
 from types import SimpleNamespace
