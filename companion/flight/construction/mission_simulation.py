@@ -123,8 +123,20 @@ def followed_ground(state: FlightState) -> AutopilotGround | None:
     state : FlightState
         The mission file, and the autopilot's parameters.
     """
-    terrain, settings = state.mission.terrain, state.settings
-    if terrain is None or terrain.item_frame != "terrain" or not state.flies_by:
+    terrain = state.mission.terrain
+    return stored_ground(state) if terrain is not None and terrain.item_frame == "terrain" else None
+
+
+def stored_ground(state: FlightState) -> AutopilotGround | None:
+    """The ground as the autopilot stores it that was served; None without a map, and for a PX4.
+
+    Parameters
+    ----------
+    state : FlightState
+        The mission file, and the autopilot's parameters.
+    """
+    settings = state.settings
+    if state.mission.terrain is None or not state.flies_by:
         return None
     distance = TERRAIN_LOOKAHD_M if settings.look_ahead_m is None else max(settings.look_ahead_m, 0.0)
     climb = settings.climb_max_m_s or guidance_of(state).climb_rate_max_m_s

@@ -155,7 +155,9 @@ class Autopilot:
 
 
 def coordinate_frame(item):
-    """Frame of an item that is uploaded: relative to home, or none."""
+    """Frame of an item that is uploaded: its own, relative to home, or none."""
+    if item.frame is not None:
+        return item.frame
     if item.command == mavlink.MAV_CMD_NAV_RALLY_POINT:  # a PX4 returns by no other
         return mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     return mavlink.MAV_FRAME_MISSION if item.place is None else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
