@@ -3,6 +3,7 @@
 GROUND names the SRTM tile S36E149 (`S36E149.hgt`, or a zip of it), the ground about ArduPlane's own field.
 """
 
+import collections
 import json
 import math
 import time
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
@@ -49,7 +51,7 @@ vehicle:
   descent_angle_max_deg: 10
   penetration_speed_m_s: 25
 planning: {{sensing_horizon_m: 825, time_horizon_s: 15, total_planning_time_s: 600}}
-terrain: {{file: {file}, height_min_m: 50, height_max_m: 250, item_frame: {item_frame}}}
+terrain: {{file: {file}, height_min_m: 50, height_max_m: 140, item_frame: terrain}}
 """
 
 
@@ -124,11 +126,11 @@ class GroundFlight:
         Of everything that the flight leaves behind.
     goals : list of tuple
         East, north, up of the service's goals [m].
-    item_frame : str
-        That of the mission file.
+    instance : int
+        Number that its ports follow from.
     """
 
-    def __init__(self, binary, parameters, tile, folder, goals, item_frame="terrain", *, instance=7):
+    def __init__(self, binary, parameters, tile, folder, goals, instance):
         folder.mkdir(parents=True, exist_ok=True)
         self.ground, self.folder = OwnGround(tile), folder
         (folder / TILE).write_bytes(self.ground.data)
@@ -136,7 +138,7 @@ class GroundFlight:
             f"  - {{east_m: {east}, north_m: {north}, up_m: {up:.1f}, acceptance_radius_m: 80}}\n"
             for east, north, up in goals
         )
-        self.text = MISSION.format(goals=listed, file=folder / TILE, item_frame=item_frame)
+        self.text = MISSION.format(goals=listed, file=folder / TILE)
         (folder / "mission.yaml").write_text(self.text, encoding="utf-8")
         extra = folder / "terrain.parm"
         extra.write_text("TERRAIN_ENABLE 1\n", encoding="utf-8")
@@ -163,12 +165,16 @@ class GroundFlight:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT, 500_000.0
         )
 
-    def close(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
         """End everything, and write down what was flown."""
         self.service.stop()
         if self.station is not None:
             self.station.end()
             document = {
+                "least_m": float(self.heights_m(1000.0).min(initial=math.inf)),
                 "path": self.station.path, "reports": self.station.reports, "texts": list(self.station.texts),
             }  # fmt: skip
             (self.folder / "flight.json").write_text(json.dumps(document), encoding="utf-8")
@@ -195,6 +201,16 @@ class GroundFlight:
         away = np.hypot(path[:, 0], path[:, 1])
         path = path[(away > from_m) & (away < BEFORE_FIX_M)]
         return path[:, 2] - self.ground.up_m(path[:, 0], path[:, 1])
+
+    def frames(self):
+        """Frames of the waypoints that the service has uploaded."""
+        found = collections.Counter()
+        for file in self.folder.glob("recordings/**/*.tlog"):
+            log = mavutil.mavlink_connection(str(file))
+            while (message := log.recv_match(type="MISSION_ITEM_INT")) is not None:
+                is_ours = message.get_srcComponent() == mavlink.MAV_COMP_ID_PATHPLANNER
+                found[message.frame] += is_ours and message.command == mavlink.MAV_CMD_NAV_WAYPOINT
+        return found
 
 
 def near(place, within_m):
