@@ -112,10 +112,11 @@ class Autopilot:
         self.folder.mkdir(parents=True)
         begin = self._arduplane if self.kind is ARDUPLANE else self._px4
         command, environment = begin(wind)
-        self.process = subprocess.Popen(
-            command, cwd=self.folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
-            stdout=(self.folder / "console.txt").open("w"), stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        with (self.folder / "console.txt").open("w") as console:
+            self.process = subprocess.Popen(
+                command, cwd=self.folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
+                stdout=console, stderr=subprocess.STDOUT,
+            )  # fmt: skip
 
     def _arduplane(self, wind):
         extra = self.folder / "flight.parm"

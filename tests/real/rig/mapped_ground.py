@@ -59,7 +59,10 @@ class OwnGround:
     """The tile by its definition: posts every 3 seconds of arc from the north-west, big-endian metres."""
 
     def __init__(self, place):
-        data = zipfile.ZipFile(place).read(TILE) if place.suffix == ".zip" else place.read_bytes()
+        data = place.read_bytes()
+        if place.suffix == ".zip":
+            with zipfile.ZipFile(place) as tiles:
+                data = tiles.read(TILE)
         self._posts = np.frombuffer(data, ">i2").reshape(POSTS, POSTS).astype(float)
         self.data = data
 
@@ -210,6 +213,7 @@ class GroundFlight:
             while (message := log.recv_match(type="MISSION_ITEM_INT")) is not None:
                 is_ours = message.get_srcComponent() == mavlink.MAV_COMP_ID_PATHPLANNER
                 found[message.frame] += is_ours and message.command == mavlink.MAV_CMD_NAV_WAYPOINT
+            log.close()
         return found
 
 
