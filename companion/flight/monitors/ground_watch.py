@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from companion.config.sections.terrain_map import served_heights_of
+from companion.flight.construction.mission_simulation import followed_ground
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import StateOwner
@@ -40,6 +41,7 @@ class GroundWatch:
     def __init__(self, flight: StateOwner, world_model: WorldModel, announcer: Announcer) -> None:
         self._flight, self._world_model, self._announcer = flight, world_model, announcer
         self._heights = served_heights_of(flight.state.mission)
+        followed_ground(flight.state)  # It takes seconds over a large map, and is kept for the flight.
         self._since_s: dict[str, tuple[float, float]] = {}  # When what is wrong began, and was seen last.
         self._told: set[str] = set()
 

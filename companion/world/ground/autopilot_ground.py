@@ -22,6 +22,7 @@ from companion.kernels.arrays import FollowedGround, IntArray
 from companion.world.ground.bilinear import bilinear
 
 BLOCK_POSTS, BLOCK_STEPS = (28, 32), (24, 28)  # Posts of a block, and from block to block; north and east.
+KEY_PLACES = np.array([10**11, 10**8, 10**4, 1])  # They make one number of a block's degrees and numbers.
 NODES_A_POST = 4  # The grid of the local frame has so many nodes from post to post.
 BEYOND_M = 1_000.0  # The ground is known so far beyond the bounds.
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
@@ -123,16 +124,14 @@ def stored_heights(
     north = 1e7 * (lat - ref_lat) * M_PER_E7 / spacing_m
     east = 1e7 * (lon - ref_lon) * M_PER_E7 * longitude_scale(0.5 * (lat + ref_lat)) / spacing_m
     rows, columns = north.astype(np.int64), east.astype(np.int64)
-    numbers = rows // BLOCK_STEPS[0], columns // BLOCK_STEPS[1]
-    keys = np.stack([ref_lat.astype(np.int64), ref_lon.astype(np.int64), *numbers])
+    keys = np.stack([ref_lat, ref_lon, rows // BLOCK_STEPS[0], columns // BLOCK_STEPS[1]]).astype(np.int64)
     found = np.empty(len(lat))
-    blocks, which = np.unique(keys, axis=1, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(which.ravel(), minlength=blocks.shape[1]))
-    for block, members in zip(blocks.T, np.split(order, ends[:-1]), strict=True):
+    _, firsts, which = np.unique(KEY_PLACES @ keys, return_index=True, return_inverse=True)
+    members = np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1])
+    for block, inside in zip(keys[:, firsts].T, members, strict=True):
         posts = _block(heights, block, spacing_m)
-        within = north[members] - BLOCK_STEPS[0] * block[2], east[members] - BLOCK_STEPS[1] * block[3]
-        found[members] = bilinear(posts, *within)
+        within = north[inside] - BLOCK_STEPS[0] * block[2], east[inside] - BLOCK_STEPS[1] * block[3]
+        found[inside] = bilinear(posts, *within)
     return found
 
 
