@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 FloatArray = NDArray[np.float64]
+
+TRANSFORMERS_MAX = 16
+M_PER_E7 = 0.011131884502145034  # ArduPilot's length of 1e-7 degrees of latitude.
+SCALE_MIN = 0.01  # ArduPilot's least ratio of a degree of longitude to one of latitude.
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,10 @@ class LocalFrame:
         )
         return Transformer.from_crs(CRS.from_epsg(4979), local, always_xy=True)
 
+    def transformer_to(self, crs: str) -> Transformer:
+        """Return the transformation of local east and north to ``crs``, in any form that PROJ reads."""
+        return transformer_between(self.crs, crs)
+
     def local_from_global(
         self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
     ) -> tuple[float, float, float]:
@@ -84,6 +92,52 @@ class LocalFrame:
         """
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return np.asarray(latitude), np.asarray(longitude)
+
+
+@lru_cache(maxsize=TRANSFORMERS_MAX)
+def transformer_between(source: str, target: str) -> Transformer:
+    """Return the transformation between coordinate systems in any form of PROJ; east comes before north."""
+    from pyproj import Transformer  # Only a map needs it, and its import takes long.  # noqa: PLC0415
+
+    return Transformer.from_crs(source, target, always_xy=True)
+
+
+def longitude_scale(latitude_deg: FloatArray) -> FloatArray:
+    """Return the ratio of a degree of longitude to one of latitude, as ArduPilot's ``Location`` does.
+
+    Parameters
+    ----------
+    latitude_deg : ndarray, shape (N,)
+        Latitudes [deg].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Ratios.
+    """
+    return np.asarray(np.maximum(np.cos(np.radians(latitude_deg)), SCALE_MIN))
+
+
+def offset_places(
+    latitude_deg: float, longitude_deg: float, north_m: NDArray[Any], east_m: NDArray[Any]
+) -> tuple[FloatArray, FloatArray]:
+    """Return latitudes and longitudes [deg], each of shape (N,), as ArduPilot's ``offset_latlng`` does.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg : float
+        The place from which distances count [deg].
+    north_m, east_m : ndarray, shape (N,)
+        Distances to the north and east [m].
+
+    Returns
+    -------
+    latitude_deg, longitude_deg : ndarray, shape (N,)
+        WGS84 coordinates of the places [deg].
+    """
+    latitude = latitude_deg + 1e-7 * north_m / M_PER_E7
+    scale = longitude_scale(0.5 * (latitude_deg + latitude))
+    return latitude, longitude_deg + 1e-7 * east_m / (M_PER_E7 * scale)
 
 
 def course_from_direction(direction_rad: float) -> float:

@@ -77,7 +77,7 @@ class Checker:
     exposure : Exposure, optional
         Computes threat levels. If omitted, only the levels that a path states itself are checked.
     ground : GroundHeights, optional
-        The ground, and the limits of height over it. If omitted, there is none.
+        The ground, and the limits of height over it. An attribute, too; if omitted, there is none.
 
     Raises
     ------
@@ -90,7 +90,7 @@ class Checker:
         ground: GroundHeights | None = None,
     ) -> None:  # fmt: skip
         self.limits = limits
-        self._ground = ground
+        self.ground = ground
         self._exposure = exposure
         self._prisms = Prisms(obstacles)
         self._climbs = (-limits.descent_angle_max_rad, limits.climb_angle_max_rad)
@@ -202,14 +202,9 @@ class Checker:
         yield from outside(
             "speed", rows, ready, speed, airspeeds, tolerance=SPEED_TOLERANCE_M_S, detail="airspeed [m/s]"
         )
+        stated = "stated climb angle [rad]"
         yield from outside(
-            "climb",
-            rows,
-            ready,
-            climb,
-            self._climbs,
-            tolerance=CLIMB_TOLERANCE_RAD,
-            detail="stated climb angle [rad]",
+            "climb", rows, ready, climb, self._climbs, tolerance=CLIMB_TOLERANCE_RAD, detail=stated
         )
         is_level = (level >= 0.0) & (level <= 1.0)
         too_high = ahead & ~(is_level & (level <= limits.threat_level_max + 1e-9))
@@ -315,21 +310,18 @@ class Checker:
         rows: NDArray[np.int64],
         *,
         is_track: bool = False,
+        over_ground: bool = True,
     ) -> Iterator[Violation]:
         """Check segments for prisms and ground: distance less bulge, against the margin.
 
         ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) are the reported rows.
         A track keeps the margins from the ground as well; all else keeps the limits of height over ground.
+        Without ``over_ground`` the ground is left out.
         """
-        if self._ground is not None and len(starts):
-            least = margins if is_track else np.full(len(starts), self._ground.height_min_m - TOLERANCE_M)
-            for segment, over in self._ground.too_near(starts, ends, least):
-                row, limit = int(rows[segment]), float(least[segment])
-                yield Violation("clearance", row, over, limit, "distance to the ground [m]")
-            tolerance_m = self.limits.altitude_tolerance_m
-            for segment, over in () if is_track else self._ground.too_high(starts, ends, tolerance_m):
-                row, limit = int(rows[segment]), self._ground.height_max_m
-                yield Violation("bounds", row, over, limit, "height over ground [m]")
+        if over_ground and self.ground is not None and len(starts):
+            least = margins if is_track else np.full(len(starts), self.ground.height_min_m - TOLERANCE_M)
+            tolerance_m = math.inf if is_track else self.limits.altitude_tolerance_m
+            yield from self.ground.violations(starts, ends, least, rows, tolerance_m)
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
             yield Violation(
                 "clearance", int(rows[segment]), clear, float(margins[segment]), f"distance to {name} [m]"
@@ -339,6 +331,7 @@ class Checker:
         self, positions_enu_m: FloatArray, *, ends_in_loiter: bool, loiter_radius_m: float | None,
         loiter_centre_enu_m: FloatArray | None = None, may_come_back: bool = False,
         wind_enu_m_s: tuple[float, float] = (0.0, 0.0), airspeed_m_s: float | None = None,
+        follows_ground: bool = False,
     ) -> tuple[Violation, ...]:  # fmt: skip
         """Return every rule that a mission's waypoints break, flown as straight legs with fly-by corners.
 
@@ -358,6 +351,9 @@ class Checker:
             Velocity of the air over the ground; a tailwind makes climbs flatter [m/s].
         airspeed_m_s : float, optional
             Lowest airspeed on the legs; the aircraft's lowest airspeed if omitted [m/s].
+        follows_ground : bool
+            Whether the autopilot keeps heights over ground on the legs. Height over ground and climb are then
+            not those of straight legs; ``ground.track_violations`` has to check them.
         """
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2:
@@ -369,7 +365,7 @@ class Checker:
                 for row in np.flatnonzero(~usable)
             )
         with np.errstate(all="ignore"):
-            found = list(self._leg_violations(points, wind_enu_m_s, airspeed_m_s))
+            found = list(self._leg_violations(points, wind_enu_m_s, airspeed_m_s, follows_ground))
             if may_come_back:
                 found = self._return_to_bounds(points[0], 0.0).remaining(found, points)
             centre = points[-1] if loiter_centre_enu_m is None else np.asarray(loiter_centre_enu_m)
@@ -418,9 +414,9 @@ class Checker:
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         widened = np.array([0.0, 0.0, self.limits.altitude_tolerance_m])
         out = float(np.maximum(low - widened - place, place - high - widened).max())
-        if self._ground is not None and np.isfinite(out):
-            over = float(place[2] - self._ground.up_m(place[None])[0])
-            out = max(out, over - self._ground.height_max_m - self.limits.altitude_tolerance_m)
+        if self.ground is not None and np.isfinite(out):
+            over = float(place[2] - self.ground.up_m(place[None])[0])
+            out = max(out, over - self.ground.height_max_m - self.limits.altitude_tolerance_m)
         if not np.isfinite(out):
             return ReturnToBounds(0.0, {}, 0.0)
         margin = np.array([self.limits.margin_m + spread_m])
@@ -432,14 +428,15 @@ class Checker:
         )
 
     def _leg_violations(
-        self, points: FloatArray, wind_enu_m_s: tuple[float, float], airspeed_m_s: float | None
-    ) -> Iterator[Violation]:
+        self, points: FloatArray, wind_enu_m_s: tuple[float, float], airspeed_m_s: float | None,
+        follows_ground: bool,
+    ) -> Iterator[Violation]:  # fmt: skip
         """Check bounds, clearance, climb and corners of the legs between ``points`` (K, 3) [m]."""
         yield from self._bounds_violations(points, np.full(len(points), True), POINT_TOLERANCE_M)
         rows = np.arange(1, len(points))
         none = np.zeros(len(rows))
-        margins = none + self.limits.margin_m
-        yield from self._clearance_violations(points[:-1], points[1:], margins, none, rows)
+        margins, over = none + self.limits.margin_m, not follows_ground
+        yield from self._clearance_violations(points[:-1], points[1:], margins, none, rows, over_ground=over)
         away = np.diff(points, axis=0)
         lengths = np.hypot(away[:, 0], away[:, 1])
         moving = lengths > POINT_TOLERANCE_M
@@ -447,12 +444,14 @@ class Checker:
         flown = moving | (np.abs(away[:, 2]) > POINT_TOLERANCE_M)
         airspeed = self.limits.airspeed_min_m_s if airspeed_m_s is None else airspeed_m_s
         gained = tailwinds(away, airspeed, wind_enu_m_s)
-        yield from self._climb_violations(angles, rows, flown, airspeed, gained)
+        yield from self._climb_violations(angles, rows, flown & over, airspeed, gained)
         kept = np.flatnonzero(np.append(True, moving))  # A repeated waypoint is no corner.
         if len(kept) >= 3:
-            yield from self._corner_violations(points[kept], kept)
+            yield from self._corner_violations(points[kept], kept, over)
 
-    def _corner_violations(self, points: FloatArray, rows: NDArray[np.int64]) -> Iterator[Violation]:
+    def _corner_violations(
+        self, points: FloatArray, rows: NDArray[np.int64], over_ground: bool
+    ) -> Iterator[Violation]:
         """Check that the turns at ``points`` (K, 3) [m] of ``rows`` (K,) fit on their legs and are clear."""
         away = np.diff(points[:, :2], axis=0)
         lengths = np.hypot(away[:, 0], away[:, 1])
@@ -472,7 +471,7 @@ class Checker:
             none = np.zeros(CORNER_SIDES)
             yield from self._clearance_violations(
                 arc[:-1], arc[1:], none + self.limits.margin_m, none + sagitta,
-                np.full(CORNER_SIDES, rows[corner + 1]),
+                np.full(CORNER_SIDES, rows[corner + 1]), over_ground=over_ground,
             )  # fmt: skip
 
     def _ending_violations(

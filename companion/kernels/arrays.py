@@ -47,6 +47,22 @@ class Ground(Struct):
     drivable: float
 
 
+class FollowedGround(Struct):
+    """The ground by which an autopilot flies heights over ground.
+
+    ``up`` (GX, GY) heights at nodes [m], bilinear in between; ``grid`` (3,) x0 y0 of the first node and the
+    spacing. The autopilot climbs ahead of ground that rises faster than at ``climb_rate``: it looks every
+    ``step`` along its leg, up to ``look_ahead`` [m]. A ``step`` of 0 stands for heights that do not follow
+    the ground.
+    """
+
+    up: Float2D
+    grid: Float1D
+    step: float
+    look_ahead: float
+    climb_rate: float
+
+
 class Obstacles(Struct):
     """Upright prisms, their edges one after another, and the ground.
 

@@ -24,6 +24,7 @@ DROPPED: dict[int, frozenset[int]] = {
 SAME_FRAME: dict[int, int] = {
     MavFrame.GLOBAL_INT: MavFrame.GLOBAL,
     MavFrame.GLOBAL_RELATIVE_ALT_INT: MavFrame.GLOBAL_RELATIVE_ALT,
+    MavFrame.GLOBAL_TERRAIN_ALT_INT: MavFrame.GLOBAL_TERRAIN_ALT,
 }
 
 

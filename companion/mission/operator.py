@@ -10,8 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from companion.frames import LocalFrame
 from companion.types.mission import Command, MavFrame, MissionItem
+from companion.world.ground.autopilot_ground import AutopilotGround
 
 GOALS = frozenset(
     {
@@ -21,6 +24,7 @@ GOALS = frozenset(
 )  # fmt: skip
 FIRST_WITHOUT_PLACE = 100  # Commands from this number on, the DO_ commands, have no position.
 RELATIVE_FRAMES = frozenset({MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT})
+TERRAIN_FRAMES = frozenset({MavFrame.GLOBAL_TERRAIN_ALT, MavFrame.GLOBAL_TERRAIN_ALT_INT})
 ABSOLUTE_FRAMES = frozenset({MavFrame.GLOBAL, MavFrame.GLOBAL_INT})
 BANK_ITEMS_LIMITS = (20, 60)  # Smallest and largest number of items of an ArduPlane's bank.
 SAME_PLACE_M = 1.0  # Goals closer together than this count as one.
@@ -118,11 +122,14 @@ def operator_of(
 
 
 def position_of(
-    item: MissionItem, frame: LocalFrame, home_amsl_m: float | None
+    item: MissionItem, frame: LocalFrame, home_amsl_m: float | None, ground: AutopilotGround | None = None
 ) -> tuple[float, float, float] | None:
     """Return east, north, up of an item [m]; None if it has no position or its height is not known."""
     altitude = altitude_amsl_of(item, home_amsl_m)
     is_placed = item.command < FIRST_WITHOUT_PLACE and (item.latitude_e7 != 0 or item.longitude_e7 != 0)
+    if is_placed and ground is not None and item.frame in TERRAIN_FRAMES:
+        east, north, _ = frame.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, 0.0)
+        return east, north, float(ground.up_m(np.array([[east, north]]))[0]) + item.altitude_m
     if not is_placed or altitude is None:
         return None
     return frame.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, altitude)
@@ -136,11 +143,12 @@ def altitude_amsl_of(item: MissionItem, home_amsl_m: float | None) -> float | No
 
 
 def goals_of_operator(
-    operator: Operator, frame: LocalFrame, home_amsl_m: float | None
+    operator: Operator, frame: LocalFrame, home_amsl_m: float | None, ground: AutopilotGround | None = None
 ) -> tuple[OperatorGoal, ...]:
     """Return the operator's waypoints before the landing as goals, each with the DO_ items after it.
 
-    Consecutive waypoints at one place are one goal. Jumps are omitted, since a route is flown once.
+    Those over terrain need the ground. Consecutive waypoints at one place are one goal. Jumps are omitted,
+    since a route is flown once.
     """
     goals: list[OperatorGoal] = []
     for item in operator.items[operator.first : operator.tail]:
@@ -148,7 +156,7 @@ def goals_of_operator(
             if goals and item.command != Command.DO_JUMP:
                 goals[-1] = replace(goals[-1], actions=(*goals[-1].actions, item))
             continue
-        place = position_of(item, frame, home_amsl_m) if item.command in GOALS else None
+        place = position_of(item, frame, home_amsl_m, ground) if item.command in GOALS else None
         if place is None:
             continue
         if goals and _apart(goals[-1].position_enu_m, place) < SAME_PLACE_M:

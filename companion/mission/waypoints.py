@@ -13,6 +13,7 @@ from companion.assurance.violation import Violation
 from companion.frames import FloatArray, LocalFrame
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.path import Path
+from companion.world.ground.autopilot_ground import AutopilotGround
 
 # The first waypoint is at least this far along the path; nearer ones are passed.
 FIRST_WAYPOINT_AHEAD_M = 45.0
@@ -26,6 +27,7 @@ STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
 FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
 # Waypoints are added if the height differs from the line between them by more; over ground, by less.
 HEIGHT_TOLERANCE_M, OVER_GROUND_TOLERANCE_M = 8.0, 2.5
+HIGHER_M = 15.0  # Where the autopilot follows the ground, it may fly higher than the path by this much.
 SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
 MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
 SPACING_M = 60.0  # A waypoint for height keeps this distance from its neighbours.
@@ -56,6 +58,9 @@ class Waypoints:
     airspeed_again : int
         Number of the waypoint after which the airspeed is commanded again, for an aircraft that enters behind
         the first waypoint; 0 for none.
+    ground : AutopilotGround or None
+        The ground over which the autopilot keeps the waypoints' heights; None for heights above mean sea
+        level. The circle is level.
     """
 
     positions_enu_m: FloatArray
@@ -66,6 +71,7 @@ class Waypoints:
     continues_with_operator_items: bool = False
     actions: tuple[tuple[int, tuple[MissionItem, ...]], ...] = ()
     airspeed_again: int = 0
+    ground: AutopilotGround | None = None
 
     @property
     def circle(self) -> tuple[FloatArray, float]:
@@ -88,6 +94,7 @@ def waypoints_from_path(
     marked_m: Sequence[float] = (),
     spacing: float = 1.0,
     height_tolerance_m: float = HEIGHT_TOLERANCE_M,
+    ground: AutopilotGround | None = None,
 ) -> Waypoints:
     """Return waypoints along a path, with several of them in a turn.
 
@@ -113,11 +120,16 @@ def waypoints_from_path(
         Turn angle from one waypoint to the next, as a share of the usual one.
     height_tolerance_m : float
         Waypoints are added if the height differs from the line between them by more [m].
+    ground : AutopilotGround, optional
+        The ground over which the autopilot keeps heights between waypoints. If omitted, it flies along lines.
     """
     points, courses, travelled = path.positions_enu_m, np.unwrap(path.courses_rad), path.travelled_m
+    if ground is not None:
+        points = _raised(points, -ground.up_m(points))
     turns = _turns(points, courses, travelled, flies_by=flies_by, spacing=spacing)
     marks = [(0.0, points[0]), *turns, (float(travelled[-1]), points[-1])]
-    marks = _with_heights(marks, points, travelled, height_tolerance_m)
+    higher_m = height_tolerance_m if ground is None else HIGHER_M
+    marks = _with_heights(marks, points, travelled, (height_tolerance_m, higher_m))
     chosen = [mark for mark in marks[1:-1] if mark[0] >= FIRST_WAYPOINT_AHEAD_M]
     if marks[1][0] > FIRST_WAYPOINT_AHEAD_M + ENTRY_STRAIGHT_MIN_M and len(points) > 2:
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
@@ -127,7 +139,16 @@ def waypoints_from_path(
         row = int(np.argmin(np.abs(travelled - length)))
         if _is_straight(courses, row) and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
             chosen.append(_mark(points, travelled, row))
-    return _in_order(chosen, airspeed_m_s)
+    found = _in_order(chosen, airspeed_m_s)
+    if ground is None:
+        return found
+    places = found.positions_enu_m
+    return replace(found, positions_enu_m=_raised(places, ground.up_m(places)), ground=ground)
+
+
+def _raised(points: FloatArray, by_m: FloatArray) -> FloatArray:
+    """Return ``points`` (N, 3) [m] higher by ``by_m`` (N,) [m], as (N, 3)."""
+    return np.column_stack([points[:, :2], points[:, 2] + by_m])
 
 
 def _mark(points: FloatArray, travelled: FloatArray, row: int) -> tuple[float, FloatArray]:
@@ -224,10 +245,14 @@ def _runs_of_turning(courses: FloatArray) -> list[tuple[int, int]]:
 
 
 def _with_heights(
-    marks: list[tuple[float, FloatArray]], points: FloatArray, travelled: FloatArray, tolerance_m: float
+    marks: list[tuple[float, FloatArray]],
+    points: FloatArray,
+    travelled: FloatArray,
+    tolerances_m: tuple[float, float],
 ) -> list[tuple[float, FloatArray]]:
     """Return marks, and rows of the path where the height between two marks differs from their line.
 
+    The line may lie lower than the path by the first of ``tolerances_m``, and higher by the second.
     ``marks`` and the result are pairs of a length of path and a position (3,) [m]. ``points`` (N, 3) are the
     path's positions [m], ``travelled`` (N,) the horizontal length up to each [m].
     """
@@ -237,12 +262,14 @@ def _with_heights(
         inner = np.flatnonzero((travelled > before[0] + SPACING_M) & (travelled < after[0] - SPACING_M))
         if len(inner) > 0:
             line = np.interp(travelled[inner], [before[0], after[0]], [before[1][2], after[1][2]])
-            worst = int(np.argmax(np.abs(points[inner, 2] - line)))
-            if abs(points[inner[worst], 2] - line[worst]) > tolerance_m:
+            above = points[inner, 2] - line
+            beyond = np.maximum(above / tolerances_m[0], -above / tolerances_m[1])
+            worst = int(np.argmax(beyond))
+            if beyond[worst] > 1.0:
                 row = inner[worst]
                 middle = float(travelled[row]), points[row]
-                result += _with_heights([before, middle], points, travelled, tolerance_m)[1:]
-                result += _with_heights([result[-1], after], points, travelled, tolerance_m)[1:]
+                result += _with_heights([before, middle], points, travelled, tolerances_m)[1:]
+                result += _with_heights([result[-1], after], points, travelled, tolerances_m)[1:]
                 continue
         result.append(after)
     return result
@@ -349,7 +376,7 @@ def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ..
     actions = dict(waypoints.actions)
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
-        items.append(_item(Command.NAV_WAYPOINT, position, frame))
+        items.append(_item(Command.NAV_WAYPOINT, position, frame, waypoints.ground))
         if waypoints.continues_with_operator_items and n == len(waypoints.positions_enu_m) - 1:
             items[-1] = replace(items[-1], parameters=(0.0, GOAL_ACCEPTANCE_M, 0.0, None))
         if n in (0, waypoints.airspeed_again):
@@ -367,7 +394,7 @@ def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
 
 
 def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
-    """Return the item of the circle at the end."""
+    """Return the item of the circle at the end, which is level."""
     centre, radius_m = waypoints.circle
     last = _item(Command.NAV_LOITER_UNLIM, centre, frame)
     return replace(last, parameters=(0.0, 0.0, radius_m, None))
@@ -396,13 +423,17 @@ def density_ratio(altitude_amsl_m: float) -> float:
     return float((1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588)
 
 
-def _item(command: Command, position_enu_m: FloatArray, frame: LocalFrame) -> MissionItem:
-    """Return a command at ``position_enu_m`` (3,) [m] as a mission item."""
+def _item(
+    command: Command, position_enu_m: FloatArray, frame: LocalFrame, ground: AutopilotGround | None = None
+) -> MissionItem:
+    """Return a command at ``position_enu_m`` (3,) [m] as a mission item, over a ground if one is given."""
     latitude, longitude, altitude = frame.global_from_local(*(float(value) for value in position_enu_m))
+    if ground is not None:
+        altitude = float(position_enu_m[2] - ground.up_m(position_enu_m[None])[0])
     return MissionItem(
         sequence=0,
         command=command,
-        frame=MavFrame.GLOBAL_INT,
+        frame=MavFrame.GLOBAL_INT if ground is None else MavFrame.GLOBAL_TERRAIN_ALT_INT,
         parameters=(0.0, 0.0, 0.0, None),
         latitude_e7=round(latitude * 1e7),
         longitude_e7=round(longitude * 1e7),

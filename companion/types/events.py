@@ -102,6 +102,9 @@ _PARAMETER_NAMES = {
         "num_rally_points": "RALLY_TOTAL",
         "rally_limit_km": "RALLY_LIMIT_KM",
         "rally_includes_home": "RALLY_INCL_HOME",
+        "terrain_enable": "TERRAIN_ENABLE",
+        "terrain_spacing_m": "TERRAIN_SPACING",
+        "look_ahead_m": "TERRAIN_LOOKAHD",
     },
     Dialect.PX4: {
         "acceptance_radius_m": "NAV_ACC_RAD",
@@ -234,6 +237,25 @@ class EstimatorHealth:
 
 
 @dataclass(frozen=True, slots=True)
+class GroundReported:
+    """TERRAIN_REPORT, DISTANCE_SENSOR or ALTITUDE: how high the ground is below the aircraft.
+
+    ``source`` is ``autopilot`` for the heights that it stores, ``range finder``, or ``estimator``. Either the
+    altitude of the ground is known, or the distance to it. The autopilot names the place, the distance
+    between its stored heights (0 if it has none there), and how many it still waits for and has.
+    """
+
+    stamp_s: float
+    source: str
+    altitude_amsl_m: float | None
+    distance_m: float | None = None
+    place_deg: tuple[float, float] | None = None
+    spacing_m: float = 0.0
+    num_pending: int = 0
+    num_loaded: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class MissionCurrent:
     """MISSION_CURRENT.
 
@@ -361,6 +383,7 @@ Event = (
     | WindEstimate
     | EstimatorAccuracy
     | EstimatorHealth
+    | GroundReported
     | MissionCurrent
     | MissionItemReached
     | LandedReported

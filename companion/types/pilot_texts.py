@@ -17,18 +17,8 @@ from companion.types.mavlink_enums import Severity
 class PilotText:
     """One row of the table.
 
-    Parameters
-    ----------
-    kind : str
-        Kind of decision that it reports.
-    severity : Severity
-        MAV_SEVERITY.
-    template : str
-        The text; names in braces are replaced by values.
-    cause : str
-        When it is sent.
-    action : str
-        What the pilot can do.
+    ``kind`` is that of the decision that it reports, ``template`` the text, in which names in braces are
+    replaced by values. ``cause`` says when it is sent, ``action`` what the pilot can do.
     """
 
     kind: str
@@ -443,6 +433,19 @@ TEXTS = {
         "{parameter} stays {value}: {reason}",
         "A value that was sent for a parameter of the planner's is not allowed.",
         "Send one that is allowed.",
+    ),
+    "other ground": PilotText(
+        "ground", Severity.WARNING,
+        "GROUND differs: {source} {theirs} m, map {ours} m",
+        "Above mean sea level. The autopilot's stored heights, its range finder or its estimator differed "
+        "for 3 s from the map by more than `terrain.home_tolerance_m`. Each is told once in a flight.",
+        "Fly higher: one of the two is wrong, and paths keep their height over the map's ground.",
+    ),
+    "no ground": PilotText(
+        "ground", Severity.WARNING,
+        "GROUND unknown to the autopilot, waypoints need it",
+        "For 10 s the autopilot has had no heights here, which `terrain.item_frame: terrain` needs.",
+        "Take over, or watch the height: it flies on by the last one that it had.",
     ),
     "recording": PilotText(
         "recording", Severity.INFO,

@@ -94,6 +94,12 @@ class AutopilotSettings:
         Largest distance to a rally point on an ArduPlane, 0 for any distance [km].
     rally_includes_home : float or None
         Whether an ArduPlane returns home if home is nearer.
+    terrain_enable : float or None
+        Whether an ArduPlane stores heights of the ground.
+    terrain_spacing_m : float or None
+        Distance of these heights from each other [m].
+    look_ahead_m : float or None
+        An ArduPlane climbs ahead of ground that rises so far ahead, 0 for none [m].
     """
 
     acceptance_radius_m: float | None = None
@@ -117,6 +123,9 @@ class AutopilotSettings:
     num_rally_points: float | None = None
     rally_limit_km: float | None = None
     rally_includes_home: float | None = None
+    terrain_enable: float | None = None
+    terrain_spacing_m: float | None = None
+    look_ahead_m: float | None = None
 
     @property
     def throttle_max_share(self) -> float:

@@ -13,8 +13,10 @@ from sim.autopilot.base import Autopilot
 from sim.autopilot.telemetry import Home, Target
 from sim.projection import FastProjection
 from sim.vehicle.control import Circle, Flight, Leg, progress_on
+from sim.vehicle.outer_loops import Point
 
-RELATIVE_FRAMES = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT, 10, 11)
+RELATIVE_FRAMES = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
+TERRAIN_FRAMES = (MavFrame.GLOBAL_TERRAIN_ALT, MavFrame.GLOBAL_TERRAIN_ALT_INT)
 _TAKEOFF_REACH_M = 5000.0
 _LOITERS = (17, 18, 19, 31)
 
@@ -59,7 +61,8 @@ class MissionPilot(Autopilot):
             self._steer_circle(target[:2], radius or self.parameters["WP_LOITER_RAD"], target[2])
         else:
             start = self._previous or (estimate.east_m, estimate.north_m, estimate.up_m)
-            self.flight.steering = Leg(start[:2], target[:2], start[2], target[2])
+            follows = item.frame in TERRAIN_FRAMES
+            self.flight.steering = Leg(start[:2], target[:2], start[2], target[2], follows)
             self.telemetry.target = target
         self._previous = None if item.command == Command.NAV_TAKEOFF else target
 
@@ -135,10 +138,13 @@ class MissionPilot(Autopilot):
             east, north = self.flight.position
         else:
             east, north = self.projection.local(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7)
-        return east, north, self._height(item.frame, item.altitude_m)
+        return east, north, self._height(item.frame, item.altitude_m, (east, north))
 
-    def _height(self, frame: int, altitude_m: float) -> float:
-        if frame in RELATIVE_FRAMES:
+    def _height(self, frame: int, altitude_m: float, place: Point) -> float:
+        ground = self.flight.stored_ground
+        if frame in TERRAIN_FRAMES and ground is not None:
+            return ground.up_m(*place) + altitude_m
+        if frame in (*RELATIVE_FRAMES, *TERRAIN_FRAMES):
             return self.home.up_m + altitude_m
         return altitude_m - self.projection.frame.altitude_amsl_m
 

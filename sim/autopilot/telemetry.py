@@ -13,6 +13,7 @@ from sim.autopilot.channel import Message
 from sim.projection import FastProjection
 from sim.vehicle.control import Flight
 from sim.vehicle.simulated_battery import SimulatedBattery
+from sim.vehicle.true_ground import SPACING_M
 
 EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
 _SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops.
@@ -118,6 +119,17 @@ class Telemetry:
         return mavlink.MAVLink_battery_status_message(
             0, 0, mavlink.MAV_BATTERY_TYPE_LIPO, _NO_TEMPERATURE, cells, _centiamperes(battery),
             round(battery.used_mah), energy, int(100 * battery.remaining),
+        )  # fmt: skip
+
+    def terrain_report(self) -> Message | None:
+        """TERRAIN_REPORT, ArduPlane's stored height of the ground below; None without any."""
+        ground, estimate = self._flight.stored_ground, self._flight.estimate
+        if ground is None:
+            return None
+        up = ground.up_m(estimate.east_m, estimate.north_m)
+        return mavlink.MAVLink_terrain_report_message(
+            *self._degrees_e7(estimate.east_m, estimate.north_m), round(SPACING_M), self.amsl_m(up),
+            estimate.up_m - up, 0, ground.num_loaded,
         )  # fmt: skip
 
     def _system_time(self) -> Message:

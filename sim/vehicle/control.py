@@ -11,6 +11,7 @@ from sim.vehicle.fdm import STEP_S, FlightDynamics, Start
 from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from sim.vehicle.sensors import Estimate, Sensors
 from sim.vehicle.simulated_battery import SimulatedBattery
+from sim.vehicle.true_ground import StoredGround, TrueGround
 
 FDM_STEPS_A_TICK = 2
 TICK_S = FDM_STEPS_A_TICK * STEP_S
@@ -23,12 +24,16 @@ _BANK_LIMIT_MIN = math.radians(15.0)
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """From start to end [m]; the height changes along it from ``start_height_m`` to ``height_m``."""
+    """From start to end [m]; the height changes along it from ``start_height_m`` to ``height_m``.
+
+    With ``follows_ground`` the height over ground changes so.
+    """
 
     start: Point
     end: Point
     start_height_m: float
     height_m: float
+    follows_ground: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +86,8 @@ class Flight:
         Limits and tuning, read at every guidance update.
     battery : SimulatedBattery, optional
         Gives the power of the thrust; without one nothing is used up.
+    ground : TrueGround, optional
+        The ground, of which the autopilot stores heights.
 
     Attributes
     ----------
@@ -98,6 +105,8 @@ class Flight:
         Whether the aircraft stands on the ground.
     has_thrust : bool
         Whether the engine runs; without thrust the throttle has no effect.
+    stored_ground : StoredGround or None
+        Heights of the ground that the autopilot has.
     """
 
     def __init__(
@@ -106,6 +115,7 @@ class Flight:
         sensors: Sensors,
         parameters: Parameters,
         battery: SimulatedBattery | None = None,
+        ground: TrueGround | None = None,
     ) -> None:
         self.dynamics = dynamics
         self.sensors = sensors
@@ -123,6 +133,7 @@ class Flight:
         self.slope_min_m = 0.0
         self.is_standing = False
         self.has_thrust = True
+        self.stored_ground = None if ground is None else ground.stored()
         self._ticks = 0
 
     @property
@@ -182,10 +193,22 @@ class Flight:
             steering = Leg((begin[0], begin[1]), steering.centre, height, steering.height_m)
         if not isinstance(steering, Leg):
             return steering.height_m
+        if steering.follows_ground and self.stored_ground is not None:
+            return self._height_over_ground(steering, self.stored_ground)
         change = steering.height_m - steering.start_height_m
         if abs(change) < self.slope_min_m:
             return steering.height_m
         return steering.start_height_m + change * max(0.0, min(1.0, progress_on(steering, self.position)))
+
+    def _height_over_ground(self, leg: Leg, ground: StoredGround) -> float:
+        """Height over ground between those at the leg's ends, and more where it rises steeply ahead."""
+        first, last = leg.start_height_m - ground.up_m(*leg.start), leg.height_m - ground.up_m(*leg.end)
+        share = max(0.0, min(1.0, progress_on(leg, self.position)))
+        slope = self._parameters["TECS_CLMB_MAX"] / max(self.estimate.ground_speed_m_s, 3.0)
+        ahead = ground.climb_ahead_m(self.position, leg.end, self._parameters["TERRAIN_LOOKAHD"], slope)
+        if last - first <= -self.slope_min_m:
+            ahead = max(0.0, ahead + last - first)
+        return first + share * (last - first) + ground.up_m(*self.position) + ahead
 
     def _guide(self, estimate: Estimate) -> None:
         parameters, output, steering = self._parameters, self.output, self.steering

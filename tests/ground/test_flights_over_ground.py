@@ -1,8 +1,14 @@
 """Flights over ground in the simulator, and beside them flights that know no ground."""
 
+import collections
+import re
+
 import pytest
+import rasterio
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
+from companion.config.sections.terrain_map import posts_of
 from companion.types.events import Dialect
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
@@ -28,6 +34,44 @@ def test_ridges_are_passed_low_and_out_of_the_radars_sight(dialect):
     assert not truth.collision
     assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0
     assert flight.measures().over_all()["seconds_in_radar"] < 10.0
+
+
+def test_ridges_are_passed_by_waypoints_over_ground():
+    mission = load_mission(CONFIGS / "ridge.yaml")
+    terrain = mission.terrain.model_copy(update={"item_frame": "terrain"})
+    harness = SitlHarness(mission.model_copy(update={"terrain": terrain}), seed=1)
+    harness.fly(330.0)
+    truth = harness.simulator.truth
+    assert harness.flight.goal_reached
+    assert truth.min_ground_height_m > terrain.height_min_m - 3.0
+    sent = [message for _, message in harness.said("MISSION_ITEM_INT") if message.command == 16]
+    frames = collections.Counter(message.frame for message in sent)
+    assert frames[mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT] > 0.8 * frames.total()
+    assert "ground" not in harness.kinds()
+
+
+@pytest.mark.parametrize("shift_m", [0.0, 40.0])
+def test_a_map_that_is_40_m_too_high_is_told_and_the_right_one_is_not(tmp_path, shift_m):
+    """The autopilot has the ridges on its card, and reports their heights in the first half minute."""
+    mission = load_mission(CONFIGS / "ridge.yaml")
+    posts = posts_of(mission)
+    rows, columns = posts.up_m.shape
+    left, top = posts.first_x - 0.5 * posts.step_x, posts.first_y + (rows - 0.5) * posts.step_y
+    profile = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": posts.crs}
+    affine = rasterio.Affine(posts.step_x, 0.0, left, 0.0, -posts.step_y, top)
+    with rasterio.open(
+        tmp_path / "map.tif", "w", height=rows, width=columns, transform=affine, **profile
+    ) as out:
+        out.write(posts.up_m[::-1] + posts.frame.altitude_amsl_m + shift_m, 1)
+    terrain = mission.terrain.model_copy(update={"generated": None, "file": str(tmp_path / "map.tif")})
+    harness = SitlHarness(mission, seed=1)
+    harness.flight.mission = mission.model_copy(update={"terrain": terrain})
+    harness.fly(30.0)
+    told = [message.text for _, message in harness.said("STATUSTEXT") if message.text.startswith("GROUND")]
+    assert len(told) == (shift_m > 0.0)
+    if told:
+        theirs, ours = (int(number) for number in re.findall(r"(\d+) m", told[0]))
+        assert ours - theirs == pytest.approx(40.0, abs=10.0)
 
 
 def test_who_knows_no_ground_flies_into_the_ridge():

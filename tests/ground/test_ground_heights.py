@@ -72,6 +72,24 @@ def test_a_track_keeps_the_margin_and_may_climb_away():
     assert checker.check_track(climbs, 10.0) == ()
 
 
+def test_a_track_over_ground_keeps_both_limits_once_it_has_kept_them():
+    """Ground that rises by a tenth; limits 50 and 120 m, of which the lower may be passed by 3 m."""
+    ground = GroundHeights(posts_over(lambda east, north: 0.1 * east), 50.0, 120.0)
+    track = np.array([[100.0 + 20.0 * n, 100.0, 70.0 + 2.0 * n] for n in range(20)])  # 60 m over ground
+    assert ground.track_violations(track, 0.0) == ()
+    lower, higher, begins_low = track.copy(), track.copy(), track.copy()
+    lower[7, 2] -= 20.0
+    higher[7, 2] += 70.0
+    begins_low[:3, 2] -= 40.0
+    assert [(entry.rule, entry.row) for entry in ground.track_violations(lower, 0.0)] == [
+        ("clearance", 7), ("clearance", 8),
+    ]  # fmt: skip
+    assert min(entry.value for entry in ground.track_violations(lower, 0.0)) == pytest.approx(40.0, abs=0.1)
+    assert [entry.rule for entry in ground.track_violations(higher, 0.0)] == ["bounds", "bounds"]
+    assert ground.track_violations(higher, 20.0) == ()
+    assert ground.track_violations(begins_low, 0.0) == ()
+
+
 @pytest.mark.parametrize(("home_m", "words"), [(0.0, ()), (30.0, ("home at 614 m AMSL, map 584",))])
 def test_a_home_at_another_height_than_the_map_is_named_with_both(home_m, words):
     mission = mission_from_text(

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +12,21 @@ from hypothesis import strategies as st
 from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
 from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
 from companion.types.mission import Command, MavFrame
+from companion.world.ground.autopilot_ground import AutopilotGround
 from tests.mission.made import FRAME, path_along, waypoints
 
 RADIUS = 125.0
 QUARTER = 0.5 * math.pi
 TANGENT_45 = RADIUS * math.tan(math.radians(22.5))  # 51.777 m
+
+
+def ground_rising():
+    """The ground of an autopilot: 30 m above the origin there, and a tenth of the way to the north."""
+
+    def heights(latitude, longitude):
+        return FRAME.altitude_amsl_m + 30.0 + 0.1 * (latitude - FRAME.latitude_deg) * 111_195.0
+
+    return AutopilotGround(heights, FRAME, (-500.0, 500.0, -500.0, 1500.0), 100.0)
 
 
 def test_a_right_angle_becomes_two_corners_of_45_degrees():
@@ -168,6 +179,43 @@ def test_the_loiter_stands_at_its_centre():
         last.latitude_e7 * 1e-7, last.longitude_e7 * 1e-7, last.altitude_m
     )
     assert (east, north, up) == pytest.approx((125.0, 500.0, 90.0), abs=0.02)
+
+
+def test_over_ground_waypoints_have_their_height_over_it_and_the_circle_is_level():
+    """Ground 30 m high at the start that rises by a tenth to the north; a path 100 m above the origin."""
+    ground = ground_rising()
+    path = path_along((1000.0, 40), up=100.0)
+    found = waypoints_from_path(path, 25.0, ground=ground)
+    assert found.positions_enu_m[:, 2] == pytest.approx(100.0, abs=0.1)
+    items = mission_part(replace(found, loiter_radius_m=125.0), FRAME).items
+    placed = [item for item in items if item.command == Command.NAV_WAYPOINT]
+    assert {item.frame for item in placed} == {MavFrame.GLOBAL_TERRAIN_ALT_INT}
+    for waypoint, item in zip(found.positions_enu_m, placed, strict=True):
+        assert item.altitude_m == pytest.approx(100.0 - 30.0 - 0.1 * waypoint[1], abs=0.7)
+    circle = mission_part(replace(found, loiter_radius_m=125.0), FRAME).loiter
+    assert (circle.frame, circle.altitude_m) == (MavFrame.GLOBAL_INT, pytest.approx(684.0, abs=0.1))
+
+
+def test_over_ground_a_straight_path_has_waypoints_where_the_ground_would_lower_it():
+    """A valley 40 m deep between 400 and 800 m; without waypoints in it the aircraft would fly down."""
+
+    def valley(latitude, longitude):
+        north = (latitude - FRAME.latitude_deg) * 111_195.0
+        return FRAME.altitude_amsl_m - np.interp(north, [400.0, 600.0, 800.0], [0.0, 40.0, 0.0])
+
+    ground = AutopilotGround(valley, FRAME, (-200.0, 200.0, -200.0, 1500.0), 50.0)
+    found = waypoints_from_path(
+        path_along((1200.0, 60), up=100.0), 25.0, ground=ground, height_tolerance_m=2.5
+    )
+    passed, over = (
+        found.positions_enu_m[:, 1],
+        found.positions_enu_m[:, 2] - ground.up_m(found.positions_enu_m),
+    )
+    north = np.arange(50.0, 1200.0, 5.0)
+    flown = np.interp(north, passed, over) + ground.up_m(np.column_stack([0.0 * north, north]))
+    assert flown.min() > 100.0 - 6.0  # Waypoints lie 60 m apart at least, in which the valley falls by 12 m.
+    assert flown.max() < 115.0 + 3.0
+    assert len(passed) > len(waypoints_from_path(path_along((1200.0, 60), up=100.0), 25.0).positions_enu_m)
 
 
 @pytest.mark.parametrize(("num", "size"), [(1, BANK_ITEMS_MIN), (20, 33), (200, BANK_ITEMS_MAX)])

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import Transformer
 
+from companion.assurance.violation import Violation
 from companion.frames import FloatArray
 from companion.types.elevation import ElevationPosts
 
@@ -35,7 +35,7 @@ class GroundHeights:
 
     def __init__(self, posts: ElevationPosts, height_min_m: float, height_max_m: float) -> None:
         self.posts, self.height_min_m, self.height_max_m = posts, height_min_m, height_max_m
-        self._there = there = Transformer.from_crs(posts.frame.crs, posts.crs, always_xy=True)
+        self._there = there = posts.frame.transformer_to(posts.crs)
         middle = 0.5 * np.array(posts.up_m.shape)
         x = posts.first_x + posts.step_x * middle[1]
         y = posts.first_y + posts.step_y * np.array([middle[0], middle[0] + 1.0])
@@ -62,17 +62,52 @@ class GroundHeights:
         high = high + (column - i) * (posts.up_m[j + 1, i + 1] - high)
         return np.asarray(low + (row - j) * (high - low))
 
-    def too_near(
-        self, starts: FloatArray, ends: FloatArray, heights_m: FloatArray
-    ) -> Iterator[tuple[int, float]]:
-        """Yield number and least height over ground [m] of segments that are lower somewhere than they may.
+    def violations(
+        self, starts: FloatArray, ends: FloatArray, least_m: FloatArray, rows: NDArray[np.int64],
+        tolerance_m: float,
+    ) -> Iterator[Violation]:  # fmt: skip
+        """Yield the segments that are lower or higher somewhere than they may.
 
         Parameters
         ----------
         starts, ends : ndarray, shape (N, 3)
             Ends of the segments [m].
-        heights_m : ndarray, shape (N,)
+        least_m : ndarray, shape (N,)
             Height over ground to keep [m].
+        rows : ndarray, shape (N,)
+            The reported row of each segment.
+        tolerance_m : float
+            The greatest height over ground may be passed by this [m].
+        """
+        for segment, over in self._too_near(starts, ends, least_m):
+            row, limit = int(rows[segment]), float(least_m[segment])
+            yield Violation("clearance", row, over, limit, "distance to the ground [m]")
+        for segment, over in self._too_high(starts, ends, tolerance_m):
+            yield Violation("bounds", int(rows[segment]), over, self.height_max_m, "height over ground [m]")
+
+    def track_violations(self, positions_enu_m: FloatArray, tolerance_m: float) -> tuple[Violation, ...]:
+        """Return where a track breaks the limits of height over ground after it has been within them.
+
+        Parameters
+        ----------
+        positions_enu_m : ndarray, shape (K, 3)
+            Positions close together [m].
+        tolerance_m : float
+            The greatest height over ground may be passed by this [m].
+        """
+        least, starts, ends = self.height_min_m - TOLERANCE_M, positions_enu_m[:-1], positions_enu_m[1:]
+        over = positions_enu_m[:, 2] - self.up_m(positions_enu_m)
+        within = np.flatnonzero((over >= least) & (over <= self.height_max_m + tolerance_m))
+        rows = np.arange(1, len(positions_enu_m))
+        found = self.violations(starts, ends, np.full(len(starts), least), rows, tolerance_m)
+        return tuple(entry for entry in found if len(within) and entry.row > within[0])
+
+    def _too_near(
+        self, starts: FloatArray, ends: FloatArray, heights_m: FloatArray
+    ) -> Iterator[tuple[int, float]]:
+        """Yield number and least height over ground [m] of segments that are lower somewhere than they may.
+
+        ``starts`` and ``ends`` (N, 3) are those of the segments, ``heights_m`` (N,) the heights to keep [m].
         """
         over, which = self._along(starts, ends)
         least = np.full(len(starts), np.inf)
@@ -80,19 +115,14 @@ class GroundHeights:
         for segment in np.flatnonzero(least < heights_m):
             yield int(segment), float(least[segment])
 
-    def too_high(
+    def _too_high(
         self, starts: FloatArray, ends: FloatArray, tolerance_m: float
     ) -> Iterator[tuple[int, float]]:
         """Yield number and greatest height over ground [m] of segments above the highest that is allowed.
 
-        Parameters
-        ----------
-        starts, ends : ndarray, shape (N, 3)
-            Ends of the segments [m].
-        tolerance_m : float
-            The limit may be passed by this [m].
+        ``starts`` and ``ends`` (N, 3) are those of the segments; the limit may be passed by ``tolerance_m``.
         """
-        if np.isinf(self.height_max_m):
+        if np.isinf(self.height_max_m + tolerance_m):
             return
         over, which = self._along(starts, ends)
         most = np.full(len(starts), -np.inf)

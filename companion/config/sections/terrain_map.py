@@ -12,6 +12,7 @@ from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame
 from companion.kernels.arrays import Ground
 from companion.types.elevation import ElevationPosts
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.ground.elevation_file import TerrainError, read_posts
 from companion.world.ground.generated_ground import generated_posts, sample_posts
 from companion.world.ground.ground_cells import ground_cells, spacing_m
@@ -75,14 +76,29 @@ def served_heights_of(mission: MissionConfig) -> ServedHeights | None:
 
     A file is read some way beyond the bounds, as far as it reaches.
     """
-    terrain, posts = mission.terrain, posts_of(mission)
-    if terrain is None or posts is None:
+    if mission.terrain is None:
         return None
-    if terrain.file is not None:
-        west, east, south, north = _flat_bounds(mission)
-        wider = west - SERVED_M, east + SERVED_M, south - SERVED_M, north + SERVED_M
-        posts = read_posts(Path(terrain.file), mission.frame, wider, _geoid_m(terrain), may_have_holes=True)
-    return ServedHeights(posts)
+    return _served_heights(mission.terrain, mission.frame, _flat_bounds(mission))
+
+
+def autopilot_ground_of(
+    mission: MissionConfig, spacing_m: float, look_ahead: ClimbAhead
+) -> AutopilotGround | None:
+    """Return the ground as an ArduPilot stores it that was served; None without a section ``terrain``.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    spacing_m : float
+        Distance of the stored heights from each other [m].
+    look_ahead : ClimbAhead
+        How the autopilot climbs ahead of rising ground.
+    """
+    if mission.terrain is None:
+        return None
+    ground = _autopilot_ground(mission.terrain, mission.frame, _flat_bounds(mission), spacing_m)
+    return ground.looking(look_ahead)
 
 
 def _geoid_m(terrain: TerrainConfig) -> float:
@@ -110,6 +126,26 @@ def _posts(
     if apart > COARSE_M:
         raise TerrainError(f"posts {apart:.0f} m apart", f"a map with posts at most {COARSE_M:.0f} m apart")
     return posts
+
+
+@functools.lru_cache(maxsize=CACHED_MAPS_MAX)
+def _served_heights(
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float]
+) -> ServedHeights:
+    """Read a file some way beyond the bounds, or return the posts over them."""
+    if terrain.file is None:
+        return ServedHeights(_posts(terrain, frame, bounds))
+    west, east, south, north = bounds
+    wider = west - SERVED_M, east + SERVED_M, south - SERVED_M, north + SERVED_M
+    return ServedHeights(read_posts(Path(terrain.file), frame, wider, _geoid_m(terrain), may_have_holes=True))
+
+
+@functools.lru_cache(maxsize=CACHED_MAPS_MAX)
+def _autopilot_ground(
+    terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float], spacing_m: float
+) -> AutopilotGround:
+    """Return the ground as an ArduPilot stores it."""
+    return AutopilotGround(_served_heights(terrain, frame, bounds), frame, bounds, spacing_m)
 
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)

@@ -47,8 +47,13 @@ class TerrainConfig(Section):
     height_wanted_m: HeightOverGround | None = None
     """Below this height over ground a second costs more, the more the lower (`price_near`); by default 10 m
     above `height_min_m`, since a flight does not keep to its path to the metre."""
+    item_frame: Literal["amsl", "terrain"] = "amsl"
+    """What heights of uploaded waypoints count from. With `terrain` an ArduPlane keeps heights over ground
+    between them, by the heights that it stores (`TERRAIN_ENABLE` 1). A mission that would come too low that
+    way is uploaded with `amsl`, and the return path always is. A PX4 takes no such waypoints, and is not
+    taken over with `terrain`."""
     drivable_slope_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 30.0
     """Ground vehicles do not drive over steeper ground."""
     home_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 20.0
     """The map and the autopilot's home may differ in height by this much. With more the mission is not taken
-    over."""
+    over. In flight the pilot is told if the ground that the autopilot stores or measures differs by more."""

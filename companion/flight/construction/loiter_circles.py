@@ -1,4 +1,4 @@
-"""Circles that loiter items command.
+"""Places of items, and the circles that loiter items command.
 
 References
 ----------
@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
+from companion.flight.construction.mission_simulation import stored_ground
 from companion.flight.state.flight_state import FlightState
-from companion.mission.operator import FIRST_WITHOUT_PLACE, position_of
+from companion.mission.operator import FIRST_WITHOUT_PLACE, TERRAIN_FRAMES, position_of
 from companion.types.mission import Command, MissionItem
 
 RADIUS_PARAMETER: dict[int, int] = {  # The number, from 0, of the parameter that is a loiter's radius.
@@ -19,6 +20,20 @@ RADIUS_PARAMETER: dict[int, int] = {  # The number, from 0, of the parameter tha
     Command.NAV_LOITER_TIME: 2,
     Command.NAV_LOITER_TO_ALT: 1,
 }
+
+
+def place_of(state: FlightState, item: MissionItem) -> tuple[float, float, float] | None:
+    """Return east, north, up of an item [m]; None if it has no position or its height is not known.
+
+    Parameters
+    ----------
+    state : FlightState
+        Mission file, home, and the ground for items over terrain.
+    item : MissionItem
+        An item of the autopilot's list.
+    """
+    ground = stored_ground(state) if item.frame in TERRAIN_FRAMES else None
+    return position_of(item, state.mission.frame, state.mission_list.home_amsl_m, ground)
 
 
 def circle_of(
@@ -38,7 +53,7 @@ def circle_of(
     number = RADIUS_PARAMETER.get(item.command)
     if number is None:
         return None
-    place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
+    place = place_of(state, item)
     if place is None:
         return None
     radius = item.parameters[number] or float(state.rules.vehicle.turn_radius_min_m)

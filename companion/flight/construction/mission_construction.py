@@ -29,6 +29,7 @@ from companion.flight.construction.mission_simulation import (
     circle_stretch,
     commanded_airspeed_m_s,
     faults_of,
+    followed_ground,
     is_circle_exposed,
     lacking_in_other_winds,
     simulated,
@@ -49,6 +50,7 @@ from companion.mission.waypoints import (
 )
 from companion.types.mission import MissionItem
 from companion.types.path import FASTER_M_S, Path, run_on
+from companion.world.ground.autopilot_ground import AutopilotGround
 from companion.world.vehicle.guidance import Track
 
 HORIZONS = 3.0  # A mission carries the path of so many time horizons: beyond, threats are still to be sensed.
@@ -261,23 +263,12 @@ def _tolerance_m(state: FlightState) -> float:
 def _fitted(
     state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, is_last: bool
 ) -> Candidate:
-    """The mission over a part of a path, its waypoints moved until the simulated track follows the part."""
-    actions = _actions_along(state, part)
-    tried: list[tuple[Candidate, Track | None]] = []
-    for spacing in SPACINGS:
-        waypoints = waypoints_from_path(
-            part, airspeed_m_s, flies_by=state.flies_by, marked_m=[length for length, _ in actions],
-            spacing=spacing, height_tolerance_m=_tolerance_m(state),
-        )  # fmt: skip
-        for _ in range(CORRECTIONS + 1):
-            candidate, track = _judged(state, part, waypoints, circle)
-            tried.append((candidate, track))
-            if track is None or not candidate.faults.before_circle:
-                break
-            waypoints = _corrected(part, candidate.waypoints, track)
-        best, track = min(tried, key=lambda made: _rank(made[0]))
-        if not best.violations and not best.faults.short_m:
-            break
+    """The mission over a part of a path: heights over ground if asked for and allowed, else AMSL."""
+    actions, ground = _actions_along(state, part), followed_ground(state)
+    marked = [length for length, _ in actions]
+    best, track = _over(state, part, airspeed_m_s, circle, marked, ground)
+    if best.violations and ground is not None:
+        best, track = _over(state, part, airspeed_m_s, circle, marked, None)
     if track is not None and not best.violations:
         lacking = lacking_in_other_winds(state, best.waypoints, track)
         is_exposed = is_circle_exposed(state, best.waypoints, float(part.times_s[-1]))
@@ -291,6 +282,29 @@ def _fitted(
     return best._replace(waypoints=finished)
 
 
+def _over(
+    state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, marked_m: Sequence[float],
+    ground: AutopilotGround | None,
+) -> tuple[Candidate, Track | None]:  # fmt: skip
+    """A mission whose waypoints are moved until its simulated track follows the part, and that track."""
+    tried: list[tuple[Candidate, Track | None]] = []
+    for spacing in SPACINGS:
+        waypoints = waypoints_from_path(
+            part, airspeed_m_s, flies_by=state.flies_by, marked_m=marked_m, spacing=spacing,
+            height_tolerance_m=_tolerance_m(state), ground=ground,
+        )  # fmt: skip
+        for _ in range(CORRECTIONS + 1):
+            candidate, track = _judged(state, part, waypoints, circle)
+            tried.append((candidate, track))
+            if track is None or not candidate.faults.before_circle:
+                break
+            waypoints = _corrected(part, candidate.waypoints, track)
+        best, track = min(tried, key=lambda made: _rank(made[0]))
+        if not best.violations and not best.faults.short_m:
+            break
+    return best, track
+
+
 def _judged(
     state: FlightState, part: Path, waypoints: Waypoints, circle: Circle
 ) -> tuple[Candidate, Track | None]:
@@ -302,6 +316,7 @@ def _judged(
             legs, ends_in_loiter=True, loiter_radius_m=circle.radius_m,
             loiter_centre_enu_m=circle.centre_enu_m, may_come_back=True,
             wind_enu_m_s=state.wind_enu_m_s, airspeed_m_s=float(part.speeds_m_s.min()),
+            follows_ground=found.ground is not None,
         )  # fmt: skip
 
     waypoints, violations = merge_close_waypoints(waypoints, wrong_with)
@@ -326,7 +341,10 @@ def _judged(
 
 
 def _corrected(part: Path, waypoints: Waypoints, track: Track) -> Waypoints:
-    """Waypoints moved across the path, against the deviation of the track where each is passed."""
+    """Waypoints moved across the path, against the deviation of the track where each is passed.
+
+    Those over ground keep their height over it.
+    """
     passed, travelled, courses = waypoints.distances_m[:-1], part.travelled_m, np.unwrap(part.courses_rad)
     places = np.column_stack([np.interp(passed, travelled, part.positions_enu_m[:, k]) for k in range(2)])
     at = np.interp(passed, travelled, courses)
@@ -335,6 +353,8 @@ def _corrected(part: Path, waypoints: Waypoints, track: Track) -> Waypoints:
     nearest = away[np.arange(len(passed)), (away**2).sum(axis=2).argmin(axis=1)]
     moved = waypoints.positions_enu_m.copy()
     moved[:-1, :2] -= GAIN * (nearest * right).sum(axis=1)[:, None] * right
+    if waypoints.ground is not None:
+        moved[:, 2] += waypoints.ground.up_m(moved) - waypoints.ground.up_m(waypoints.positions_enu_m)
     return replace(waypoints, positions_enu_m=moved)
 
 

@@ -9,14 +9,24 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.config.sections.terrain_map import autopilot_ground_of
 from companion.flight.state.flight_state import FlightState
 from companion.frames import speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
-from companion.world.vehicle.guidance import Guidance, Track, default_guidance, track_of_legs
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
+from companion.world.vehicle.guidance import (
+    NO_FOLLOWED_GROUND,
+    Guidance,
+    Track,
+    default_guidance,
+    track_of_legs,
+)
 from companion.world.vehicle.vehicle_model import VehicleModel
 
+TERRAIN_SPACING_M, TERRAIN_LOOKAHD_M = 100.0, 2_000.0  # ArduPlane's defaults.
+LOOK_AHEAD_SHARE = 0.5  # ArduPlane looks ahead for ground that rises faster than at this share of its climb.
 BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
 LAP_PLACES = 13  # The threat level of a circle is looked up at so many places.
 SLOWEST_M_S = 3.0  # Ground speed by which a lap in strong wind is timed at least.
@@ -105,6 +115,38 @@ def guidance_of(state: FlightState) -> Guidance:
     )
 
 
+def followed_ground(state: FlightState) -> AutopilotGround | None:
+    """The ground over which the autopilot keeps the heights of waypoints; None unless that is asked for.
+
+    Parameters
+    ----------
+    state : FlightState
+        The mission file, and the autopilot's parameters.
+    """
+    terrain = state.mission.terrain
+    return stored_ground(state) if terrain is not None and terrain.item_frame == "terrain" else None
+
+
+def stored_ground(state: FlightState) -> AutopilotGround | None:
+    """The ground as the autopilot stores it that was served; None without a map, and for a PX4.
+
+    Parameters
+    ----------
+    state : FlightState
+        The mission file, and the autopilot's parameters.
+    """
+    settings = state.settings
+    if state.mission.terrain is None or not state.flies_by:
+        return None
+    distance = TERRAIN_LOOKAHD_M if settings.look_ahead_m is None else max(settings.look_ahead_m, 0.0)
+    climb = settings.climb_max_m_s or guidance_of(state).climb_rate_max_m_s
+    return autopilot_ground_of(
+        state.mission,
+        settings.terrain_spacing_m or TERRAIN_SPACING_M,
+        ClimbAhead(distance, LOOK_AHEAD_SHARE * climb),
+    )
+
+
 def guidance_over(state: FlightState, waypoints: Waypoints, *, at_once: bool = False) -> Guidance:
     """The autopilot's guidance over a mission, with the airspeed that the mission commands.
 
@@ -119,7 +161,13 @@ def guidance_over(state: FlightState, waypoints: Waypoints, *, at_once: bool = F
         the aircraft's limits say.
     """
     acceleration = AT_ONCE_M_S2 if at_once else state.rules.vehicle.acceleration_max_m_s2
-    return replace(guidance_of(state), airspeed_m_s=waypoints.airspeed_m_s, acceleration_m_s2=acceleration)
+    ground = NO_FOLLOWED_GROUND if waypoints.ground is None else waypoints.ground.followed
+    return replace(
+        guidance_of(state),
+        airspeed_m_s=waypoints.airspeed_m_s,
+        acceleration_m_s2=acceleration,
+        ground=ground,
+    )
 
 
 def circle_stretch(state: FlightState) -> float:
@@ -282,6 +330,9 @@ def faults_of(
         if entry.value < (margin if on_circle else TOUCHING_M):
             forbidden.append(replace(entry, limit=margin))
     between = part.positions_enu_m[:, None, :2] - track.positions_enu_m[None, :, :2]
+    ground, tolerance_m = state.rules.checker.ground, state.rules.checker.limits.altitude_tolerance_m
+    if waypoints.ground is not None and ground is not None:
+        forbidden += ground.track_violations(track.positions_enu_m, tolerance_m)
     deviation = float(np.linalg.norm(between, axis=2).min(axis=1).max())
     faults = Faults(
         on_circle_m=max(lacking[True], beyond[True]),
@@ -308,6 +359,7 @@ def lacking_in_other_winds(state: FlightState, waypoints: Waypoints, track: Trac
         The simulated flight over the mission in the wind now.
     """
     checker, num = state.rules.checker, len(waypoints.positions_enu_m)
+    guidance = replace(guidance_over(state, waypoints), airspeed_m_s=0.0)
     margin, lacking = checker.limits.margin_m, 0.0
     begin = max(int(np.searchsorted(track.reached, num)) - round(LAST_S / STEP_S), 0)
     number, lap = int(track.reached[begin]), len(track) - begin
@@ -320,7 +372,7 @@ def lacking_in_other_winds(state: FlightState, waypoints: Waypoints, track: Trac
             bank_rad=float(track.banks_rad[begin]),
         )  # fmt: skip
         other = track_of_legs(
-            guidance_of(state), own, waypoints.positions_enu_m[number:],
+            guidance, own, waypoints.positions_enu_m[number:],
             before_enu_m=waypoints.positions_enu_m[number - 1] if number > 0 else None,
             loiter=waypoints.circle, ends_s=lap * STEP_S, step_s=STEP_S,
         )  # fmt: skip

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
+from functools import partial
 
-from companion.config import MissionConfig
 from companion.errors import CompanionError
+from companion.flight.construction.mission_simulation import stored_ground
 from companion.flight.exchange.protocols import SwapProtocols
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.checkpoint import Checkpoint, key_of
@@ -28,7 +30,13 @@ from companion.flight.state.list_state import (
 )
 from companion.flight.state.modes import ModeEvent
 from companion.mission.list_layout import Layout
-from companion.mission.operator import Operator, goals_of_operator, operator_of, position_of
+from companion.mission.operator import (
+    TERRAIN_FRAMES,
+    Operator,
+    goals_of_operator,
+    operator_of,
+    position_of,
+)
 from companion.mission.path_progress import progress_on
 from companion.types.events import MissionCurrent, StatusText
 from companion.types.mission import Mission, MissionItem
@@ -196,18 +204,24 @@ def adopt(flight: StateOwner, protocols: SwapProtocols, read: tuple[MissionItem,
     )
     layout = protocol.layout_of(read, operator, current.sequence if current is not None else 0)
     listed = after_adopted(flight.listed, read, layout, operator, current, home)
-    flight.apply(after_list_adopted, listed, _tail_position(mission, operator, home))
+    is_over_ground = any(item.frame in TERRAIN_FRAMES for item in read)
+    ground = stored_ground(flight.state) if is_over_ground else None
+    flight.apply(
+        after_list_adopted,
+        listed,
+        _tail_position(operator, partial(position_of, frame=mission.frame, home_amsl_m=home, ground=ground)),
+    )
     if mission.goals_from_autopilot:
-        flight.apply(after_operator_goals, goals_of_operator(operator, mission.frame, home))
+        flight.apply(after_operator_goals, goals_of_operator(operator, mission.frame, home, ground))
     return layout
 
 
 def _tail_position(
-    mission: MissionConfig, operator: Operator, home_amsl_m: float | None
+    operator: Operator, place_of: Callable[[MissionItem], tuple[float, float, float] | None]
 ) -> tuple[float, float, float] | None:
     """Return where the operator's mission continues after the goal; None if that is not known."""
     for item in operator.items[operator.tail :]:
-        place = position_of(item, mission.frame, home_amsl_m)
+        place = place_of(item)
         if place is not None:
             return place
     return None

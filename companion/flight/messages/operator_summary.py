@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import place_of
 from companion.flight.prediction.return_path import is_unpredictable
 from companion.flight.prediction.return_words import goals_without_return, return_in_words
 from companion.flight.state.flight_state import FlightState
 from companion.flight.takeover.capability import shortfalls
 from companion.flight.takeover.takeover import described, last_item_of, takeoff_of
-from companion.mission.operator import FIRST_WITHOUT_PLACE, Operator, position_of
+from companion.mission.operator import FIRST_WITHOUT_PLACE, TERRAIN_FRAMES, Operator
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 
@@ -94,7 +95,7 @@ def _landing(operator: Operator) -> str:
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:
     """Return what is wrong with a list, the most serious first."""
-    found = list(shortfalls(state.mission, state.settings, state.home_enu_m))
+    found = list(shortfalls(state.mission, state.settings, state.home_enu_m, flies_by=state.flies_by))
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
         found.append(f"the mission file's origin is {away:.0f} km from here")
@@ -123,13 +124,14 @@ def _return(state: FlightState) -> list[str]:
 
 
 def _unplaced(state: FlightState, operator: Operator) -> list[str]:
-    """Return a fault for the first item whose height is not known, because it is over terrain."""
+    """Return a fault for the first item over terrain, if there is no map for it."""
     listed = [
         item
         for item in operator.items[operator.first :]
         if item.command < FIRST_WITHOUT_PLACE
         and (item.latitude_e7 or item.longitude_e7)
-        and position_of(item, state.mission.frame, state.mission_list.home_amsl_m or 0.0) is None
+        and item.frame in TERRAIN_FRAMES
+        and place_of(state, item) is None
     ]
     return [f"item {item.sequence + 1 - operator.first}: height over terrain" for item in listed[:1]]
 
@@ -151,6 +153,7 @@ def _legs(state: FlightState, operator: Operator) -> list[str]:
         wrong = state.rules.checker.check_legs(
             np.array([begin, end]), ends_in_loiter=True,
             loiter_radius_m=state.rules.vehicle.turn_radius_min_m,
+            follows_ground=item.frame in TERRAIN_FRAMES,
         )  # fmt: skip
         entry = next((entry for entry in wrong if entry.rule == "clearance"), None)
         if entry is not None:
@@ -163,6 +166,5 @@ def _places(
     state: FlightState, items: tuple[MissionItem, ...]
 ) -> list[tuple[MissionItem | None, tuple[float, float, float]]]:
     """Return items that have a position, with it [m]."""
-    home = state.mission_list.home_amsl_m
-    placed = [(item, position_of(item, state.mission.frame, home)) for item in items]
+    placed = [(item, place_of(state, item)) for item in items]
     return [(item, place) for item, place in placed if place is not None]

@@ -72,7 +72,11 @@ class VehicleLink:
         limits = SourceLimits(float(settings.source_rate_max_hz), settings.systems)
         self.codec = Codec(settings.vehicle_system_id, settings.track_sources, signer=signer, limits=limits)
         self.transport = transport
-        self.streams = Streams(float(settings.stream_rate_hz), with_battery=mission.energy is not None)
+        self.streams = Streams(
+            float(settings.stream_rate_hz),
+            with_battery=mission.energy is not None,
+            with_ground=mission.terrain is not None,
+        )
         self.quality = LinkQuality()
         self._clock = clock
         self._recorder = recorder

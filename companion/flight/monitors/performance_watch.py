@@ -1,5 +1,7 @@
 """Notice when the aircraft does not do what its plan says: no thrust, too low or high, beside, or slow.
 
+The ground below it is compared with the map, too.
+
 The pilot is informed, and the next plan begins where the aircraft is.
 """
 
@@ -10,6 +12,7 @@ import math
 import numpy as np
 
 from companion.flight.messages.announcer import Announcer
+from companion.flight.monitors.ground_watch import GroundWatch
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState, StateOwner
 from companion.flight.state.modes import Mode
@@ -43,6 +46,7 @@ class PerformanceWatch:
     def __init__(self, flight: StateOwner, world_model: WorldModel, announcer: Announcer) -> None:
         self._flight, self._world_model, self._announcer = flight, world_model, announcer
         self._thrust = ThrustMonitor()
+        self._ground = GroundWatch(flight, world_model, announcer)
         self._deviation = ""
         self._since_s = self._thrust_s = -math.inf
         self._announced = ""
@@ -56,6 +60,7 @@ class PerformanceWatch:
     def observe(self, event: Event) -> None:
         """Take an event of the aircraft."""
         self._thrust.observe(event)
+        self._ground.observe(event)
 
     def look(self, now_s: float) -> bool:
         """Inform the pilot of what has changed.

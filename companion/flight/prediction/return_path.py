@@ -24,12 +24,11 @@ from dataclasses import replace
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.flight.construction.loiter_circles import circle_of
+from companion.flight.construction.loiter_circles import circle_of, place_of
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray, wrapped_angle
-from companion.mission.operator import position_of
 from companion.mission.return_bank import followed, joined_item
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
@@ -208,7 +207,7 @@ def _legs_over(
             return legs, circle
         if item.command in LANDINGS:
             break
-        place = position_of(item, state.mission.frame, state.mission_list.home_amsl_m)
+        place = place_of(state, item)
         if place is not None and not (legs and np.array_equal(legs[-1], place)):
             legs.append(np.asarray(place))
     return legs, None
@@ -295,7 +294,7 @@ def _landing_of(state: FlightState) -> tuple[Place, Place] | None:
     if not any(item.command == Command.DO_LAND_START for item in tail):
         return None
     for item in tail:
-        place = position_of(item, state.mission.frame, listed.home_amsl_m)
+        place = place_of(state, item)
         if item.command == Command.NAV_LAND and place is not None:
             return place, state.tail_enu_m
     return None

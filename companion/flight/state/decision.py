@@ -49,6 +49,7 @@ class DecisionKind(Enum):
     ENGINE = "engine"
     ENERGY = "energy"
     OFF_PATH = "off path"
+    GROUND = "ground"
     RETURN = "return"
     RESTART = "restart"
     LINK = "link"

@@ -19,6 +19,8 @@ def shortfalls(
     mission: MissionConfig,
     settings: AutopilotSettings,
     home_enu_m: tuple[float, float, float] | None = None,
+    *,
+    flies_by: bool = True,
 ) -> tuple[str, ...]:
     """Return what the mission file asks for and the autopilot does not do, each with the two numbers.
 
@@ -32,6 +34,8 @@ def shortfalls(
         The autopilot's parameters; parameters that were not read cause no shortfall.
     home_enu_m : tuple of float, optional
         Home: east, north, up [m]. The fences are about the mission file's start until it is reported.
+    flies_by : bool
+        Whether the autopilot turns before a waypoint, as ArduPlane does.
     """
     vehicle = mission.vehicle
     cruise = float(vehicle.airspeed_cruise_m_s)
@@ -52,7 +56,20 @@ def shortfalls(
         if mission.dimension == 3 and most and asked > most * TOLERANCE:
             found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
     found += _beyond_fences(mission, settings, home_enu_m)
-    return (*found, *_other_ground(mission, home_enu_m))
+    return (
+        *found,
+        *_no_heights_over_ground(mission, settings, flies_by),
+        *_other_ground(mission, home_enu_m),
+    )
+
+
+def _no_heights_over_ground(mission: MissionConfig, settings: AutopilotSettings, flies_by: bool) -> list[str]:
+    """Return why the autopilot keeps no heights over ground, if waypoints ask for that."""
+    if mission.terrain is None or mission.terrain.item_frame != "terrain":
+        return []
+    if not flies_by:  # PX4 answers MAV_MISSION_UNSUPPORTED_FRAME (``mavlink_mission.cpp``).
+        return ["item_frame terrain: PX4 has only amsl"]
+    return ["item_frame terrain, TERRAIN_ENABLE 0"] if settings.terrain_enable == 0.0 else []
 
 
 def _other_ground(mission: MissionConfig, home_enu_m: tuple[float, float, float] | None) -> list[str]:

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.flight.construction.loiter_circles import circle_of
-from companion.flight.construction.mission_simulation import guidance_of
+from companion.flight.construction.loiter_circles import circle_of, place_of
+from companion.flight.construction.mission_simulation import guidance_of, stored_ground
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start, as_of_now, lead_s, start_after, start_at
 from companion.flight.takeover.takeover import TAKEOFFS, last_item_of, takeoff_of
 from companion.frames import FloatArray
-from companion.mission.operator import FIRST_WITHOUT_PLACE, altitude_amsl_of, position_of
+from companion.mission.operator import FIRST_WITHOUT_PLACE, TERRAIN_FRAMES, altitude_amsl_of
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
 from companion.world.snapshot import Snapshot
-from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
+from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, track_of_legs
 
 TAKEOVER_MARGIN_S = 1.0  # Time from the takeover to the entry, in addition to the exchange.
 PREDICTED_MAX_S = 120.0  # At most this much flight is predicted; a plan for later is made later.
@@ -114,7 +114,7 @@ def list_track(
         Whether that item is flown to directly from here, not along the leg that leads to it.
     """
     legs, circle = _legs_ahead(state, current, ownship)
-    guidance = guidance_of(state)
+    guidance = _guidance_to(state, current)
     climb_m_s = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
     if climb_m_s > guidance.climb_rate_max_m_s:  # In a take-off the aircraft climbs faster than in missions.
         guidance = replace(guidance, climb_rate_max_m_s=climb_m_s)
@@ -127,6 +127,14 @@ def list_track(
         guidance, ownship, np.array(legs), before_enu_m=before, loiter=circle, ends_s=PREDICTED_MAX_S,
         step_s=STEP_S,
     )  # fmt: skip
+
+
+def _guidance_to(state: FlightState, current: MissionCurrent) -> Guidance:
+    """Return the guidance; over ground if the current item is."""
+    item = next((item for item in state.mission_list.stored if item.sequence == current.sequence), None)
+    ground = stored_ground(state) if item is not None and item.frame in TERRAIN_FRAMES else None
+    usual = guidance_of(state)
+    return usual if ground is None else replace(usual, ground=ground.followed)
 
 
 def _legs_ahead(
@@ -142,7 +150,7 @@ def _legs_ahead(
         if takeoff is not None and item.sequence <= takeoff:
             legs.append(_takeoff_end(state, ownship, item))
             continue
-        place = position_of(item, state.mission.frame, listed.home_amsl_m)
+        place = place_of(state, item)
         if item.command in LIST_ENDINGS:
             break
         if place is not None:
@@ -155,7 +163,7 @@ def _place_before(state: FlightState, current: MissionCurrent) -> FloatArray | N
     listed = state.mission_list
     first = 0 if listed.operator is None else listed.operator.first
     for item in reversed(listed.stored[first : current.sequence]):
-        place = position_of(item, state.mission.frame, listed.home_amsl_m)
+        place = place_of(state, item)
         if place is not None:
             return None if item.command in TAKEOFFS else np.asarray(place)
     return None

@@ -61,7 +61,7 @@ def is_due(state: FlightState, current: MissionCurrent | None, ownship: Ownship 
 def _is_list_known(state: FlightState) -> bool:
     """Return whether the aircraft flies a known list, and can do what the mission file asks."""
     listed = state.mission_list
-    if shortfalls(state.mission, state.settings, state.home_enu_m):
+    if shortfalls(state.mission, state.settings, state.home_enu_m, flies_by=state.flies_by):
         return False
     return state.phase.is_airborne and listed.layout is not None and not listed.suspected
 

@@ -71,7 +71,7 @@ class Departure:
         listed = self._flight.listed
         # The summary is repeated if a parameter changes the shortfalls, or what a return does.
         state = self._flight.state
-        limited = shortfalls(state.mission, state.settings, state.home_enu_m)
+        limited = shortfalls(state.mission, state.settings, state.home_enu_m, flies_by=state.flies_by)
         news = listed.stored, (*limited, return_in_words(state))
         if listed.layout is not None and news != self._last_summary:
             self._last_summary = news

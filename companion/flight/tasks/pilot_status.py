@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import place_of
 from companion.flight.prediction.return_words import return_in_words
 from companion.flight.tasks.composition import Composition
-from companion.mission.operator import Operator, position_of
+from companion.mission.operator import Operator
 
 _DIGITS = 1  # Positions are rounded to decimetres.
 
@@ -71,10 +72,10 @@ class PilotStatus:
     def _operator_places(self) -> list[list[float]]:
         """Return the positions of the operator's items [m], computed again if the list changes."""
         state = self._parts.flight.state
-        operator, home = state.mission_list.operator, state.mission_list.home_amsl_m
+        operator = state.mission_list.operator
         if operator is not self._operator:
             self._operator = operator
             items = () if operator is None else operator.items[operator.first :]
-            found = (position_of(item, state.mission.frame, home) for item in items)
+            found = (place_of(state, item) for item in items)
             self._places = [np.round(place, _DIGITS).tolist() for place in found if place is not None]
         return self._places

@@ -7,6 +7,9 @@ References
 ----------
 Park, Deyst, How, "A New Nonlinear Guidance Logic for Trajectory Tracking", AIAA GNC 2004, equation 3, in
 the form of ArduPilot's ``AP_L1_Control.cpp`` (period and damping for the distance), with its loiter law.
+ArduPilot, ``Plane::set_target_altitude_proportion_terrain``, ``Plane::lookahead_adjustment`` and
+``AP_Terrain::lookahead``: heights over ground. Versions up to 4.7 make a small descent at once, 4.8 along the
+leg; here it is made at once, which is the lower of both.
 Beard, McLain, *Small Unmanned Aircraft*, 2012, eq. (9.14): the coordinated turn.
 """
 
@@ -14,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import Float1D, Float2D
+from companion.kernels.arrays import Float1D, Float2D, FollowedGround
 from companion.kernels.native.kernel import kernel, local_floats
 from companion.kernels.native.struct import Struct
 
@@ -145,6 +148,49 @@ def _height(share: float, begin: Float1D, end: Float1D, law: SteeringLaw) -> flo
 
 
 @kernel
+def ground_up(x: float, y: float, ground: FollowedGround) -> float:
+    """Height of the ground at a place, bilinear; beyond the grid that of its edge [m]."""
+    n, m, side = ground.up.shape[0], ground.up.shape[1], ground.grid[2]
+    u = max(0.0, min(n - 1.0, (x - ground.grid[0]) / side))
+    v = max(0.0, min(m - 1.0, (y - ground.grid[1]) / side))
+    i, j = min(n - 2, int(u)), min(m - 2, int(v))
+    u, v = u - i, v - j
+    west = ground.up[i, j] + v * (ground.up[i, j + 1] - ground.up[i, j])
+    east = ground.up[i + 1, j] + v * (ground.up[i + 1, j + 1] - ground.up[i + 1, j])
+    return west + u * (east - west)
+
+
+@kernel
+def _height_over_ground(
+    state: Float1D, share: float, begin: Float1D, end: Float1D, law: SteeringLaw, ground: FollowedGround
+) -> float:
+    """Height to be flown at a share of the leg from ``begin`` (3,) to ``end`` (3,), over ground [m]."""
+    first = begin[2] - ground_up(begin[0], begin[1], ground)
+    change = end[2] - ground_up(end[0], end[1], ground) - first
+    part = 1.0 if -law.slope_min < change < 0.0 else max(0.0, min(1.0, share))
+    return first + part * change + ground_up(state[0], state[1], ground)
+
+
+@kernel
+def _climb_ahead(
+    state: Float1D, speed: float, begin: Float1D, end: Float1D, law: SteeringLaw, ground: FollowedGround
+) -> float:
+    """Height that steep ground ahead adds on the leg from ``begin`` (3,) to ``end`` (3,) [m]."""
+    de, dn = end[0] - state[0], end[1] - state[1]
+    away = math.sqrt(de * de + dn * dn)
+    left, here = min(away, ground.look_ahead), ground_up(state[0], state[1], ground)
+    climb, along, most = ground.climb_rate / max(speed, SLOWEST), 0.0, 0.0
+    while left > 0.0:
+        along += ground.step
+        left -= ground.step
+        up = ground_up(state[0] + de / away * along, state[1] + dn / away * along, ground)
+        most = max(most, up - here - climb * along)
+    first = begin[2] - ground_up(begin[0], begin[1], ground)
+    change = end[2] - ground_up(end[0], end[1], ground) - first
+    return max(0.0, most + change) if change <= -law.slope_min else most
+
+
+@kernel
 def _is_reached(state: Float1D, share: float, end: Float1D, law: SteeringLaw) -> bool:
     """Return whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
     if abs(state[2] - end[2]) > law.height_acceptance:
@@ -156,19 +202,19 @@ def _is_reached(state: Float1D, share: float, end: Float1D, law: SteeringLaw) ->
 @kernel
 def fly_targets(
     state: Float1D, wind: tuple[float, float], places: Float2D, circle: Float1D,
-    law: SteeringLaw, every: int, rows: Float2D,
+    law: SteeringLaw, ground: FollowedGround, every: int, rows: Float2D,
 ) -> None:  # fmt: skip
     """Fly leg by leg, then round a circle; what is passed every so many steps goes to ``rows`` (K, 7).
 
     ``state`` (6,) e n up psi phi v is used up. ``places`` (M + 1, 3) the start of the first leg, and the
     targets. ``circle`` (4,) centre and signed radius of what follows the last; radius 0: its leg goes on.
     A row is e, n, up, course over the ground, bank, climb angle, and the number of the target: M behind
-    the last.
+    the last. Heights of targets follow the ``ground`` if it has a step; the circle is level.
     """
     target, begin, end = 1, local_floats(3), local_floats(3)
     begin[:] = places[0]
     last = len(places) - 1
-    climbed = 0.0
+    climbed, ahead = 0.0, 0.0
     for row in range(len(rows)):
         ve = state[5] * math.sin(state[3]) + wind[0]
         vn = state[5] * math.cos(state[3]) + wind[1]
@@ -176,6 +222,8 @@ def fly_targets(
         rows[row, 0], rows[row, 1], rows[row, 2] = state[0], state[1], state[2]
         rows[row, 3], rows[row, 4] = math.atan2(ve, vn), state[4]
         rows[row, 5], rows[row, 6] = math.atan2(climbed, max(speed, SLOWEST)), float(target - 1)
+        if ground.step > 0.0:
+            ahead = _climb_ahead(state, speed, begin, places[target], law, ground) if target <= last else 0.0
         for _ in range(every):
             ve = state[5] * math.sin(state[3]) + wind[0]
             vn = state[5] * math.cos(state[3]) + wind[1]
@@ -190,7 +238,11 @@ def fly_targets(
                 pull = circle_acceleration(state[0], state[1], ve, vn, circle, law)
             else:
                 end[:] = places[min(target, last)]
-                wanted = _height(_share(state, begin, end), begin, end, law)
+                share = _share(state, begin, end)
+                if ground.step > 0.0:
+                    wanted = _height_over_ground(state, share, begin, end, law, ground) + ahead
+                else:
+                    wanted = _height(share, begin, end, law)
                 if target > last:  # on along its line
                     end[0] += 1e3 * (end[0] - begin[0])
                     end[1] += 1e3 * (end[1] - begin[1])

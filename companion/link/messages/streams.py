@@ -20,6 +20,7 @@ _ASK_AGAIN_S = 5.0
 _FIRST_WAIT_S = 2.0
 _LATE_PERIODS = 5.0
 _BATTERY_HZ = 0.5
+_GROUND_HZ = 1.0
 
 
 @dataclass(slots=True)
@@ -52,10 +53,13 @@ class Streams:
         Requested rate of positions [Hz]; messages that change more slowly are requested at lower rates.
     with_battery : bool
         Whether the messages of the battery monitor are requested, too.
+    with_ground : bool
+        Whether the messages about the ground below the aircraft are requested, too.
     """
 
-    def __init__(self, rate_hz: float, *, with_battery: bool = False) -> None:
+    def __init__(self, rate_hz: float, *, with_battery: bool = False, with_ground: bool = False) -> None:
         self._rate_hz = rate_hz
+        self._with_ground = with_ground
         self._with_battery = with_battery
         self._reader = SettingsReader()
         self._streams: dict[int, _Stream] = {}
@@ -131,4 +135,7 @@ class Streams:
             rates[MessageId.ESC_TELEMETRY_1_TO_4] = (min(fast, 2.0), False)
         if self._with_battery:
             rates |= dict.fromkeys((MessageId.BATTERY_STATUS, MessageId.SYS_STATUS), (_BATTERY_HZ, False))
+        if self._with_ground:
+            stored = MessageId.ALTITUDE if dialect.sends_covariances else MessageId.TERRAIN_REPORT
+            rates |= dict.fromkeys((stored, MessageId.DISTANCE_SENSOR), (_GROUND_HZ, False))
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

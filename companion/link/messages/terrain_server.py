@@ -5,18 +5,17 @@ until it has all. It asks whoever is on the link; usually a ground station answe
 
 References
 ----------
-MAVLink ``common.xml``, TERRAIN_REQUEST, TERRAIN_DATA; ArduPilot ``AP_Terrain``, ``Location::offset_latlng``.
+MAVLink ``common.xml``, TERRAIN_REQUEST, TERRAIN_DATA; ArduPilot ``AP_Terrain``.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from itertools import islice
 
 import numpy as np
 
-from companion.frames import FloatArray
+from companion.frames import FloatArray, offset_places
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import Request
 
@@ -24,7 +23,6 @@ SIDE = 4  # Heights along each side of a square.
 ACROSS, SQUARES = 8, 56  # A request has squares in rows of eight from west to east.
 AT_ONCE = 16  # At most so many squares are sent at once.
 SPACING_M = range(1, 1_001)  # Other distances between heights are not served.
-M_PER_E7 = 0.011131884502145034  # ArduPilot's length of 1e-7 degrees of latitude.
 INT16 = 32_767.0
 EAST = np.arange(SIDE)
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
@@ -76,7 +74,4 @@ class TerrainServer:
         """Return heights (16,) [m], row by row from the south, each from west to east."""
         north = spacing_m * (SIDE * (square // ACROSS) + np.repeat(EAST, SIDE))
         east = spacing_m * (SIDE * (square % ACROSS) + np.tile(EAST, SIDE))
-        latitude = 1e-7 * (latitude_e7 + north / M_PER_E7)
-        middle = np.radians(0.5 * (1e-7 * latitude_e7 + latitude))
-        longitude = 1e-7 * (longitude_e7 + east / (M_PER_E7 * np.maximum(np.cos(middle), math.cos(1.5))))
-        return self._heights(latitude, longitude)
+        return self._heights(*offset_places(1e-7 * latitude_e7, 1e-7 * longitude_e7, north, east))

@@ -20,6 +20,7 @@ from companion.types.events import (
     EstimatorHealth,
     Event,
     GlobalPosition,
+    GroundReported,
     Heartbeat,
     HomePosition,
     LandedReported,
@@ -47,6 +48,7 @@ _NO_MISSION = 0xFFFF
 _REORDERED_MS = 2_000  # A frame that is older than this shows a restarted clock, not a late frame.
 _STD_MAX_M = 10_000.0
 _RPM_MAX = 1e6
+_DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270.
 
 Message = Any  # A pymavlink message, whose fields are set at run time.
 
@@ -153,6 +155,8 @@ class Telemetry:
             self.heights.note_pressure(message.press_abs)
         elif kind in ("BATTERY_STATUS", "SYS_STATUS"):
             yield from self._battery_reports(message, stamp_s)
+        elif kind in _GROUND_DECODERS:
+            yield from _GROUND_DECODERS[kind](message, stamp_s)
         elif kind in self._decoders:
             yield self._decoders[kind](message, frame, stamp_s)
 
@@ -311,3 +315,38 @@ def _engine_speeds(message: Message, _frame: RawFrame, stamp_s: float) -> Engine
     """Decode the speeds of up to four engines; the fastest one counts."""
     speeds = [abs(finite(float(value), _RPM_MAX, "rpm")) for value in message.rpm]
     return _engine_speed(stamp_s, message.get_type(), max(speeds))
+
+
+def _stored_ground(message: Message, stamp_s: float) -> Iterator[GroundReported]:
+    """Decode a TERRAIN_REPORT; where the autopilot has no heights, that is reported, too."""
+    where = place(message.lat, message.lon, "position")
+    height = altitude(message.terrain_height, "ground")
+    yield GroundReported(
+        stamp_s, "autopilot", height, None, where, float(message.spacing), message.pending, message.loaded
+    )
+
+
+def _measured_ground(message: Message, stamp_s: float) -> Iterator[GroundReported]:
+    """Decode a DISTANCE_SENSOR that looks down and measures; out of its range it measures nothing."""
+    low, high, here = message.min_distance, message.max_distance, message.current_distance
+    if not 0 <= low < high:
+        raise RefusedError("ground")
+    if message.orientation == _DOWNWARD and low < here < high:
+        yield GroundReported(stamp_s, "range finder", None, 0.01 * here)
+
+
+def _estimated_ground(message: Message, stamp_s: float) -> Iterator[GroundReported]:
+    """Decode an ALTITUDE with a clearance; PX4 fills ``altitude_terrain`` in its local frame.
+
+    Not a number, or a negative clearance, stands for an unknown one.
+    """
+    if not (math.isnan(message.bottom_clearance) or message.bottom_clearance < 0.0):
+        clearance = finite(message.bottom_clearance, ALTITUDE_RANGE_M[1], "ground")
+        yield GroundReported(stamp_s, "estimator", altitude(message.altitude_amsl - clearance, "ground"))
+
+
+_GROUND_DECODERS: dict[str, Callable[[Message, float], Iterator[GroundReported]]] = {
+    "TERRAIN_REPORT": _stored_ground,
+    "DISTANCE_SENSOR": _measured_ground,
+    "ALTITUDE": _estimated_ground,
+}

@@ -72,6 +72,7 @@ class LinkDoctor:
         self._streams = Streams(
             RATE_HZ if mission is None else float(mission.link.stream_rate_hz),
             with_battery=mission is not None and mission.energy is not None,
+            with_ground=mission is not None and mission.terrain is not None,
         )
         self._quality = LinkQuality()
         self._num_bytes = 0

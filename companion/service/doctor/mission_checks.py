@@ -86,7 +86,7 @@ class MissionDoctor:
             (CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing), ("return", returns),
         )  # fmt: skip
         findings = [ok(check, text) for check, text in texts if text]
-        refused = shortfalls(mission, settings, flight.state.home_enu_m)
+        refused = shortfalls(mission, settings, flight.state.home_enu_m, flies_by=protocols.dialect.flies_by)
         for fault in told.faults:
             if fault in refused:
                 advice = "change the mission file or the parameter: the service does not take over with it"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pyproj import CRS, Transformer
 
 from companion.errors import CompanionError
 from companion.frames import FloatArray, LocalFrame
@@ -113,7 +112,7 @@ def _box(
     corners = np.array([(west, south), (east, south), (east, north), (west, north), (west, south)])
     sides = [begin + share[:, None] * (end - begin) for begin, end in pairwise(corners)]
     edge_east, edge_north = np.concatenate(sides).T
-    there = Transformer.from_crs(frame.crs, CRS.from_wkt(crs), always_xy=True)
+    there = frame.transformer_to(crs)
     x, y = there.transform(edge_east, edge_north)
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise TerrainError("bounds far outside of the map's coordinates", "a map of this area")

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import Transformer
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Ground, IntArray
@@ -36,7 +35,7 @@ def spacing_m(posts: ElevationPosts, bounds: tuple[float, ...]) -> float:
     bounds : tuple of float
         East and north, each low and high [m].
     """
-    there = Transformer.from_crs(posts.frame.crs, posts.crs, always_xy=True)
+    there = posts.frame.transformer_to(posts.crs)
     x, y = there.transform(0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[2] + bounds[3]))
     xs, ys = np.array([x, x + posts.step_x, x]), np.array([y, y, y + posts.step_y])
     east, north = there.transform(xs, ys, direction="INVERSE")
@@ -69,12 +68,13 @@ def ground_cells(
     posts, side = _divided(posts, parts), max(apart / parts, least_side)
     shape = (math.ceil((east - west) / side) + 1, math.ceil((north - south) / side) + 1)
     high, low = np.full(shape, -math.inf), np.full(shape, math.inf)
-    back = Transformer.from_crs(posts.crs, posts.frame.crs, always_xy=True)
+    there = posts.frame.transformer_to(posts.crs)
     x = posts.first_x + posts.step_x * np.arange(posts.up_m.shape[1])
     for first in range(0, posts.up_m.shape[0] - 1, BLOCK_ROWS):
         up = posts.up_m[first : first + BLOCK_ROWS + 1]
         y = posts.first_y + posts.step_y * (first + np.arange(len(up)))
-        places = np.stack(back.transform(*np.meshgrid(x, y)))
+        xs, ys = np.meshgrid(x, y)
+        places = np.stack(there.transform(xs, ys, direction="INVERSE"))
         cells = np.floor((places - np.array([west, south]).reshape(2, 1, 1)) / side).astype(np.int64)
         _enter(high, low, up, cells)
     if not np.isfinite(low).all():

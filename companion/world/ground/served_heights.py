@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from pyproj import Transformer
 
-from companion.frames import FloatArray
+from companion.frames import FloatArray, transformer_between
 from companion.types.elevation import ElevationPosts
 from companion.world.ground.bilinear import bilinear
 
@@ -21,7 +20,7 @@ class ServedHeights:
 
     def __init__(self, posts: ElevationPosts) -> None:
         self._posts = posts
-        self._there = Transformer.from_crs("EPSG:4326", posts.crs, always_xy=True)
+        self._there = transformer_between("EPSG:4326", posts.crs)
 
     def __call__(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
         """Return the heights (N,) above mean sea level [m], not a number where they are unknown.

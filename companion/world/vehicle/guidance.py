@@ -2,7 +2,8 @@
 
 A planned path is an intention. The autopilot's guidance flies the mission from the aircraft's present bank
 and in the present wind, and this module simulates that flight. Heights change linearly from one waypoint to
-the next, no faster than the aircraft climbs. The airspeed stays constant unless another is commanded.
+the next, no faster than the aircraft climbs; those over ground change likewise. The airspeed stays constant
+unless another is commanded.
 
 References
 ----------
@@ -23,7 +24,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.aircraft.steering import STEP, SteeringLaw, fly_targets
-from companion.kernels.arrays import IntArray
+from companion.kernels.arrays import FollowedGround, IntArray
 from companion.types.state import Ownship
 from companion.world.vehicle.vehicle_model import VehicleModel
 
@@ -36,6 +37,7 @@ NPFG_PERIOD_S, NPFG_DAMPING = 10.0, 0.7  # PX4's defaults of NPFG_PERIOD and NPF
 WP_RADIUS_M, NAV_ACC_RAD_M = 50.0, 10.0  # Distances at which ArduPlane and PX4 accept a waypoint.
 NAV_FW_ALT_RAD_M = 10.0  # PX4's default: how near its height a waypoint is accepted.
 SLOPE_MIN_M = 15.0  # ArduPlane's GLIDE_SLOPE_MIN.
+NO_FOLLOWED_GROUND = FollowedGround(np.zeros((2, 2)), np.array([0.0, 0.0, 1.0]), 0.0, 0.0, 0.0)
 UNLIMITED_M = 1e6  # A height acceptance beyond all heights: ArduPlane accepts a waypoint at any height.
 
 
@@ -75,6 +77,8 @@ class Guidance:
         True airspeed commanded after the first target; 0 keeps the present airspeed [m/s].
     acceleration_m_s2 : float
         Acceleration towards the commanded airspeed [m/s²].
+    ground : FollowedGround
+        The ground, if the targets' heights are kept over it.
     """
 
     flies_by: bool
@@ -91,6 +95,7 @@ class Guidance:
     circle_stretch: float = 1.0
     airspeed_m_s: float = 0.0
     acceleration_m_s2: float = 0.0
+    ground: FollowedGround = NO_FOLLOWED_GROUND
 
     def __post_init__(self) -> None:
         positive = (
@@ -293,7 +298,7 @@ def _flown(
     )
     every = max(1, round(step_s / STEP))
     rows = np.empty((1 + max(0, math.ceil(ends_s / (every * STEP) - 1e-9)), 7))
-    fly_targets(state, (wind_east, wind_north), places, circle, guidance.law(), every, rows)
+    fly_targets(state, (wind_east, wind_north), places, circle, guidance.law(), guidance.ground, every, rows)
     rows[0, 3] = ownship.course_rad
     rows[0, 5] = ownship.flight_path_angle_rad
     courses = rows[:, 3] % (2.0 * math.pi)

@@ -83,6 +83,7 @@ class ArduPlane(MissionPilot):
         self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home
     ) -> None:
         super().__init__(flight, projection, parameters, home)
+        self.telemetry.builders[mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT] = self.telemetry.terrain_report
         self.store = MissionStore(home_item(home))
         self.runner = MissionRunner(self.store, self)
         self._transfer = self._fresh_transfer()
@@ -412,5 +413,7 @@ class ArduPlane(MissionPilot):
             return DENIED
         east, north = self.projection.local(request.latitude_e7 * 1e-7, request.longitude_e7 * 1e-7)
         self.set_mode("GUIDED")
-        self._go_to((east, north, self._height(request.frame, request.z)), request.parameters[2])
+        self._go_to(
+            (east, north, self._height(request.frame, request.z, (east, north))), request.parameters[2]
+        )
         return ACCEPTED

@@ -490,7 +490,7 @@ class Px4(MissionPilot):
         east, north = self.projection.local(request.latitude_e7 * 1e-7, request.longitude_e7 * 1e-7)
         self.set_mode("LOITER")
         radius = request.parameters[2] or self.parameters["WP_LOITER_RAD"]
-        self._steer_circle((east, north), radius, self._height(request.frame, request.z))
+        self._steer_circle((east, north), radius, self._height(request.frame, request.z, (east, north)))
         return ACCEPTED
 
     def _set_interval(self, request: CommandRequest) -> int:

@@ -22,8 +22,9 @@ from companion.flight.construction.mission_simulation import (
 from companion.mission.list_layout import new_banks
 from companion.mission.waypoints import mission_part, waypoints_from_path
 from companion.types.mission import Command
+from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.vehicle.guidance import track_of_legs
-from tests.flight.construction.test_cycle import BLOCK, EAST, begun, straight
+from tests.flight.construction.test_cycle import BLOCK, EAST, OPEN, begun, straight
 from tests.mission.made import item, path_along
 
 BOTH = pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
@@ -222,3 +223,42 @@ def test_what_is_slowed_down_is_slower_at_the_end():
     assert airspeed_at_end(fast, vehicle, 25.0) == pytest.approx(math.sqrt(769.0))
     assert airspeed_at_end(fast, vehicle, 37.0) == 37.0
     assert airspeed_at_end(path, vehicle, 25.0) == 25.0
+
+
+# --- heights over ground
+
+
+def over_ground(monkeypatch, heights, spacing_m=100.0, look_ahead_m=2000.0):
+    """A state of a flight over flat ground, whose autopilot has other heights of the ground stored."""
+    text = OPEN.replace("dimension: 2", "dimension: 3")
+    section = "terrain: {generated: {kind: hills, relief_m: 0.01}, height_min_m: 50, height_max_m: 100}\n"
+    made = begun(section, text)
+    east = (-200.0, 2000.0, -500.0, 500.0)
+    ground = AutopilotGround(heights, made.mission.frame, east, spacing_m)
+    ground = ground.looking(ClimbAhead(look_ahead_m, 2.0))
+    monkeypatch.setattr(mission_construction, "followed_ground", lambda state: ground)
+    return made, ground
+
+
+def test_a_mission_over_ground_has_terrain_frames(monkeypatch):
+    made, ground = over_ground(monkeypatch, lambda latitude, longitude: 0.0 * latitude + 584.0)
+    path = straight()
+    path = replace(path, positions_enu_m=path.positions_enu_m - [0.0, 0.0, 25.0])
+    found = construct(made, path, 30)
+    assert found.violations == ()
+    assert found.waypoints.ground is ground
+
+
+def test_a_mission_that_the_autopilot_would_fly_too_low_over_ground_is_above_the_sea(monkeypatch):
+    """The autopilot believes in pits 80 m deep every 100 m, between which no waypoints fit."""
+
+    def pits(latitude, longitude):
+        east = (longitude - 149.16523) * 111_195.0 * math.cos(math.radians(35.36))
+        return 544.0 + 40.0 * np.cos(2.0 * math.pi * east / 100.0)
+
+    made, _ = over_ground(monkeypatch, pits, spacing_m=25.0, look_ahead_m=0.0)
+    path = straight()
+    path = replace(path, positions_enu_m=path.positions_enu_m - [0.0, 0.0, 46.0])
+    found = construct(made, path, 30)
+    assert found.violations == ()
+    assert found.waypoints.ground is None

@@ -125,6 +125,12 @@ def test_known_roundings_do_not_count(read):
     assert difference(ITEMS, read) == ""
 
 
+def test_a_terrain_frame_comes_back_in_its_float_form():
+    sent = (ITEMS[0], replace(ITEMS[1], frame=MavFrame.GLOBAL_TERRAIN_ALT_INT))
+    assert difference(sent, (ITEMS[0], replace(sent[1], frame=MavFrame.GLOBAL_TERRAIN_ALT))) == ""
+    assert difference(sent, (ITEMS[0], replace(sent[1], frame=MavFrame.GLOBAL))) != ""
+
+
 def test_a_relative_frame_comes_back_in_its_float_form():
     sent = (ITEMS[0], replace(ITEMS[1], frame=MavFrame.GLOBAL_RELATIVE_ALT_INT))
     assert difference(sent, (ITEMS[0], replace(sent[1], frame=MavFrame.GLOBAL_RELATIVE_ALT))) == ""

@@ -92,3 +92,20 @@ def test_once_the_parameter_is_set_right_it_is_flown(dialect):
     harness = day(dialect, 130.0, limited(0.0, 20.0), uploaded(8.0), limited(12.0, 50.0), both(off(100.0)))
     assert "turn radius 125 m, autopilot 175" in harness.texts("fault")
     assert harness.app.num_swaps >= 1
+
+
+@pytest.mark.parametrize(
+    ("flies_by", "settings", "found"),
+    [
+        (True, {}, ()),
+        (True, {"terrain_enable": 1.0}, ()),
+        (True, {"terrain_enable": 0.0}, ("item_frame terrain, TERRAIN_ENABLE 0",)),
+        (False, {}, ("item_frame terrain: PX4 has only amsl",)),
+    ],
+)
+def test_heights_over_ground_need_an_arduplane_that_stores_the_ground(flies_by, settings, found):
+    section = "terrain: {generated: {kind: hills, relief_m: 1}, item_frame: FRAME}\n"
+    text = PLAIN.replace("dimension: 2", "dimension: 3") + section
+    for frame, expected in (("terrain", found), ("amsl", ())):
+        mission = mission_from_text(text.replace("FRAME", frame), "hills.yaml")
+        assert shortfalls(mission, AutopilotSettings(**settings), flies_by=flies_by) == expected

@@ -12,10 +12,23 @@ from companion.kernels.aircraft.steering import (
     leg_acceleration,
     moved,
 )
+from companion.kernels.arrays import FollowedGround
+from companion.world.vehicle.guidance import NO_FOLLOWED_GROUND
 
 LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0, 0.0, 0.0)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
+
+
+def start():
+    return np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0])
+
+
+def ground_along(north_m, heights_m, *, look_ahead_m=0.0, climb_m_s=2.5):
+    """Ground that changes to the north only, with nodes 50 m apart."""
+    north = np.arange(-500.0, 3000.0, 50.0)
+    up = np.tile(np.interp(north, north_m, heights_m), (20, 1))
+    return FollowedGround(up, np.array([-500.0, -500.0, 50.0]), 100.0, look_ahead_m, climb_m_s)
 
 
 @pytest.mark.parametrize(
@@ -69,8 +82,8 @@ def test_targets_are_counted_and_the_circle_ends_them():
     places = np.array([[0.0, 0.0, 100.0], [0.0, 300.0, 110.0], [300.0, 600.0, 110.0]])
     rows = np.empty((161, 7))
     fly_targets(
-        np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places,
-        np.array([600.0, 600.0, 120.0, 100.0]), LAW, 5, rows,
+        start(), (0.0, 0.0), places,
+        np.array([600.0, 600.0, 120.0, 100.0]), LAW, NO_FOLLOWED_GROUND, 5, rows,
     )  # fmt: skip
     assert sorted(set(rows[:, 6])) == [0.0, 1.0, 2.0]
     assert (np.diff(rows[:, 6]) >= 0.0).all()
@@ -82,7 +95,7 @@ def test_targets_are_counted_and_the_circle_ends_them():
 def test_without_a_circle_the_last_leg_goes_on():
     rows = np.empty((81, 7))
     places = np.array([[0.0, 0.0, 100.0], [0.0, 200.0, 100.0]])
-    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), LAW, 5, rows)
+    fly_targets(start(), (0.0, 0.0), places, np.zeros(4), LAW, NO_FOLLOWED_GROUND, 5, rows)
     assert rows[-1, 1] == pytest.approx(500.0, abs=1e-6)
     assert rows[-1, 6] == 1.0
 
@@ -91,7 +104,7 @@ def test_a_waypoint_missed_in_height_is_not_reached():
     law = LAW._replace(height_acceptance=10.0, climb_rate_max=0.5)
     rows = np.empty((161, 7))
     places = np.array([[0.0, 0.0, 100.0], [0.0, 200.0, 150.0], [500.0, 200.0, 150.0]])
-    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), law, 5, rows)
+    fly_targets(start(), (0.0, 0.0), places, np.zeros(4), law, NO_FOLLOWED_GROUND, 5, rows)
     assert rows[:, 6].max() == 0.0
 
 
@@ -101,8 +114,8 @@ def test_a_slight_change_of_height_is_made_at_once():
     for slope_min in (0.0, 15.0):
         rows = np.empty((41, 7))
         fly_targets(
-            np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4),
-            LAW._replace(slope_min=slope_min), 5, rows,
+            start(), (0.0, 0.0), places, np.zeros(4),
+            LAW._replace(slope_min=slope_min), NO_FOLLOWED_GROUND, 5, rows,
         )  # fmt: skip
         heights.append(rows[-1, 2])
     assert heights == pytest.approx([102.5, 110.0], abs=0.1)
@@ -112,8 +125,57 @@ def test_a_commanded_airspeed_is_taken_up_behind_the_first_target():
     """From 25 m/s at 0.5 m/s² to 30 m/s in ten seconds, which begin 50 m before the first target."""
     places = np.array([[0.0, 0.0, 100.0], [0.0, 300.0, 100.0], [0.0, 2000.0, 100.0]])
     law, rows = LAW._replace(airspeed=30.0, acceleration=0.5), np.empty((101, 7))
-    fly_targets(np.array([0.0, 0.0, 100.0, 0.0, 0.0, 25.0]), (0.0, 0.0), places, np.zeros(4), law, 5, rows)
+    fly_targets(start(), (0.0, 0.0), places, np.zeros(4), law, NO_FOLLOWED_GROUND, 5, rows)
     speeds = np.diff(rows[:, 1]) / 0.25
     assert speeds[:40] == pytest.approx(25.0)
     assert speeds[60] == pytest.approx(25.0 + 0.5 * (15.125 - 10.0), abs=0.05)
     assert speeds[-1] == pytest.approx(30.0)
+
+
+def flown(ground, places, *, circle=None, num_rows=161, law=LAW):
+    rows = np.empty((num_rows, 7))
+    circle = np.zeros(4) if circle is None else circle
+    fly_targets(start(), (0.0, 0.0), np.array(places), circle, law, ground, 5, rows)
+    return rows
+
+
+def test_heights_over_ground_follow_the_ground_between_targets():
+    """A hill 60 m high in the middle of a leg between two targets 100 and 130 m over flat ground."""
+    ground = ground_along([0.0, 400.0, 500.0, 600.0], [0.0, 0.0, 60.0, 0.0])
+    law = LAW._replace(climb_rate_max=50.0)
+    rows = flown(ground, [[0.0, 0.0, 100.0], [0.0, 1000.0, 130.0]], law=law)
+    hill = np.interp(rows[:, 1], [0.0, 400.0, 500.0, 600.0], [0.0, 0.0, 60.0, 0.0])
+    assert rows[:, 2] == pytest.approx(100.0 + 0.03 * np.minimum(rows[:, 1], 1000.0) + hill, abs=1.0)
+
+
+def test_a_target_on_a_hill_is_as_high_over_ground_as_one_in_the_valley():
+    """The ground rises by 100 m over 1 km, and so do the targets: 100 m over ground all along."""
+    ground = ground_along([0.0, 1000.0], [0.0, 100.0])
+    rows = flown(ground, [[0.0, 0.0, 100.0], [0.0, 1000.0, 200.0]])
+    assert rows[:, 2] - 0.1 * np.minimum(rows[:, 1], 1000.0) == pytest.approx(100.0, abs=0.2)
+
+
+def test_a_steep_rise_is_climbed_for_ahead_by_the_autopilots_look_ahead():
+    """From flat ground, at 25 m/s and 2.5 m/s of climb: ground 100 m higher at 500 m adds 100 - 50 m."""
+    places = [[0.0, 0.0, 100.0], [0.0, 1000.0, 200.0]]
+    for look_ahead, added in ((0.0, 0.0), (450.0, 50.0), (2000.0, 50.0)):
+        ground = ground_along([0.0, 400.0, 500.0], [0.0, 0.0, 100.0], look_ahead_m=look_ahead)
+        rows = flown(ground, places, num_rows=2, law=LAW._replace(climb_rate_max=1e3))
+        assert rows[1, 2] == pytest.approx(100.0 + added, abs=0.1)
+
+
+@pytest.mark.parametrize(("down_m", "share"), [(10.0, 1.0), (20.0, 0.5)])
+def test_over_ground_a_slight_descent_is_made_at_once(down_m, share):
+    law = LAW._replace(slope_min=15.0, climb_rate_max=1e3)
+    rows = flown(ground_along([0.0], [7.0]), [[0.0, 0.0, 100.0], [0.0, 1000.0, 100.0 - down_m]], law=law)
+    middle = rows[np.argmin(np.abs(rows[:, 1] - 500.0))]
+    assert middle[2] == pytest.approx(100.0 - share * down_m, abs=0.2)
+
+
+def test_a_circle_behind_targets_over_ground_is_level():
+    ground = ground_along([0.0, 2000.0], [0.0, 200.0])
+    law = LAW._replace(climb_rate_max=50.0)
+    circle = np.array([0.0, 400.0, 150.0, 125.0])
+    rows = flown(ground, [[0.0, 0.0, 100.0], [0.0, 400.0, 150.0]], circle=circle, law=law, num_rows=400)
+    round_it = rows[300:]
+    assert round_it[:, 2] == pytest.approx(150.0, abs=0.1)

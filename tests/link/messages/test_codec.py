@@ -22,6 +22,7 @@ from companion.types.events import (
     EstimatorAccuracy,
     EstimatorHealth,
     GlobalPosition,
+    GroundReported,
     Heartbeat,
     HomePosition,
     MissionCurrent,
@@ -155,6 +156,27 @@ def test_position():
         ),
         (mavlink.MAVLink_rpm_message(4_500.0, 0.0), EngineSpeed(10.0, "RPM", 4_500.0)),
         (
+            mavlink.MAVLink_terrain_report_message(-353_632_610, 1_491_652_300, 100, 612.5, 80.0, 3, 504),
+            GroundReported(
+                10.0,
+                "autopilot",
+                612.5,
+                None,
+                (pytest.approx(-35.363261), pytest.approx(149.16523)),
+                100.0,
+                3,
+                504,
+            ),
+        ),
+        (
+            mavlink.MAVLink_distance_sensor_message(5, 20, 12_000, 8_050, 0, 0, 25, 255),
+            GroundReported(10.0, "range finder", None, pytest.approx(80.5)),
+        ),
+        (
+            mavlink.MAVLink_altitude_message(0, 9.0, 700.0, 100.0, 100.0, math.nan, 80.0),
+            GroundReported(10.0, "estimator", 620.0),
+        ),
+        (
             mavlink.MAVLink_wind_message(270.0, 8.0, 0.0),
             WindEstimate(10.0, pytest.approx(8.0), pytest.approx(0.0, abs=1e-9)),
         ),
@@ -170,6 +192,37 @@ def test_telemetry(message, expected):
     assert events(codec, packed(message)) == [expected]
     assert events(codec, packed(message, system=2)) == []
     assert events(codec, packed(message, component=191)) == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_distance_sensor_message(5, 20, 12_000, 8_050, 0, 0, 0, 255),  # It looks ahead.
+        mavlink.MAVLink_distance_sensor_message(5, 20, 12_000, 12_000, 0, 0, 25, 255),  # Out of its range.
+        mavlink.MAVLink_altitude_message(0, 9.0, 700.0, 100.0, 100.0, math.nan, math.nan),
+        mavlink.MAVLink_altitude_message(0, 9.0, 700.0, 100.0, 100.0, math.nan, -1.0),
+    ],
+)
+def test_what_measures_no_ground_is_no_report(message):
+    codec = started()
+    assert events(codec, packed(message)) == []
+    assert codec.counters["refused_ground"] == 0
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_terrain_report_message(-353_632_610, 1_491_652_300, 100, math.nan, 80.0, 3, 504),
+        mavlink.MAVLink_terrain_report_message(-353_632_610, 1_491_652_300, 100, -1e9, 80.0, 3, 504),
+        mavlink.MAVLink_distance_sensor_message(5, 200, 100, 150, 0, 0, 25, 255),
+        mavlink.MAVLink_altitude_message(0, 9.0, math.inf, 100.0, 100.0, math.nan, 80.0),
+        mavlink.MAVLink_altitude_message(0, 9.0, 700.0, 100.0, 100.0, math.nan, 1e9),
+    ],
+)
+def test_impossible_ground_is_dropped_and_counted(message):
+    codec = started()
+    assert events(codec, packed(message)) == []
+    assert codec.counters["refused_ground"] == 1
 
 
 # Flags of ESTIMATOR_STATUS and EKF_STATUS_REPORT: 831 is what both autopilots tell in good flight.

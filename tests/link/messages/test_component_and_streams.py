@@ -115,6 +115,15 @@ def test_each_stream_is_asked_for_once(autopilot, there, absent):
     assert asked(streams, codec, 1.0) == {}
 
 
+@pytest.mark.parametrize(("autopilot", "stored"), [(3, MessageId.TERRAIN_REPORT), (12, MessageId.ALTITUDE)])
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_ground_is_asked_for_where_there_is_a_map(autopilot, stored, wanted):
+    codec, streams = Codec(1), Streams(10.0, with_ground=wanted)
+    note(streams, codec, heartbeat(autopilot=autopilot), 0.0)
+    first = asked(streams, codec, 0.0)
+    assert (stored in first, MessageId.DISTANCE_SENSOR in first) == (wanted, wanted)
+
+
 def test_home_is_asked_for_by_name_as_well():
     codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)

@@ -36,7 +36,8 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
     for meaning, name in names.items():
         assert getattr(settings, meaning) == pytest.approx(parameters[name])
     only_arduplane = {
-        "fence_enable", "fence_types", "num_rally_points", "rally_limit_km", "rally_includes_home"
+        "fence_enable", "fence_types", "num_rally_points", "rally_limit_km", "rally_includes_home",
+        "terrain_enable", "terrain_spacing_m", "look_ahead_m",
     }  # fmt: skip
     assert set(names) | only_arduplane == set(AutopilotSettings.__dataclass_fields__)
 

@@ -112,10 +112,11 @@ class Autopilot:
         self.folder.mkdir(parents=True)
         begin = self._arduplane if self.kind is ARDUPLANE else self._px4
         command, environment = begin(wind)
-        self.process = subprocess.Popen(
-            command, cwd=self.folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
-            stdout=(self.folder / "console.txt").open("w"), stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        with (self.folder / "console.txt").open("w") as console:
+            self.process = subprocess.Popen(
+                command, cwd=self.folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
+                stdout=console, stderr=subprocess.STDOUT,
+            )  # fmt: skip
 
     def _arduplane(self, wind):
         extra = self.folder / "flight.parm"
@@ -155,7 +156,9 @@ class Autopilot:
 
 
 def coordinate_frame(item):
-    """Frame of an item that is uploaded: relative to home, or none."""
+    """Frame of an item that is uploaded: its own, relative to home, or none."""
+    if item.frame is not None:
+        return item.frame
     if item.command == mavlink.MAV_CMD_NAV_RALLY_POINT:  # a PX4 returns by no other
         return mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     return mavlink.MAV_FRAME_MISSION if item.place is None else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT

@@ -43,6 +43,7 @@ class Item:
     command: int
     parameters: tuple = (0.0, 0.0, 0.0, 0.0)
     place: Place | None = None
+    frame: int | None = None
 
 
 def scaled(value, factor, key=""):

@@ -49,15 +49,16 @@ class ServiceProcess:
 
     def start(self):
         self.num_starts += 1
-        self.process = subprocess.Popen(
-            [
-                sys.executable, "-m", "companion", "run", str(self.folder / "mission.yaml"),
-                "--link", f"udpin://127.0.0.1:{self.port}", "--record", str(self.folder / "recordings"),
-                "--log", "json",
-            ],
-            env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=ROOT, stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL, stderr=self.log.open("w"),
-        )  # fmt: skip
+        with self.log.open("w") as log:
+            self.process = subprocess.Popen(
+                [
+                    sys.executable, "-m", "companion", "run", str(self.folder / "mission.yaml"),
+                    "--link", f"udpin://127.0.0.1:{self.port}", "--record", str(self.folder / "recordings"),
+                    "--log", "json",
+                ],
+                env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=ROOT, stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=log,
+            )  # fmt: skip
 
     def is_running(self):
         return self.process is not None and self.process.poll() is None
