@@ -37,8 +37,9 @@ def test_who_knows_no_ground_flies_into_the_ridge():
 
 @pytest.mark.slow
 @BOTH
-def test_real_mountains_are_crossed_between_both_limits(dialect):
-    mission, flight = flown("jacksboro", dialect, 1000.0)
+@pytest.mark.parametrize(("name", "until_s"), [("jacksboro", 1000.0), ("hills", 200.0), ("leeward", 300.0)])
+def test_ground_is_crossed_between_both_limits(name, until_s, dialect):
+    mission, flight = flown(name, dialect, until_s)
     truth = flight.simulator.truth
     assert flight.goal_reached
     assert not truth.collision
