@@ -22,6 +22,7 @@ Finding = tuple[KeyPath, str]
 _GRAVITY_M_S2 = 9.80665
 _BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
+MAP_TOLERANCE_M = 3.0  # A radar may lie this far below the ground of the map, which is not exact.
 ROUNDED = 0.005  # Rounding to three digits changes a number by at most this share.
 
 
@@ -112,6 +113,7 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
         yield ("terrain", sources[0]), f"{error.expected}; found: {error.got}"
         return
     yield from _over_ground(config, ground)
+    yield from _radars_over_ground(config, ground)
 
 
 def _heights_over_ground(config: MissionConfig, terrain: TerrainConfig) -> Iterator[Finding]:
@@ -136,6 +138,17 @@ def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
         if not low <= place.up_m <= high:
             limits = f"{math.ceil(low)}" + ("" if math.isinf(high) else f" to {math.floor(high)}")
             yield (*path, "up_m"), f"a height over ground within its limits: {limits}"
+
+
+def _radars_over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
+    """Check that no radar within the bounds lies below the ground: it would see nothing."""
+    (west, east), (south, north) = config.bounds.east_m, config.bounds.north_m
+    for index, radar in enumerate(config.radars):
+        at = np.array([radar.east_m, radar.north_m])
+        low = float(ground.low[cells_along(ground, 0, at[:1])[0], cells_along(ground, 1, at[1:])[0]])
+        is_mapped = west <= radar.east_m <= east and south <= radar.north_m <= north
+        if is_mapped and radar.up_m < low - MAP_TOLERANCE_M:
+            yield ("radars", index, "up_m"), f"at least the height of the ground there, {math.ceil(low)}"
 
 
 def _takeover(config: MissionConfig) -> Iterator[Finding]:

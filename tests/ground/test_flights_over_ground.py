@@ -1,5 +1,6 @@
 """Flights over ground in the simulator, and beside them flights that know no ground."""
 
+import numpy as np
 import pytest
 
 from companion.config import load_mission
@@ -44,3 +45,14 @@ def test_ground_is_crossed_between_both_limits(name, until_s, dialect):
     assert flight.goal_reached
     assert not truth.collision
     assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0
+
+
+@pytest.mark.slow
+@BOTH
+def test_in_range_of_the_radar_on_the_ridge_the_way_stays_out_of_its_sight(dialect):
+    mission, flight = flown("leeward", dialect, 300.0)
+    (radar,) = mission.radars
+    places = np.array(flight.simulator.truth.path)[:, 1:4]
+    away = np.linalg.norm(places - (radar.east_m, radar.north_m, radar.up_m), axis=1)
+    assert (away < radar.max_threat_radius_m).mean() > 0.5
+    assert flight.measures().over_all()["seconds_in_radar"] < 10.0

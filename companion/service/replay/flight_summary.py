@@ -246,7 +246,7 @@ def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bo
     return summary | {reason: count for reason, count in told.counters.items() if count}
 
 
-def _over_ground(mission: MissionConfig, flown: FloatArray) -> dict[str, float]:
+def _over_ground(mission: MissionConfig, flown: FloatArray) -> dict[str, float | int | bool | str]:
     """Return the least height over ground of ``flown`` (N, 7), columns as before; nothing without a map."""
     ground = ground_heights_of(mission)
     if ground is None or not len(flown):
