@@ -108,7 +108,7 @@ def build(
     )  # fmt: skip
     parameters = _parameters(mission, dialect)
     battery = _battery(mission, parameters, dialect, battery_drain)
-    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters, battery)
+    flight = Flight(dynamics, Sensors(sensing, TICK_S), parameters, battery, ground)
     latitude, longitude = projection.degrees(start.east_m, start.north_m)
     home = Home(
         start.east_m, start.north_m, home_m, round(latitude * 1e7), round(longitude * 1e7),

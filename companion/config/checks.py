@@ -85,12 +85,26 @@ def _glide(config: MissionConfig) -> Iterator[Finding]:
         else:
             areas.append((area.name, shapely.Polygon(area.polygon_enu_m)))
     for index, place in enumerate(glide.fields):
+        yield from _field_over_ground(config, index, place)
         for name, polygon in areas:
             if polygon.covers(shapely.Point(place.east_m, place.north_m)):
                 yield ("glide", "fields", index), f"a point outside of people, {name!r}"
         for obstacle in config.obstacles:
             if _is_inside(place, obstacle):
                 yield ("glide", "fields", index), f"a point outside the obstacle {obstacle.name!r}"
+
+
+def _field_over_ground(config: MissionConfig, index: int, place: FieldConfig) -> Iterator[Finding]:
+    """Check that a field's height is given where no map has it, and that the map reaches there."""
+    if (place.up_m is None) is (config.terrain is None):
+        expected = "a height, since there is no section terrain"
+        if config.terrain is not None:
+            expected = "left out, since the map of the section terrain has it"
+        yield ("glide", "fields", index, "up_m"), expected
+    for key in ("east_m", "north_m"):
+        low, high = getattr(config.bounds, key)
+        if config.terrain is not None and not low <= getattr(place, key) <= high:
+            yield ("glide", "fields", index, key), f"within bounds.{key}, {low:g} to {high:g}"
 
 
 def _terrain(config: MissionConfig) -> Iterator[Finding]:
@@ -101,8 +115,6 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
     if len(sources) != 1:
         yield ("terrain",), "one of file, generated and sample"
         return
-    if config.glide is not None:
-        yield ("glide",), "left out, since there is a section terrain: glides know flat ground only"
     yield from _heights_over_ground(config, terrain)
     # Many commands read no map, and PROJ takes long to import.
     from companion.config.sections.terrain_map import TerrainError, ground_of  # noqa: PLC0415
@@ -299,7 +311,7 @@ def _points_in_obstacles(config: MissionConfig) -> Iterator[Finding]:
 
 
 def _is_inside(place: Start | Goal | FieldConfig, obstacle: ObstacleConfig) -> bool:
-    if not obstacle.base_m <= place.up_m <= obstacle.top_m:
+    if place.up_m is not None and not obstacle.base_m <= place.up_m <= obstacle.top_m:
         return False
     polygon = shapely.Polygon(obstacle.polygon_enu_m)
     return bool(polygon.covers(shapely.Point(place.east_m, place.north_m)))

@@ -11,6 +11,7 @@ from sim.vehicle.fdm import STEP_S, FlightDynamics, Start
 from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from sim.vehicle.sensors import Estimate, Sensors
 from sim.vehicle.simulated_battery import SimulatedBattery
+from sim.vehicle.true_ground import TrueGround
 
 FDM_STEPS_A_TICK = 2
 TICK_S = FDM_STEPS_A_TICK * STEP_S
@@ -81,6 +82,8 @@ class Flight:
         Limits and tuning, read at every guidance update.
     battery : SimulatedBattery, optional
         Gives the power of the thrust; without one nothing is used up.
+    ground : TrueGround, optional
+        The ground; by default it is flat at the origin's height.
 
     Attributes
     ----------
@@ -106,8 +109,10 @@ class Flight:
         sensors: Sensors,
         parameters: Parameters,
         battery: SimulatedBattery | None = None,
+        ground: TrueGround | None = None,
     ) -> None:
         self.dynamics = dynamics
+        self.ground = ground
         self.sensors = sensors
         self.battery = battery
         self._parameters = parameters
@@ -124,6 +129,12 @@ class Flight:
         self.is_standing = False
         self.has_thrust = True
         self._ticks = 0
+
+    @property
+    def ground_up_m(self) -> float:
+        """Height of the ground below the aircraft [m]."""
+        true = self.dynamics.state
+        return 0.0 if self.ground is None else self.ground.up_m(true.east_m, true.north_m)
 
     @property
     def position(self) -> Point:

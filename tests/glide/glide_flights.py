@@ -164,7 +164,8 @@ def judged(number, mission, dialect, harness):
         told.place = place.place.name
         away = math.dist((east, north), place.place.position_enu_m[:2])
         told.beside_m = round(away - place.place.radius_m, 1)
-    is_down = harness.simulator._scenario.flight.is_standing or up <= 1.0
+    ground_m = 0.0 if truth.ground is None else truth.ground.up_m(east, north)
+    is_down = harness.simulator._scenario.flight.is_standing or up <= ground_m + 1.0
     if told.touched:
         told.verdict = "touched"
     elif not is_down:

@@ -112,7 +112,6 @@ def mission_text(terrain, **changes):
         ("{generated: {kind: hills}, height_max_m: 40}", "terrain.height_max_m", "above height_min_m, 50"),
         ("{generated: {kind: hills}, height_wanted_m: 40}", "terrain.height_wanted_m", "between"),
         ("{generated: {kind: hills, relief_m: 3000}}", "start.up_m", "height over ground"),
-        ("{generated: {kind: hills}}\nglide: {ratio: 10, airspeed_m_s: 20}", "glide", "flat ground only"),
     ],
 )
 def test_a_wrong_section_is_named_with_its_key(terrain, key, words):
