@@ -9,6 +9,7 @@ from pyproj import Transformer
 
 from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.config import mission_from_text
+from companion.config.load import recorded_text
 from companion.config.mission_summary import mission_summary
 from companion.config.sections.terrain_map import ground_of, posts_of
 from companion.errors import ConfigError
@@ -143,6 +144,18 @@ def test_a_file_lies_beside_the_mission_file(tmp_path):
     mission = mission_from_text(text, str(tmp_path / "mission.yaml"))
     assert posts_of(mission).name == "map.tif"
     assert np.isfinite(ground_of(mission).high).all()
+
+
+def test_a_recording_finds_the_map_from_another_folder(tmp_path):
+    write(tmp_path / "a map.tif", UTM, 25.0, beyond=0.1, amsl=-2000.0)
+    text = mission_text("{file: a map.tif, height_min_m: 60}  # our valley")
+    mission = mission_from_text(text, str(tmp_path / "mission.yaml"))
+    with pytest.raises(ConfigError, match="No such file"):
+        mission_from_text(text, str(tmp_path / "flights" / "flight.mcap"))
+    told = recorded_text(text, mission)
+    assert mission_from_text(told, str(tmp_path / "flights" / "flight.mcap")) == mission
+    assert told.endswith("height_min_m: 60}  # our valley\n")
+    assert recorded_text(PLAIN, mission_from_text(PLAIN, "m.yaml")) == PLAIN
 
 
 def test_the_same_seed_gives_the_same_ground():
