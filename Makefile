@@ -108,8 +108,8 @@ campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pi
 	$(BIN)/python -m tests.torture kills -n 50
 	$(BIN)/python -m tests.torture pilots -n 50
 
-glide: $(STAMP) ## stop the engine anywhere in N flights over random fields, on both autopilots; prints where they end
-	$(BIN)/python -m tests.glide -n $(N) --jobs $(patsubst logical,1,$(JOBS))
+glide: $(STAMP) ## stop the engine anywhere in N flights over random fields, on both autopilots; FLAGS=--ground: over maps; prints where they end
+	$(BIN)/python -m tests.glide -n $(N) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 mutants: warm ## change the program at 360 random places drawn by SEED: do the tests notice 9 of 10? FLAGS=--again for survivors
 	$(BIN)/python -m tests.mutants --seed $(SEED) $(FLAGS)

@@ -22,6 +22,7 @@ Finding = tuple[KeyPath, str]
 _GRAVITY_M_S2 = 9.80665
 _BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
+MAP_TOLERANCE_M = 3.0  # A radar may lie this far below the ground of the map, which is not exact.
 ROUNDED = 0.005  # Rounding to three digits changes a number by at most this share.
 
 
@@ -84,12 +85,26 @@ def _glide(config: MissionConfig) -> Iterator[Finding]:
         else:
             areas.append((area.name, shapely.Polygon(area.polygon_enu_m)))
     for index, place in enumerate(glide.fields):
+        yield from _field_over_ground(config, index, place)
         for name, polygon in areas:
             if polygon.covers(shapely.Point(place.east_m, place.north_m)):
                 yield ("glide", "fields", index), f"a point outside of people, {name!r}"
         for obstacle in config.obstacles:
             if _is_inside(place, obstacle):
                 yield ("glide", "fields", index), f"a point outside the obstacle {obstacle.name!r}"
+
+
+def _field_over_ground(config: MissionConfig, index: int, place: FieldConfig) -> Iterator[Finding]:
+    """Check that a field's height is given where no map has it, and that the map reaches there."""
+    if (place.up_m is None) is (config.terrain is None):
+        expected = "a height, since there is no section terrain"
+        if config.terrain is not None:
+            expected = "left out, since the map of the section terrain has it"
+        yield ("glide", "fields", index, "up_m"), expected
+    for key in ("east_m", "north_m"):
+        low, high = getattr(config.bounds, key)
+        if config.terrain is not None and not low <= getattr(place, key) <= high:
+            yield ("glide", "fields", index, key), f"within bounds.{key}, {low:g} to {high:g}"
 
 
 def _terrain(config: MissionConfig) -> Iterator[Finding]:
@@ -100,8 +115,6 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
     if len(sources) != 1:
         yield ("terrain",), "one of file, generated and sample"
         return
-    if config.glide is not None:
-        yield ("glide",), "left out, since there is a section terrain: glides know flat ground only"
     yield from _heights_over_ground(config, terrain)
     # Many commands read no map, and PROJ takes long to import.
     from companion.config.sections.terrain_map import TerrainError, ground_of  # noqa: PLC0415
@@ -112,6 +125,7 @@ def _terrain(config: MissionConfig) -> Iterator[Finding]:
         yield ("terrain", sources[0]), f"{error.expected}; found: {error.got}"
         return
     yield from _over_ground(config, ground)
+    yield from _radars_over_ground(config, ground)
 
 
 def _heights_over_ground(config: MissionConfig, terrain: TerrainConfig) -> Iterator[Finding]:
@@ -136,6 +150,17 @@ def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
         if not low <= place.up_m <= high:
             limits = f"{math.ceil(low)}" + ("" if math.isinf(high) else f" to {math.floor(high)}")
             yield (*path, "up_m"), f"a height over ground within its limits: {limits}"
+
+
+def _radars_over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
+    """Check that no radar within the bounds lies below the ground: it would see nothing."""
+    (west, east), (south, north) = config.bounds.east_m, config.bounds.north_m
+    for index, radar in enumerate(config.radars):
+        at = np.array([radar.east_m, radar.north_m])
+        low = float(ground.low[cells_along(ground, 0, at[:1])[0], cells_along(ground, 1, at[1:])[0]])
+        is_mapped = west <= radar.east_m <= east and south <= radar.north_m <= north
+        if is_mapped and radar.up_m < low - MAP_TOLERANCE_M:
+            yield ("radars", index, "up_m"), f"at least the height of the ground there, {math.ceil(low)}"
 
 
 def _takeover(config: MissionConfig) -> Iterator[Finding]:
@@ -286,7 +311,7 @@ def _points_in_obstacles(config: MissionConfig) -> Iterator[Finding]:
 
 
 def _is_inside(place: Start | Goal | FieldConfig, obstacle: ObstacleConfig) -> bool:
-    if not obstacle.base_m <= place.up_m <= obstacle.top_m:
+    if place.up_m is not None and not obstacle.base_m <= place.up_m <= obstacle.top_m:
         return False
     polygon = shapely.Polygon(obstacle.polygon_enu_m)
     return bool(polygon.covers(shapely.Point(place.east_m, place.north_m)))

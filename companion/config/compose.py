@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
@@ -118,21 +120,30 @@ def landing_places_of(
     mission : MissionConfig
         The mission file, with a section ``glide``.
     home_enu_m : tuple of float, optional
-        Home; by default the start's place at the origin's height [m].
+        Home; by default the start's place on the ground [m].
     rally_points_enu_m : tuple of tuple of float
-        Rally points, at flying height; their ground counts as home's [m].
+        Rally points, at flying height. Their ground is the map's; without one it counts as home's [m].
     """
+    ground = ground_heights_of(mission)
+
+    def on_ground(east: float, north: float, flat_m: float) -> Place:
+        """Return a place at the height of the map's ground, or at that of flat ground [m]."""
+        up = flat_m if ground is None else float(ground.up_m(np.array([[east, north]]))[0])
+        return float(east), float(north), up
+
     fields = () if mission.glide is None else mission.glide.fields
     places = [
         LandingPlace(
-            entry.name, (float(entry.east_m), float(entry.north_m), float(entry.up_m)), float(entry.radius_m)
+            entry.name,
+            on_ground(entry.east_m, entry.north_m, float(entry.up_m or 0.0)),
+            float(entry.radius_m),
         )
         for entry in fields
     ]
-    home = home_enu_m or (float(mission.start.east_m), float(mission.start.north_m), 0.0)
+    home = home_enu_m or on_ground(mission.start.east_m, mission.start.north_m, 0.0)
     places.append(LandingPlace("home", home, HOME_RADIUS_M))
     for number, (east, north, _) in enumerate(rally_points_enu_m, 1):
-        places.append(LandingPlace(f"rally {number}", (east, north, home[2]), HOME_RADIUS_M))
+        places.append(LandingPlace(f"rally {number}", on_ground(east, north, home[2]), HOME_RADIUS_M))
     return tuple(places)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import yaml
@@ -92,6 +93,25 @@ def _beside(config: MissionConfig, file: str) -> MissionConfig:
 def text_of(config: MissionConfig) -> str:
     """Return the text of a mission file for a mission that was not read from one."""
     return yaml.safe_dump(config.model_dump(mode="json", exclude_none=True), sort_keys=False)
+
+
+def recorded_text(text: str, config: MissionConfig) -> str:
+    """Return the text of a mission file for a recording, which lies elsewhere: its map has an absolute path.
+
+    Parameters
+    ----------
+    text : str
+        The mission file; empty if the mission was not read from one.
+    config : MissionConfig
+        The mission as it was read.
+    """
+    if not text:
+        return text_of(config)
+    terrain = config.terrain
+    if terrain is None or terrain.file is None:
+        return text
+    _, begin, end = parse(text, "recording").places["terrain", "file"]
+    return text[:begin] + json.dumps(terrain.file) + text[end:]
 
 
 def require_goals(config: MissionConfig, file: str) -> None:

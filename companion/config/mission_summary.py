@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from companion.config import MissionConfig
-from companion.config.compose import bounds_of, energy_budget_of, goals_of, wind_of
+from companion.config.compose import energy_budget_of, goals_of, wind_of
 from companion.config.rules import rules_of
-from companion.config.sections.terrain_map import ground_of, posts_of, spacing_m
+from companion.config.sections.ground_summary import (
+    ground_document,
+    ground_words,
+    over_ground_words,
+    straight_way,
+)
 from companion.mission.energy_budget import EnergyBudget
 from companion.mission.glide.glide_coverage import Coverage, coverage_of_legs, coverage_of_path
 from companion.plain_text import printable
@@ -56,7 +60,7 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
             for threat in mission.dynamic_threats
         ],
     }
-    budget, coverage, ground = mission_budget(mission), mission_coverage(mission), _ground_document(mission)
+    budget, coverage, ground = mission_budget(mission), mission_coverage(mission), ground_document(mission)
     if ground is not None:
         summary["ground"] = ground
     if budget is not None:
@@ -64,22 +68,6 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
     if coverage is not None:
         summary["glide"] = coverage.document()
     return summary
-
-
-def _ground_document(mission: MissionConfig) -> dict[str, object] | None:
-    """Return what the map of heights holds over the bounds; None without a map."""
-    posts, bounds = posts_of(mission), bounds_of(mission)
-    if posts is None:
-        return None
-    ground = ground_of(mission)
-    lowest, highest = round(float(ground.low.min())), round(float(ground.high.max()))
-    return {
-        "map": posts.name,
-        "lowest_up_m": lowest,
-        "highest_up_m": highest,
-        "highest_amsl_m": highest + round(mission.frame.altitude_amsl_m),
-        "spacing_m": round(spacing_m(posts, bounds)),
-    }
 
 
 def mission_budget(mission: MissionConfig) -> EnergyBudget | None:
@@ -150,32 +138,26 @@ def summary_table(mission: MissionConfig) -> Table:
     """Return a short summary for the terminal."""
     title = printable(f"{mission.name}: {mission.description or 'no description'}")
     table = Table(title=Text(title, style="table.title"), show_header=False)
-    start, goal, vehicle = mission.start, mission.goals[-1], mission.vehicle
-    straight = math.dist((start.east_m, start.north_m), (goal.east_m, goal.north_m))
+    start, vehicle = mission.start, mission.vehicle
+    straight = float(np.hypot(*np.diff(straight_way(mission)[:, :2], axis=0).T).sum())
     table.add_row("dimension", f"{mission.dimension}")
     table.add_row("origin", f"{mission.origin.latitude_deg:.6f}, {mission.origin.longitude_deg:.6f}")
-    table.add_row(
-        "start", f"{start.east_m:g} E, {start.north_m:g} N, {start.up_m:g} m up, {start.course_deg:g}°"
-    )
+    over = over_ground_words(mission)
+    where = f"{start.east_m:g} E, {start.north_m:g} N, {start.up_m:g} m up, {start.course_deg:g}°"
+    table.add_row("start", where + next(over))
     for number, entry in enumerate(mission.goals, 1):
         where = f"{entry.east_m:g} E, {entry.north_m:g} N, {entry.up_m:g} m up"
         where += f", within {entry.acceptance_radius_m:g} m"
-        table.add_row(f"goal {number}", where)
-    table.add_row(
-        "straight way", f"{straight:.0f} m, {straight / vehicle.airspeed_cruise_m_s:.0f} s at cruise"
-    )
+        table.add_row(f"goal {number}", where + next(over))
+    way = f"{straight:.0f} m, {straight / vehicle.airspeed_cruise_m_s:.0f} s at cruise"
+    table.add_row("straight way", way + next(over))
     table.add_row(
         "aircraft",
         f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g} m/s, "
         f"turn radius {vehicle.turn_radius_min_m:g} m",
     )
-    ground = _ground_document(mission)
-    if ground is not None:
-        table.add_row(
-            "ground",
-            f"{ground['lowest_up_m']} to {ground['highest_up_m']} m up, posts {ground['spacing_m']} m apart, "
-            f"{printable(str(ground['map']))}; highest {ground['highest_amsl_m']} m AMSL",
-        )
+    if mission.terrain is not None:
+        table.add_row("ground", ground_words(mission))
     table.add_row("obstacles", str(len(mission.obstacles)))
     table.add_row("radars", str(len(mission.radars)))
     table.add_row("moving threats", str(len(mission.dynamic_threats)))

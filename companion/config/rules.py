@@ -88,7 +88,7 @@ class Rules:
         Parameters
         ----------
         home_enu_m : tuple of float, optional
-            Home; by default the start's place at the origin's height [m].
+            Home; by default the start's place on the ground [m].
         rally_points_enu_m : tuple of tuple of float
             Rally points, at flying height [m].
         """
@@ -97,8 +97,12 @@ class Rules:
             return None
         people = tuple(np.array(area.polygon_enu_m, dtype=np.float64) for area in glide.people)
         places = landing_places_of(self.mission, home_enu_m, rally_points_enu_m)
-        ground = 0.0 if home_enu_m is None else home_enu_m[2]
-        return GlideOptions(model, places, people, self.obstacles, self.checker, ground)
+        flat_m, ground = 0.0 if home_enu_m is None else home_enu_m[2], ground_heights_of(self.mission)
+        # A glide ends on the ground: its heights over ground are judged apart from the other obstacles.
+        checker = (
+            self.checker if ground is None else Checker(self.obstacles, self.checker.limits, self.exposure)
+        )
+        return GlideOptions(model, places, people, self.obstacles, checker, flat_m, ground)
 
 
 def rules_of(

@@ -14,7 +14,7 @@ import numpy as np
 
 from companion import __version__
 from companion.config import MissionConfig
-from companion.config.load import text_of
+from companion.config.load import recorded_text
 from companion.errors import RecordError
 from companion.frames import LocalFrame
 from companion.link.wire.tlog import TlogWriter
@@ -111,7 +111,7 @@ class Recorder:
             try:
                 make_folder(self.folder)
                 if self.about is not None:
-                    text = self.about.mission_text or text_of(self.about.mission)
+                    text = recorded_text(self.about.mission_text, self.about.mission)
                     replace_file(self.folder / MISSION_FILE, text.encode(), SHARED)
             except OSError as error:
                 raise RecordError(f"{self.folder}: {error.strerror}") from error
@@ -146,7 +146,7 @@ class Recorder:
             channels.MISSION, now_s,
             {
                 "name": about.mission.name,
-                "mission_file": about.mission_text or text_of(about.mission),
+                "mission_file": recorded_text(about.mission_text, about.mission),
                 "seed": about.seed,
                 "epoch_s": self.epoch_s,
                 "clock": "wall" if about.step_s is None else "simulated",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from companion.frames import FloatArray
+from companion.kernels.geometry.radar_shadow import NO_SHADOW
 from companion.world.snapshot import Snapshot
 
 NODES_LONG_SIDE = 180  # A picture has this many cells along the longer side of the bounds.
+FLOOR_CELLS = 2  # A radar's floor is the lowest of so many cells of its shadow along each side.
 
 
 def threat_field(
@@ -79,6 +83,43 @@ def _hidden(
         np.clip(column, 0, cells.shape[0] - 1)[None, :], np.clip(row, 0, cells.shape[1] - 1)[:, None]
     ]
     return np.asarray(is_in & found)
+
+
+def sight_floor(snapshot: Snapshot, number: int) -> tuple[FloatArray, tuple[float, float, float]]:
+    """Return the height above which a radar sees, cell by cell: what is lower is hidden, or below h_B.
+
+    Ground and obstacles hide what lies below all nodes of the shadow about a cell, by the planner's rule.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        The world.
+    number : int
+        Number of the radar.
+
+    Returns
+    -------
+    floor_m : ndarray, shape (NY, NX)
+        The height [m]. It is minus infinity where nothing hides, plus infinity where everything is hidden,
+        and not a number farther away than the radar's range.
+    grid : tuple of float
+        West and south edge of the first cell, and the spacing [m].
+    """
+    threats = snapshot.threats
+    east_m, north_m, up_m, reach_m, coefficient = (float(value) for value in threats.radars[number])
+    lowest = np.where(threats.shadows[number] <= NO_SHADOW, -np.inf, threats.shadows[number])
+    for axis in range(2):
+        pairs = np.minimum(*(np.delete(lowest, end, axis=axis) for end in (-1, 0)))
+        lowest = np.minimum.reduceat(pairs, np.arange(0, pairs.shape[axis], FLOOR_CELLS), axis=axis)
+    west, south, side = float(threats.grid[0]), float(threats.grid[1]), FLOOR_CELLS * float(threats.grid[2])
+    east, north = (
+        first + side * (0.5 + np.arange(count))
+        for first, count in zip((west, south), lowest.shape, strict=True)
+    )
+    level = np.hypot(east - east_m, (north - north_m)[:, None])
+    level = np.maximum(level - side / math.sqrt(2.0), 0.0)  # That of no place in the cell is less.
+    boundary = up_m + coefficient * level**2 if coefficient > 0.0 else -np.inf
+    return np.where(level <= reach_m, np.maximum(lowest.T, boundary), np.nan), (west, south, side)
 
 
 def flight_height(snapshot: Snapshot, ups_m: FloatArray, fallback_m: float) -> float:

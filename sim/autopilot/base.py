@@ -98,6 +98,9 @@ class Autopilot(ABC):
         self.telemetry.builders[mavlink.MAVLINK_MSG_ID_HEARTBEAT] = self.heartbeat
         self.telemetry.builders[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT] = self.mission_current
         self.telemetry.builders[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION] = self.version
+        if flight.ground is not None:
+            self.telemetry.builders[mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR] = self.telemetry.height_sensor
+            self.default_streams = (*self.default_streams, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
         self.channels: list[Channel] = []
         self.now_us = 0
         self.is_armed = True
@@ -242,9 +245,9 @@ class Autopilot(ABC):
         """Leave the ground when a take-off is flown, come to rest at a landing's end, disarm by itself."""
         flight = self.flight
         if not flight.is_standing:
-            is_down = flight.estimate.up_m <= self.home.up_m + _TOUCHDOWN_M
-            if self.active_command == mavlink.MAV_CMD_NAV_LAND and is_down:
-                flight.stand(self.home.up_m)
+            is_landing = self.active_command == mavlink.MAV_CMD_NAV_LAND
+            if is_landing and flight.estimate.up_m <= flight.ground_up_m + _TOUCHDOWN_M:
+                flight.stand(flight.ground_up_m)
                 self._grounded_us = self.now_us
         elif self.is_armed and self.active_command == mavlink.MAV_CMD_NAV_TAKEOFF:
             if self.now_us - self._grounded_us >= _ROLL_US:

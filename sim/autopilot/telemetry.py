@@ -21,6 +21,8 @@ _EKF_FLAGS = 831  # Attitude, velocities and positions are good; GPS is in use.
 _UNKNOWN_U16 = 65535
 _IGNORE_ALL_BUT_POSITION = 65016
 _NO_TEMPERATURE = 32767
+_HEIGHT_SENSOR_M = (0.2, 120.0)  # Least and greatest distance that the height sensor measures.
+_GOOD_SIGNAL, _NO_SIGNAL = 100, 1  # As DISTANCE_SENSOR has them, in percent.
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +274,18 @@ class Telemetry:
             *(0.0,) * 3,
             self.boot_time_us(),
         )
+
+    def height_sensor(self) -> Message:
+        """DISTANCE_SENSOR: a laser that points down from the aircraft, without a signal out of its range."""
+        true, (least, most) = self._flight.dynamics.state, _HEIGHT_SENSOR_M
+        tilt = max(math.cos(true.bank_rad) * math.cos(true.pitch_rad), 1e-3)
+        distance = (true.up_m - self._flight.ground_up_m) / tilt
+        return mavlink.MAVLink_distance_sensor_message(
+            self._boot_ms(), round(100 * least), round(100 * most),
+            round(100 * min(max(distance, least), most)), mavlink.MAV_DISTANCE_SENSOR_LASER, 0,
+            mavlink.MAV_SENSOR_ROTATION_PITCH_270, 0,
+            signal_quality=_GOOD_SIGNAL if least <= distance <= most else _NO_SIGNAL,
+        )  # fmt: skip
 
     def _extended_state(self) -> Message:
         is_down = self._flight.is_standing

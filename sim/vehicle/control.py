@@ -87,7 +87,7 @@ class Flight:
     battery : SimulatedBattery, optional
         Gives the power of the thrust; without one nothing is used up.
     ground : TrueGround, optional
-        The ground, of which the autopilot stores heights.
+        The ground, of which the autopilot stores heights; by default it is flat at the origin's height.
 
     Attributes
     ----------
@@ -118,6 +118,7 @@ class Flight:
         ground: TrueGround | None = None,
     ) -> None:
         self.dynamics = dynamics
+        self.ground = ground
         self.sensors = sensors
         self.battery = battery
         self._parameters = parameters
@@ -135,6 +136,12 @@ class Flight:
         self.has_thrust = True
         self.stored_ground = None if ground is None else ground.stored()
         self._ticks = 0
+
+    @property
+    def ground_up_m(self) -> float:
+        """Height of the ground below the aircraft [m]."""
+        true = self.dynamics.state
+        return 0.0 if self.ground is None else self.ground.up_m(true.east_m, true.north_m)
 
     @property
     def position(self) -> Point:

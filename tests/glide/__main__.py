@@ -1,21 +1,22 @@
 """``make glide``: flights whose engine stops, by the hundred; prints where they end, and what went wrong."""
 
 import argparse
+import functools
 import logging
 import sys
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 
-from tests.glide.glide_flights import flown
+from tests.glide.glide_flights import OVER_GROUND, WORLDS, flown
 
 WRONG = frozenset({"touched", "elsewhere", "not down"})
 TOLD_FLIGHTS = 25
 
 
-def outcome(number):
+def outcome(number, worlds):
     """The outcome of a flight, without its harness."""
-    return flown(number)[0]
+    return flown(number, worlds)[0]
 
 
 def say(text):
@@ -30,11 +31,13 @@ def main():
     parser.add_argument("-n", type=int, default=500, help="flights")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
+    parser.add_argument("--ground", action="store_true", help="over maps of heights")
     chosen = parser.parse_args()
+    worlds = OVER_GROUND if chosen.ground else WORLDS
     began, counts = time.time(), Counter()
     numbers = range(chosen.first, chosen.first + chosen.n)
     with ProcessPoolExecutor(chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)) as pool:
-        for told in pool.map(outcome, numbers):
+        for told in pool.map(functools.partial(outcome, worlds=worlds), numbers):
             counts[told.verdict] += 1
             if told.verdict in WRONG:
                 say(f"  {told}")

@@ -11,10 +11,13 @@ from companion.config import load_mission
 from companion.config.sections.glide_section import FieldConfig, GlideConfig, PeopleConfig
 from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
+from sim.autopilot.operator_missions import ground_of
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
 
 WORLDS = ("valley", "first-flight", "paper-3d", "city-block")
+OVER_GROUND = ("ridge", "jacksboro", "hills", "leeward")
+LEVEL_M, LEVEL_SIDES = 8.0, 12  # Fields over ground are drawn where heights on their edge differ by less.
 RATIO = 10.5  # The simulated aircraft glides 10.7 m per metre of height at 18 m/s true, the propeller away.
 AIRSPEED_M_S = 18.0
 WIND_MAX_M_S = 6.0
@@ -46,12 +49,13 @@ class Outcome:
     verdict: str = ""
 
 
-def mission_of(number):
+def mission_of(number, worlds=WORLDS):
     """The mission, the autopilot and the share of the flight at which the engine stops, by number."""
     draw = np.random.default_rng([number, 71])
-    name = WORLDS[number % len(WORLDS)]
-    dialect = (Dialect.ARDUPILOT, Dialect.PX4)[number // len(WORLDS) % 2]
+    name = worlds[number % len(worlds)]
+    dialect = (Dialect.ARDUPILOT, Dialect.PX4)[number // len(worlds) % 2]
     mission = load_mission(CONFIGS / f"{name}.yaml")
+    ground, _ = ground_of(mission)
     walls = shapely.unary_union([shapely.Polygon(entry.polygon_enu_m) for entry in mission.obstacles])
     (east0, east1), (north0, north1) = mission.bounds.east_m, mission.bounds.north_m
     fields, people = [], []
@@ -60,9 +64,13 @@ def mission_of(number):
         east, north = float(draw.uniform(east0, east1)), float(draw.uniform(north0, north1))
         if len(fields) < wanted and walls.distance(shapely.Point(east, north)) >= FIELD_CLEAR_M:
             radius = float(round(draw.uniform(*FIELD_RADII_M)))
-            fields.append(
-                FieldConfig(name=f"F{len(fields)}", east_m=east, north_m=north, up_m=0.0, radius_m=radius)
-            )
+            up_m = 0.0 if ground is None else None
+            if ground is None or _is_level(ground, east, north, radius):
+                fields.append(
+                    FieldConfig(
+                        name=f"F{len(fields)}", east_m=east, north_m=north, up_m=up_m, radius_m=radius
+                    )
+                )
     for index in range(2):
         east, north = float(draw.uniform(east0, east1)), float(draw.uniform(north0, north1))
         square = shapely.box(east, north, east + PEOPLE_SIDE_M, north + PEOPLE_SIDE_M)
@@ -79,6 +87,14 @@ def mission_of(number):
     authority = mission.authority.model_copy(update={"glide": True})
     changes = {"glide": glide, "simulation": weather, "authority": authority}
     return mission.model_copy(update=changes), dialect, float(draw.uniform(0.0, 1.0))
+
+
+def _is_level(ground, east, north, radius):
+    """Whether the ground on the edge of a field is level."""
+    angles = np.linspace(0.0, 2.0 * math.pi, LEVEL_SIDES)
+    return (
+        float(np.ptp(ground.ups_m(east + radius * np.sin(angles), north + radius * np.cos(angles)))) < LEVEL_M
+    )
 
 
 class GlideHarness(SitlHarness):
@@ -130,9 +146,9 @@ def duration_s(mission):
     return way / mission.vehicle.airspeed_cruise_m_s
 
 
-def flown(number):
+def flown(number, worlds=WORLDS):
     """Fly a number; return its outcome and the harness."""
-    mission, dialect, share = mission_of(number)
+    mission, dialect, share = mission_of(number, worlds)
     last_s = max(FIRST_S + 5.0, LAST_SHARE * duration_s(mission))
     harness = GlideHarness(mission, number, dialect, FIRST_S + share * (last_s - FIRST_S))
     harness.fly(harness.stop_s + 60.0 + DOWN_MAX_S, harness.act)
@@ -164,7 +180,8 @@ def judged(number, mission, dialect, harness):
         told.place = place.place.name
         away = math.dist((east, north), place.place.position_enu_m[:2])
         told.beside_m = round(away - place.place.radius_m, 1)
-    is_down = harness.simulator._scenario.flight.is_standing or up <= 1.0
+    ground_m = 0.0 if truth.ground is None else truth.ground.up_m(east, north)
+    is_down = harness.simulator._scenario.flight.is_standing or up <= ground_m + 1.0
     if told.touched:
         told.verdict = "touched"
     elif not is_down:

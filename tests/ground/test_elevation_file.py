@@ -1,5 +1,7 @@
 """Maps are read as they were written, in any coordinate system, and refused where they do not serve."""
 
+import contextlib
+
 import numpy as np
 import pytest
 import rasterio
@@ -7,12 +9,13 @@ from pyproj import Transformer
 
 from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.config import mission_from_text
+from companion.config.load import recorded_text
 from companion.config.mission_summary import mission_summary
 from companion.config.sections.terrain_map import ground_of, posts_of
 from companion.errors import ConfigError
 from companion.world.ground.elevation_file import TerrainError, read_posts
 from tests.ground.maps import BOUNDS, FRAME
-from tests.sim.client import PLAIN
+from tests.sim.client import CONFIGS, PLAIN
 
 UTM, DEGREES = "EPSG:32755", "EPSG:4326"
 
@@ -110,7 +113,6 @@ def mission_text(terrain, **changes):
         ("{generated: {kind: hills}, height_max_m: 40}", "terrain.height_max_m", "above height_min_m, 50"),
         ("{generated: {kind: hills}, height_wanted_m: 40}", "terrain.height_wanted_m", "between"),
         ("{generated: {kind: hills, relief_m: 3000}}", "start.up_m", "height over ground"),
-        ("{generated: {kind: hills}}\nglide: {ratio: 10, airspeed_m_s: 20}", "glide", "flat ground only"),
     ],
 )
 def test_a_wrong_section_is_named_with_its_key(terrain, key, words):
@@ -120,12 +122,40 @@ def test_a_wrong_section_is_named_with_its_key(terrain, key, words):
     assert words in caught.value.expected
 
 
+def test_a_radar_below_the_ground_is_refused():
+    """It would see nothing. In ``ridge`` the ground is 230 m up 2,500 m east, 900 m north."""
+    text = (CONFIGS / "ridge.yaml").read_text(encoding="utf-8")
+    place = "east_m: 1900, north_m: 300, up_m: 71"
+    assert place in text
+    for up_m, is_below in ((80.0, True), (232.0, False)):
+        moved = text.replace(place, f"east_m: 2500, north_m: 900, up_m: {up_m}")
+        with pytest.raises(ConfigError) if is_below else contextlib.nullcontext() as caught:
+            mission_from_text(moved, "ridge.yaml")
+        if is_below:
+            assert caught.value.key == "radars.0.up_m"
+            assert "height of the ground there" in caught.value.expected
+    far = text.replace(place, "east_m: 9000, north_m: 900, up_m: 0")
+    assert mission_from_text(far, "ridge.yaml").radars[0].up_m == 0
+
+
 def test_a_file_lies_beside_the_mission_file(tmp_path):
     write(tmp_path / "map.tif", UTM, 25.0, beyond=0.1, amsl=-2000.0)
     text = mission_text("{file: map.tif}")
     mission = mission_from_text(text, str(tmp_path / "mission.yaml"))
     assert posts_of(mission).name == "map.tif"
     assert np.isfinite(ground_of(mission).high).all()
+
+
+def test_a_recording_finds_the_map_from_another_folder(tmp_path):
+    write(tmp_path / "a map.tif", UTM, 25.0, beyond=0.1, amsl=-2000.0)
+    text = mission_text("{file: a map.tif, height_min_m: 60}  # our valley")
+    mission = mission_from_text(text, str(tmp_path / "mission.yaml"))
+    with pytest.raises(ConfigError, match="No such file"):
+        mission_from_text(text, str(tmp_path / "flights" / "flight.mcap"))
+    told = recorded_text(text, mission)
+    assert mission_from_text(told, str(tmp_path / "flights" / "flight.mcap")) == mission
+    assert told.endswith("height_min_m: 60}  # our valley\n")
+    assert recorded_text(PLAIN, mission_from_text(PLAIN, "m.yaml")) == PLAIN
 
 
 def test_the_same_seed_gives_the_same_ground():
@@ -142,6 +172,12 @@ def test_the_same_seed_gives_the_same_ground():
 
 def test_the_summary_says_what_the_map_holds():
     mission = mission_from_text(mission_text("{generated: {kind: hills, seed: 1, relief_m: 40}}"), "m.yaml")
-    assert mission_summary(mission)["ground"] == {
+    told = mission_summary(mission)["ground"]
+    of_places = {key: told.pop(key) for key in list(told) if "over_ground" in key or "way" in key}
+    assert set(of_places) == {
+        *("start_over_ground_m", "goals_over_ground_m"),
+        *("straight_way_over_ground_m", "straight_way_lowest_after_m"),
+    }
+    assert told == {
         "map": "hills 1", "lowest_up_m": 0, "highest_up_m": 39, "highest_amsl_m": 623, "spacing_m": 30,
     }  # fmt: skip

@@ -3,6 +3,7 @@
 import collections
 import re
 
+import numpy as np
 import pytest
 import rasterio
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -81,9 +82,21 @@ def test_who_knows_no_ground_flies_into_the_ridge():
 
 @pytest.mark.slow
 @BOTH
-def test_real_mountains_are_crossed_between_both_limits(dialect):
-    mission, flight = flown("jacksboro", dialect, 1000.0)
+@pytest.mark.parametrize(("name", "until_s"), [("jacksboro", 1000.0), ("hills", 200.0), ("leeward", 300.0)])
+def test_ground_is_crossed_between_both_limits(name, until_s, dialect):
+    mission, flight = flown(name, dialect, until_s)
     truth = flight.simulator.truth
     assert flight.goal_reached
     assert not truth.collision
     assert truth.min_ground_height_m > mission.terrain.height_min_m - 3.0
+
+
+@pytest.mark.slow
+@BOTH
+def test_in_range_of_the_radar_on_the_ridge_the_way_stays_out_of_its_sight(dialect):
+    mission, flight = flown("leeward", dialect, 300.0)
+    (radar,) = mission.radars
+    places = np.array(flight.simulator.truth.path)[:, 1:4]
+    away = np.linalg.norm(places - (radar.east_m, radar.north_m, radar.up_m), axis=1)
+    assert (away < radar.max_threat_radius_m).mean() > 0.5
+    assert flight.measures().over_all()["seconds_in_radar"] < 10.0

@@ -45,6 +45,22 @@ def test_both_readings_agree_on_lines_of_sight_that_are_not_close(begin, end):
             assert is_under_an_end or sight.is_free(eyes, places)[0] == expected or not expected
 
 
+def test_a_profile_runs_over_the_corners_of_a_line():
+    """The ground rises 1 m in 10 m to the east; the line leads 300 m east, 400 m north, 100 m up on each."""
+    ground = GroundHeights(posts_over(lambda east, north: 0.1 * east + 0.0 * north), 50.0, math.inf)
+    along, up, below = ground.profile(
+        np.array([[100.0, 100.0, 200.0], [400.0, 100.0, 300.0], [400.0, 500.0, 400.0]])
+    ).T
+    assert along[0] == 0.0
+    assert along[-1] == pytest.approx(700.0)
+    assert np.diff(along).min() >= 0.0
+    assert np.diff(along).max() <= 12.6  # A quarter of the distance of posts.
+    assert np.interp([0.0, 150.0, 300.0, 700.0], along, up) == pytest.approx([200.0, 250.0, 300.0, 400.0])
+    assert np.interp([0.0, 150.0, 300.0, 700.0], along, below) == pytest.approx(
+        [10.0, 25.0, 40.0, 40.0], abs=0.1
+    )
+
+
 def test_a_path_over_the_hill_is_refused_by_its_height_over_ground():
     """It is 100 m high; the hill is 300 m high at 500 m east, 400 m north."""
     ground = GroundHeights(posts_over(hill), 50.0, 120.0)

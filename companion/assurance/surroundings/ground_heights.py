@@ -62,6 +62,26 @@ class GroundHeights:
         high = high + (column - i) * (posts.up_m[j + 1, i + 1] - high)
         return np.asarray(low + (row - j) * (high - low))
 
+    def profile(self, places_enu_m: FloatArray) -> FloatArray:
+        """Return the heights of a line and of the ground below it, close together along the line.
+
+        Parameters
+        ----------
+        places_enu_m : ndarray, shape (N, 3)
+            The corners of the line, two at least [m].
+
+        Returns
+        -------
+        ndarray, shape (S, 3)
+            Horizontal distance along the line, height of the line, and height of the ground [m].
+        """
+        begins, ends = places_enu_m[:-1], places_enu_m[1:]
+        at, which = self._samples(begins, ends)
+        lengths = np.hypot(*(ends - begins)[:, :2].T)
+        passed = np.cumsum(lengths) - lengths
+        along = passed[which] + np.hypot(*(at - begins[which])[:, :2].T)
+        return np.column_stack([along, at[:, 2], self.up_m(at)])
+
     def violations(
         self, starts: FloatArray, ends: FloatArray, least_m: FloatArray, rows: NDArray[np.int64],
         tolerance_m: float,

@@ -21,8 +21,8 @@ class FieldConfig(Section):
     """East coordinate of its middle."""
     north_m: Horizontal
     """North coordinate of its middle."""
-    up_m: Annotated[float, Field(ge=-1_000.0, le=20_000.0)]
-    """Height of its ground."""
+    up_m: Annotated[float, Field(ge=-1_000.0, le=20_000.0)] | None = None
+    """Height of its ground. With a section `terrain` it is left out, since the map has it."""
     radius_m: Annotated[float, Field(gt=0.0, le=5_000.0)]
     """The aircraft may touch down within this distance of the middle."""
 
@@ -41,7 +41,8 @@ class GlideConfig(Section):
     `companion plan` name the stretches from which no field is within reach, and the pilot reads them in
     flight. When thrust is missing, the service names the field to glide to; with `authority.glide` it flies
     there. Home and the autopilot's rally points count as fields as well; before the flight, home is the
-    start's place at `up_m: 0`."""  # noqa: D205, D209 - A paragraph of the reference page.
+    start's place on the ground. With a section `terrain`, a field is within reach only if the glide to it
+    passes over the ground."""  # noqa: D205, D209 - A paragraph of the reference page.
 
     ratio: Annotated[float, Field(ge=1.0, le=100.0)]
     """Horizontal metres per metre of height in still air with the engine stopped. A stopped propeller costs

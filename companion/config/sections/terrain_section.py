@@ -25,7 +25,7 @@ class GeneratedGround(Section):
 class TerrainConfig(Section):
     """The ground. With this section the aircraft keeps its height over ground, ridges hide it from radars,
     and ground vehicles drive on the ground. Give one of `file`, `generated` and `sample`. All other heights
-    of the mission file stay heights over the origin. There can be no section `glide` beside it."""  # noqa: D205, D209 - A paragraph of the reference page.
+    of the mission file stay heights over the origin."""  # noqa: D205, D209 - A paragraph of the reference page.
 
     file: Annotated[str, Field(min_length=1, max_length=1_000)] | None = None
     """A raster file of heights, or a folder of such files, beside the mission file: GeoTIFF, SRTM `.hgt`, or

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.flight.construction.loiter_circles import place_of
 from companion.flight.prediction.return_path import is_unpredictable
 from companion.flight.prediction.return_words import goals_without_return, return_in_words
@@ -40,6 +41,8 @@ class OperatorSummary:
         What is wrong, the most serious first.
     returns : str
         What a return to launch does; '' while it is not known.
+    lowest : str
+        The item that is lowest over the ground of the map; '' without a map.
     """
 
     plan: str
@@ -48,6 +51,7 @@ class OperatorSummary:
     has_end: bool
     faults: tuple[str, ...]
     returns: str = ""
+    lowest: str = ""
 
 
 def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_items: int) -> OperatorSummary:
@@ -77,8 +81,9 @@ def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_it
     faults = tuple(_faults(state, operator, ownship))
     has_end = operator.tail < len(operator.items)
     return OperatorSummary(
-        plan, described(state), _landing(operator), has_end, faults, return_in_words(state)
-    )
+        plan, described(state), _landing(operator), has_end, faults, return_in_words(state),
+        _lowest(state, operator),
+    )  # fmt: skip
 
 
 def _landing(operator: Operator) -> str:
@@ -91,6 +96,24 @@ def _landing(operator: Operator) -> str:
     return f"{ends} from item {number}" + (
         " (DO_LAND_START)" if item.command == Command.DO_LAND_START else ""
     )
+
+
+def _lowest(state: FlightState, operator: Operator) -> str:
+    """Return the item that is lowest over the ground of the map, take-off and landing left out."""
+    ground = ground_heights_of(state.mission)
+    airborne = [
+        item
+        for item in operator.items[operator.first :]
+        if item.command not in (Command.NAV_LAND, Command.NAV_TAKEOFF)
+    ]
+    placed = _places(state, tuple(airborne))
+    if ground is None or not placed:
+        return ""
+    places = np.array([place for _, place in placed])
+    heights = places[:, 2] - ground.up_m(places)
+    item = placed[int(np.argmin(heights))][0]
+    number = 0 if item is None else item.sequence + 1 - operator.first
+    return f"lowest item {number}, {float(heights.min()):.0f} m over ground"
 
 
 def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> list[str]:

@@ -168,7 +168,8 @@ class GlideDown:
                 spare=spare,
             )  # fmt: skip
             return
-        height = ownship.position_enu_m[2] - options.ground_m
+        east, north, up = ownship.position_enu_m
+        height = up - options.ground_up_m(east, north)
         where = f"{height:.0f} m high"
         if choice is not None:
             where = f"open ground {1e-3 * choice.away_m:.1f} km away"

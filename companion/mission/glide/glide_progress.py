@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from companion.mission.glide.glide_ground import is_glide_over_ground
 from companion.mission.glide.landing_choice import (
     RESERVE_M,
     Begin,
@@ -88,7 +89,12 @@ def is_kept(options: GlideOptions, choice: LandingChoice, *, on_final: bool = Fa
 
 def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> bool:
     """Return whether a glide from where the aircraft is now is clear."""
-    return options.is_clear(glide.track(choice.place.position_enu_m[2]), KEPT_MARGIN_M)
+    place = choice.place
+    is_clear = options.is_clear(glide.track(place.position_enu_m[2]), KEPT_MARGIN_M)
+    return is_clear and (
+        options.ground is None
+        or is_glide_over_ground(options.ground, glide, place.position_enu_m[2], place.radius_m, KEPT_MARGIN_M)
+    )
 
 
 def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:

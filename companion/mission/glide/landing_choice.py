@@ -23,7 +23,9 @@ import numpy as np
 import shapely
 
 from companion.assurance.checker import Checker
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.frames import FloatArray
+from companion.mission.glide.glide_ground import is_circle_over_ground, is_glide_over_ground, is_level
 from companion.types.threat import Obstacle
 from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to
 
@@ -117,9 +119,11 @@ class GlideOptions:
     obstacles : tuple of Obstacle
         Obstacles and fences.
     checker : Checker
-        The independent check over the same obstacles.
-    ground_m : float
-        Height of open ground [m].
+        The independent check over the same obstacles, without the ground.
+    flat_ground_m : float
+        Height of open ground without a map [m].
+    ground : GroundHeights, optional
+        The ground of a map.
     """
 
     model: GlideModel
@@ -127,7 +131,8 @@ class GlideOptions:
     people: tuple[FloatArray, ...]
     obstacles: tuple[Obstacle, ...]
     checker: Checker
-    ground_m: float
+    flat_ground_m: float
+    ground: GroundHeights | None = None
     _approaches: dict[tuple[LandingPlace, Wind], tuple[Approach, ...]] = field(default_factory=dict)
 
     @cached_property
@@ -162,18 +167,29 @@ class GlideOptions:
         found = self.checker.check_track(track_enu_m, margin_m, may_come_back=True)
         return not any(entry.rule in ("clearance", "finite") for entry in found)
 
-    def is_glide_clear(self, glide: Glide, floor_m: float) -> bool:
+    def ground_up_m(self, east_m: float, north_m: float) -> float:
+        """Return the height of the ground at a place [m]."""
+        if self.ground is None:
+            return self.flat_ground_m
+        return float(self.ground.up_m(np.array([[east_m, north_m]]))[0])
+
+    def is_glide_clear(self, glide: Glide, place: LandingPlace) -> bool:
         """Return whether a glide is clear, and also if it loses more height than the model says.
 
         Parameters
         ----------
         glide : Glide
-            The glide.
-        floor_m : float
-            Height of the ground [m].
+            The glide, to the place or to the circle before it.
+        place : LandingPlace
+            The place.
         """
+        floor_m = place.position_enu_m[2]
         track = glide.track(floor_m)
         if not self.is_clear(track):
+            return False
+        if self.ground is not None and not is_glide_over_ground(
+            self.ground, glide, floor_m, place.radius_m, TRACK_MARGIN_M, LOW_SHARE
+        ):
             return False
         lower = track.copy()
         lower[:, 2] = np.maximum(track[:, 2] - LOW_SHARE * (track[0, 2] - track[:, 2]), floor_m)
@@ -196,6 +212,10 @@ class GlideOptions:
             [np.sin(angles), np.cos(angles), np.zeros(len(angles))]
         )
         if not self.is_clear(ring, margin_m):
+            return False
+        if self.ground is not None and not is_circle_over_ground(
+            self.ground, ring[:-1], place.position_enu_m, place.radius_m
+        ):
             return False
         finals = np.repeat(ring[:-1:2], 2, axis=0)  # From each point to the field, and back.
         finals[1::2] = place.position_enu_m
@@ -244,7 +264,7 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
     """
     direct = _glide(options.model, begin, place.position_enu_m)
     ground = place.position_enu_m[2]
-    if direct is None or direct.arrival_up_m < ground or not options.is_glide_clear(direct, ground):
+    if direct is None or direct.arrival_up_m < ground or not options.is_glide_clear(direct, place):
         return None
     rated: list[tuple[bool, float, int, LandingChoice]] = []
     for number, approach in enumerate(options.approaches(place, begin.wind_enu_m_s)):
@@ -256,7 +276,7 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
         is_easy = left >= RESERVE_M and not _is_overhead(found)
         rated.append((not is_easy, float(number) if is_easy else -left, number, found))
     for *_, found in sorted(rated, key=lambda entry: entry[:3]):
-        if options.is_glide_clear(found.to_circle, ground):
+        if options.is_glide_clear(found.to_circle, place):
             return found
     return None
 
@@ -321,7 +341,7 @@ def best_field(options: GlideOptions, begin: Begin) -> LandingChoice | None:
 
 
 def open_ground(options: GlideOptions, begin: Begin) -> LandingChoice | None:
-    """Return where to come down without a field: far from people and obstacles.
+    """Return where to come down without a field: on level ground, far from people and obstacles.
 
     Parameters
     ----------
@@ -331,17 +351,21 @@ def open_ground(options: GlideOptions, begin: Begin) -> LandingChoice | None:
         Where the glide begins.
     """
     east, north, up = begin.position_enu_m
+    height = up - options.ground_up_m(east, north)
     rated = []
     for number in range(OPEN_COURSES):
         course = begin.heading_rad + 2.0 * math.pi * number / OPEN_COURSES
-        reach = options.model.reach_m(up - options.ground_m, course, begin.wind_enu_m_s)
+        reach = options.model.reach_m(height, course, begin.wind_enu_m_s)
         for share in OPEN_SHARES:
             at = east + share * reach * math.sin(course), north + share * reach * math.cos(course)
             room = min(CLEAR_OF_PEOPLE_M, *_distances(options, at))
             if room > 0.0:
-                place = LandingPlace("open ground", (*at, options.ground_m), OPEN_RADIUS_M)
-                rated.append((-room, number, -share, place))
-    for *_, place in sorted(rated, key=lambda entry: entry[:3]):
+                place = LandingPlace("open ground", (*at, options.ground_up_m(*at)), OPEN_RADIUS_M)
+                is_steep = options.ground is not None and not is_level(
+                    options.ground, place.position_enu_m, OPEN_RADIUS_M
+                )
+                rated.append((is_steep, -room, number, -share, place))
+    for *_, place in sorted(rated, key=lambda entry: entry[:4]):
         found = choice_for(options, begin, place)
         if found is not None:
             return found

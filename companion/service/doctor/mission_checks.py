@@ -84,6 +84,7 @@ class MissionDoctor:
         returns = told.returns and f"a return to launch {told.returns}"
         texts = (
             (CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing), ("return", returns),
+            ("ground", told.lowest),
         )  # fmt: skip
         findings = [ok(check, text) for check, text in texts if text]
         refused = shortfalls(mission, settings, flight.state.home_enu_m, flies_by=protocols.dialect.flies_by)

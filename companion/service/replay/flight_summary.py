@@ -182,7 +182,7 @@ def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snap
         decisions=tuple(told.decisions),
         threat=_table(told.threat, 2, ROWS_MAX),
         plan_ms=tuple(told.plan_ms),
-        summary=_summary(told, flown),
+        summary=_summary(told, flown) | _over_ground(mission, flown),
         epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
         begin_s=mcap_reader.number(about["stamp_s"]),
@@ -244,6 +244,14 @@ def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bo
         "flight_s": float(flown[-1, 0] - flown[0, 0]) if len(flown) else 0.0,
     }
     return summary | {reason: count for reason, count in told.counters.items() if count}
+
+
+def _over_ground(mission: MissionConfig, flown: FloatArray) -> dict[str, float | int | bool | str]:
+    """Return the least height over ground of ``flown`` (N, 7), columns as before; nothing without a map."""
+    ground = ground_heights_of(mission)
+    if ground is None or not len(flown):
+        return {}
+    return {"min_ground_height_m": round(float((flown[:, 3] - ground.up_m(flown[:, 1:3])).min()), 1)}
 
 
 def _float(value: object) -> float:

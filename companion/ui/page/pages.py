@@ -70,6 +70,8 @@ class Pages:
                 return Answer(HTTPStatus.OK, "text/plain; charset=utf-8", playback.body)
             case ["field", number, height] if (world := self._world(number)) is not None:
                 return _field(world, height)
+            case ["floors", number] if (world := self._world(number)) is not None:
+                return Answer(HTTPStatus.OK, KINDS[".json"], world.floors())
             case ["ground", number] if (world := self._world(number)) is not None and self._shows(world):
                 return Answer(HTTPStatus.OK, KINDS[".json"], world.ground(self._ground))
             case ["tiles", *place] if (tile := self._tile(place)) is not None:

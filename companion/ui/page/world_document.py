@@ -16,11 +16,13 @@ from companion.errors import ConfigError
 from companion.recording.mcap_writer import plain
 from companion.ui.page.ground import CELLS, Ground, height_grid
 from companion.world.snapshot import Snapshot
-from companion.world.threat_field import threat_field
+from companion.world.threat_field import sight_floor, threat_field
 
 WORLD = "/world"
 HEIGHT_STEP_M = 10.0  # The field's height is rounded to this.
 FIELDS_KEPT = 64
+BELOW_M = 500.0  # Floors of radars are told down to this far below the bounds.
+FLOORS_MAX = 24  # Floors of so many radars are drawn, the mission file's first.
 _CELLS = 160  # along the longer side
 
 
@@ -41,6 +43,7 @@ class WorldDocument:
         self._building: threading.Thread | None = None
         self._mission: MissionConfig | None = None
         self._ground: bytes | None = None
+        self._floors: bytes | None = None
         try:
             mission = mission_from_text(mission_text, name)
         except ConfigError as error:  # The recording is of another version.
@@ -89,7 +92,7 @@ class WorldDocument:
         the shadows are being computed, the answer says so instead.
         """
         if self._snapshot is None or not math.isfinite(height_m):
-            return _json({"is_later": self._building is not None and self._building.is_alive()})
+            return self._later()
         low, high = self._snapshot.bounds[4:]
         height = HEIGHT_STEP_M * round(min(max(height_m, low), high) / HEIGHT_STEP_M)
         if height not in self._fields:
@@ -110,9 +113,32 @@ class WorldDocument:
             )
         return self._fields[height]
 
+    def floors(self) -> bytes:
+        """The height above which each radar sees, in the order of the mission file, or that it is computed.
+
+        Heights are cut off above and below the bounds; beyond a radar's range there is none.
+        """
+        snapshot = self._snapshot
+        if snapshot is None:
+            return self._later()
+        if self._floors is None:
+            found = [_floor(snapshot, number) for number in range(len(snapshot.radar_list[:FLOORS_MAX]))]
+            self._floors = _json({"radars": found})
+        return self._floors
+
+    def _later(self) -> bytes:
+        return _json({"is_later": self._building is not None and self._building.is_alive()})
+
 
 def _json(document: dict[str, object]) -> bytes:
     return json.dumps(plain(document), allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+def _floor(snapshot: Snapshot, number: int) -> dict[str, object] | None:
+    """The height above which a radar sees; None for a radar whose range is outside of the bounds."""
+    floor, grid = sight_floor(snapshot, number)
+    low, high = snapshot.bounds[4:]
+    return None if np.isnan(floor).all() else height_grid(floor.clip(low - BELOW_M, high), grid)
 
 
 def _heights(mission: MissionConfig) -> dict[str, object] | None:

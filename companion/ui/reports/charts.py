@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from companion.config.models import MissionConfig
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.frames import FloatArray
 from companion.plain_text import printable
 from companion.types.encounter import Encounter
 from companion.types.record import FlightRecord
 from companion.ui.reports import style
+from companion.ui.reports.ground_profile import draw_ground, flown_over_ground, mark_lowest
 from companion.ui.reports.threats_met import closest_text, nearest_first, seconds_text, words_of
 from companion.ui.reports.vocabulary import decision_words
 from companion.world.snapshot import Snapshot
@@ -37,11 +39,16 @@ KINDS_MAX, OTHERS = 40, "others"  # The program has fewer kinds of decisions.
 def altitude_chart(
     mission: MissionConfig, snapshot: Snapshot, record: FlightRecord, start_s: float
 ) -> Figure:
-    """Return the height over time between its bounds, with the obstacles under the path."""
+    """Return the height over time between its bounds, with the obstacles and the ground under the path."""
     figure, axes = _new_chart()
     low, high = snapshot.bounds[4:6]
-    flown = record.flown
+    flown, heights = record.flown, ground_heights_of(mission)
     times = flown[:, 0] - start_s
+    over_ground = flown_over_ground(mission, flown)
+    if heights is not None and len(over_ground):
+        stamps, up_m, ground_m = over_ground.T
+        draw_ground(axes, stamps - start_s, ground_m, heights)
+        mark_lowest(axes, stamps - start_s, up_m, ground_m)
     if snapshot.dimension == 3 and len(flown):
         instants, tops = obstacle_tops(snapshot, flown)
         axes.fill_between(
@@ -61,11 +68,11 @@ def altitude_chart(
     if record.missions:
         axes.plot([], [], color=style.MUTED, lw=0.8, ls=":", label="mission uploaded")
     margin = 0.08 * (high - low)
-    lowest = float(np.nanmin(flown[:, 3], initial=low))
+    lowest = float(np.nanmin(np.append(flown[:, 3], over_ground[:, 2]), initial=low))
     highest = float(np.nanmax(flown[:, 3], initial=high))
     axes.set_ylim(min(low, lowest) - margin, max(high, highest) + margin)
     axes.set_ylabel(f"up [m], 0 is {mission.origin.altitude_amsl_m:g} m AMSL")
-    _finish(axes, record, start_s, "Altitude")
+    _finish(axes, record, start_s, "Altitude over the ground" if len(over_ground) else "Altitude")
     return figure
 
 

@@ -12,11 +12,14 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 
 from companion.config.models import MissionConfig
+from companion.config.sections.ground_summary import straight_way
+from companion.config.sections.terrain_map import ground_heights_of
 from companion.frames import FloatArray
 from companion.types.plan import Plan
 from companion.types.record import FlightRecord
 from companion.ui.reports import style
 from companion.ui.reports.basemap import MapSheet, clock_colours, new_sheet
+from companion.ui.reports.ground_profile import add_profile
 from companion.ui.reports.perspective import draw_perspective
 from companion.ui.reports.threats_met import closest_text, nearest_first
 from companion.world.snapshot import Snapshot
@@ -34,6 +37,8 @@ def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None
         sheet = new_sheet(mission, snapshot, height, mission.name)
         _draw_mission_threats(sheet, mission)
         sheet.finish()
+        if (heights := ground_heights_of(mission)) is not None:
+            add_profile(sheet, heights, straight_way(mission), "straight way", style.FLOWN)
         style.write_picture(path, sheet.figure)
 
 
@@ -55,6 +60,8 @@ def plot_plan(
         sheet.finish()
         if snapshot.dimension == 3:
             _add_perspective(sheet, mission, snapshot, plan)
+        if (heights := ground_heights_of(mission)) is not None and plan.path is not None:
+            add_profile(sheet, heights, plan.path.positions_enu_m, "path", style.GOAL)
         style.write_picture(path, sheet.figure, dpi)
 
 

@@ -20,6 +20,7 @@ from companion.ui.reports.charts import (
     latency_chart,
     threat_chart,
 )
+from companion.ui.reports.ground_profile import flown_over_ground, lowest_over_ground
 from companion.ui.reports.plots import flight_map, flight_start
 from companion.ui.reports.threats_met import encounter_table
 from companion.ui.reports.vocabulary import decision_words
@@ -124,7 +125,9 @@ def write_report(
                 style.inline_svg(
                     altitude, "altitude", "Altitude over flight time, between floor and ceiling"
                 ),
-                "Height along the flown path.",
+                "Height along the flown path."
+                if mission.terrain is None
+                else "Height along the flown path, the ground below it, and the limits over it.",
             ),
             (
                 style.inline_svg(threat, "threat", "Threat level along the flown path over flight time"),
@@ -209,7 +212,7 @@ def _page(
 <figure>
 <div><img src="data:image/png;base64,{image}"
  alt="{in_page(_map_text(mission, record))}"></div>
-<figcaption>{in_page(_map_caption(is_solid=mission.dimension == 3))}</figcaption>
+<figcaption>{in_page(_map_caption(mission))}</figcaption>
 </figure>
 <h2>Over the flight</h2>
 {figures}
@@ -226,6 +229,11 @@ def _lead(mission: MissionConfig, record: FlightRecord, start_s: float) -> str:
         f"{style.clock_text(flown_s)} flown, {len(record.missions)} missions uploaded, "
         f"{len(record.plan_ms)} plans."
     )
+    over_ground = flown_over_ground(mission, record.flown)
+    if len(over_ground):
+        at, height = lowest_over_ground(over_ground[:, 1], over_ground[:, 2])
+        when = style.clock_text(float(over_ground[at, 0]) - start_s)
+        sentence += f" Lowest: {height:.0f} m over ground, at {when}."
     gaps = [gap for entry in record.decisions if isinstance(gap := entry.why.get("gap"), float)]
     if gaps:
         most = 100.0 * statistics.median(gaps)
@@ -242,14 +250,14 @@ def _map_text(mission: MissionConfig, record: FlightRecord) -> str:
     )
 
 
-def _map_caption(*, is_solid: bool) -> str:
+def _map_caption(mission: MissionConfig) -> str:
     text = (
         "Times on the paths are minutes and seconds of flight; equal times on two paths are the same moment."
     )
-    if is_solid:
-        return (
-            f"{text} The threat is cut at the median height flown; figures in obstacles are their tops [m]."
-        )
+    if mission.dimension == 3:
+        text += " The threat is cut at the median height flown; figures in obstacles are their tops [m]."
+    if mission.terrain is not None:
+        text += " Contours are heights of the ground above the origin [m]."
     return text
 
 

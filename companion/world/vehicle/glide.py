@@ -215,7 +215,9 @@ def _arrival(
     ``away_m`` is the place, east and north of the begin; ``side`` is 1 for a turn to the right. The result
     is None where the place stays within the circle of the turn, or the wind is too strong.
     """
-    speed, after_s = model.airspeed_m_s, 0.0
+    speed = model.airspeed_m_s
+    # From the time of a straight glide on, an aircraft that points at the place is not led round a circle.
+    after_s = math.hypot(*away_m) / speed_made_good(math.atan2(*away_m), speed, wind_enu_m_s)
     for step in range(ARRIVAL_STEPS_MAX):
         east, north = (value - wind * after_s for value, wind in zip(away_m, wind_enu_m_s, strict=True))
         way = _turn_and_straight((east, north), heading_rad, side * model.turn_radius_m)

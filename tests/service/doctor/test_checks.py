@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import pytest
 
 from companion.clock import ManualClock
-from companion.config import mission_from_text
+from companion.config import load_mission, mission_from_text
 from companion.config.compose import goals_of
 from companion.link.messages.codec import Codec
 from companion.link.wire.decoded_frame import AutopilotVersion
@@ -25,7 +25,10 @@ from companion.service.doctor.parameter_checks import (
     version,
 )
 from companion.types.events import Dialect
+from companion.types.mission import Command
+from sim.autopilot.operator_missions import ground_of
 from sim.simulator import Simulator
+from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import FIRST_FLIGHT
 
 OK, WARN, FAIL = Verdict.OK, Verdict.WARN, Verdict.FAIL
@@ -311,3 +314,22 @@ def test_a_battery_that_is_not_reported_is_a_warning_and_taken_for_full():
     assert "BATT_MONITOR" in energy.advice
     assert EnergyDoctor(MISSION).findings(goals, 0.0) == []
     assert EnergyDoctor(mission).findings((), 0.0) == []
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+def test_the_item_that_is_lowest_over_the_ground_is_told(dialect):
+    """The first waypoint and the circle lie at one place, 150 m up; PX4 also lists a landing."""
+    mission = load_mission(CONFIGS / "ridge.yaml")
+    around = Round(dialect=dialect, mission=mission)
+    (found,) = [entry for entry in around.findings() if entry.check == "ground"]
+    items, projection = around.simulator.autopilot.mission_items, around.simulator.autopilot.projection
+    ground, home_m = ground_of(mission)
+    heights = {}
+    for item in items:
+        if item.latitude_e7 and item.command not in (Command.NAV_TAKEOFF, Command.NAV_LAND) and item.sequence:
+            place = projection.local(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7)
+            number = item.sequence + (dialect is Dialect.PX4)
+            heights[number] = item.altitude_m + home_m - ground.up_m(*place)
+    least = min(heights, key=heights.get)
+    assert found.found == f"lowest item {least}, {heights[least]:.0f} m over ground"
+    assert "ground" not in {entry.check for entry in Round(dialect=dialect).findings()}

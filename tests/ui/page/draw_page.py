@@ -89,6 +89,21 @@ def over_ground(folder):
         kept(page, "ground")
 
 
+def from_the_side(folder):
+    """A flight in the lee of a ridge, hidden from the radar on it."""
+    leeward = "mission_configs/leeward.yaml"
+    command = [sys.executable, "-m", "companion", "sitl", leeward, "--speed", "0", "--flights", folder]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    [flight] = Path(folder).iterdir()
+    playback = recorded_playback(flight)
+    playback.name = "leeward"
+    server = PageServer(Access(0), None, [playback])
+    with opened(f"{server.address}?t=50") as page:
+        page.until("window.companionPage.page.side.floors.length")
+        kept(page, "side")
+    server.close()
+
+
 def replayed(folder):
     [flight] = Path(folder).iterdir()
     playback = recorded_playback(flight)
@@ -100,7 +115,7 @@ def replayed(folder):
 
 
 def main():
-    for draw in (lambda folder: (live(folder), replayed(folder)), over_ground):
+    for draw in (lambda folder: (live(folder), replayed(folder)), over_ground, from_the_side):
         with tempfile.TemporaryDirectory(prefix="page-") as folder:
             draw(folder)
 

@@ -116,6 +116,34 @@ def test_a_mission_over_ground_is_seen_from_the_side(window):
     server.close()
 
 
+def test_the_view_from_the_side_shows_where_a_radar_sees(window):
+    """The wall ends 1,000 m east, 400 m before the radar, and hides the path until there."""
+    feed = Feed()
+    told = Told(feed.tell, more="terrain: {generated: {kind: hills, relief_m: 1.0}, height_min_m: 60}\n")
+    told.fly(20)
+    server = PageServer(Access(0), feed)
+    page = window()
+    page.look(server)
+    page.until("document.querySelector('.side i')?.innerText.startsWith('in sight of radar_1 in ')")
+    [east, words] = page.run(
+        "return [window.companionPage.page.store.ownship.position_enu_m[0],"
+        " document.querySelector('.side i').innerText]"
+    )
+    assert words == f"in sight of radar_1 in {(1000.0 - east) / 1000.0:.1f} km"
+    tints = page.run(
+        "const canvas = document.querySelector('.side canvas');"
+        "const ratio = window.devicePixelRatio;"
+        "const width = canvas.width / ratio;"
+        "const at = (away) => ratio * (42 + ((away + 500) / 2500) * (width - 52));"
+        "return arguments[0].map((away) => canvas.getContext('2d').getImageData(at(away), 12, 1, 1).data[3])",
+        [850.0 - east, 1100.0 - east, 1300.0 - east],
+    )
+    assert tints[0] == 0, "hidden"
+    assert min(tints[1:]) > 20, "tinted"
+    assert page.is_content()
+    server.close()
+
+
 def test_without_a_map_there_is_no_view_from_the_side(window, live):
     page = window()
     page.look(live[1])

@@ -1,11 +1,13 @@
 """The page's server under real sockets: streams, stalls, tokens, other hosts' names, and bad requests."""
 
+import base64
 import json
 import socket
 import threading
 import urllib.error
 import urllib.request
 
+import numpy as np
 import pytest
 
 from companion.config.load import text_of
@@ -223,6 +225,23 @@ def test_the_radars_field_at_a_height(served):
     assert json.loads(served.get("/field/live/nan").partition(b"\r\n\r\n")[2]) == {"is_later": False}
 
 
+def test_the_radars_floors(served):
+    """The wall is 400 m from the radar and 300 m high: 600 m away it hides what is lower than 450 m."""
+    with served.stream() as line:
+        Heard(line).event()
+    served.feed.world.finish()
+    (floor,) = json.loads(served.get("/floors/live").partition(b"\r\n\r\n")[2])["radars"]
+    steps = np.frombuffer(base64.b64decode(floor["steps"]), "<u2").reshape(floor["rows"], floor["columns"])
+    row, column = (
+        int((at - floor[edge]) // floor["spacing_m"]) for at, edge in ((750.0, "south_m"), (800.0, "west_m"))
+    )
+    assert floor["low_m"] + floor["step_m"] * steps[row, column] == pytest.approx(350.0, abs=0.1), (
+        "the ceiling"
+    )
+    assert steps[row, int((1500.0 - floor["west_m"]) // floor["spacing_m"])] == 0, "nothing hides"
+    assert steps[row, 0] == 65535, "out of range"
+
+
 def test_shadows_that_are_still_worked_out_are_told_later(served, monkeypatch):
     with served.stream() as line:
         Heard(line).event()
@@ -231,6 +250,7 @@ def test_shadows_that_are_still_worked_out_are_told_later(served, monkeypatch):
     monkeypatch.setattr(world_document, "world_of", lambda *_, **__: may_end.wait(LONG_S) and None)
     world = world_document.WorldDocument(text_of(served.told.mission), "slow")
     assert json.loads(world.field(100.0)) == {"is_later": True}
+    assert json.loads(world.floors()) == {"is_later": True}
     assert json.loads(world.document)["name"] == "made-up", "the rest is known at once"
     may_end.set()
     world.finish()

@@ -131,6 +131,21 @@ def test_wind_shifts_the_place(heading, place, wind):
     assert still.track()[-1, :2] == pytest.approx(moved, abs=0.01)
 
 
+def test_an_aircraft_that_points_at_the_place_flies_no_circle():
+    """It lacks a small turn to one side, which in wind depends on the time of arrival."""
+    draw = np.random.default_rng(1)
+    for _ in range(500):
+        course, away, error = (
+            draw.uniform(-math.pi, math.pi),
+            draw.uniform(400.0, 3_000.0),
+            draw.normal(0.0, 0.01),
+        )
+        wind = tuple(draw.uniform(-4.0, 4.0, 2).tolist())
+        place = away * math.sin(course), away * math.cos(course)
+        found = glide_to(MODEL, (0.0, 0.0, 500.0), heading_of(course, 20.0, wind) + error, place, wind)
+        assert abs(found.turned_rad) < 0.2, (course, away, error, wind)
+
+
 @given(height=st.floats(0.0, 500.0), more=st.floats(0.0, 500.0), course=angles, wind=winds)
 def test_from_higher_it_reaches_farther(height, more, course, wind):
     assert MODEL.reach_m(height + more, course, wind) >= MODEL.reach_m(height, course, wind)

@@ -216,7 +216,7 @@ class PlainView {
   }
 }
 
-function heightsOf(told) {
+export function heightsOf(told) {
   const bytes = Uint8Array.from(atob(told.steps), (letter) => letter.charCodeAt(0));
   const data = new DataView(bytes.buffer);
   const up = new Float32Array(told.columns * told.rows);

@@ -207,12 +207,15 @@ class Page {
       this.isAnswered = Boolean(this.store.world && this.store.ownship);
       this.renewGround();
       this.renewField();
+      this.renewFloors();
     }
     if (this.isDue.strips && now - this.drawnAt.strips >= (this.played ? 100 : STRIPS_MS)) {
       this.isDue.strips = false;
       this.drawnAt.strips = now;
-      if (!isEmbedded) this.strips.draw();
-      if (!isEmbedded) this.side.draw();
+      if (!isEmbedded) {
+        this.strips.draw();
+        this.side.draw();
+      }
     }
     this.isDue.map = false;
     if (this.solid?.isShown) this.solid.draw();
@@ -289,6 +292,27 @@ class Page {
       }
     } catch {
       this.fieldKey = null; // the service is away; asked again when it is back
+    }
+  }
+
+  // From which height on each radar sees, for the view from the side.
+  async renewFloors() {
+    const { world } = this.store;
+    const key = `${world?.name}/${JSON.stringify(world?.origin)}/${JSON.stringify(world?.bounds_m)}`;
+    if (isEmbedded || !this.source?.field || !world?.terrain || !world.radars?.length || key === this.floorsKey) return;
+    this.floorsKey = key;
+    try {
+      const answer = await fetch(this.source.field.replace("/field/", "/floors/"));
+      const told = answer.ok ? await answer.json() : {};
+      if (told.is_later) {
+        this.floorsKey = null;
+        setTimeout(() => this.changed({ panels: true }), 500);
+        return;
+      }
+      this.side.setFloors(told.radars ?? []);
+      this.changed({ strips: true });
+    } catch {
+      this.floorsKey = null; // the service is away; asked again when it is back
     }
   }
 
