@@ -1,6 +1,7 @@
 """The planner's cells contain the ground between posts, and the kernels over them agree with many samples."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -150,3 +151,14 @@ def test_a_segment_is_clear_of_both_or_not_at_all(begin, end):
     prisms, both = packed_obstacles(walls, FIELD), packed_obstacles(walls, FIELD, ROUGH)
     expected = segment_clear(*begin, *end, prisms, 10.0) and not crosses_ground(*begin, *end, ROUGH, 10.0)
     assert segment_clear(*begin, *end, both, 10.0) == expected
+
+
+def test_a_map_is_cut_to_the_bounds_before_it_is_divided():
+    """The cells are the same, however far the map reaches beyond them."""
+    wide = posts_over(rough(1), bounds=(-5000.0, 6000.0, -4000.0, 5000.0))
+    narrow = replace(
+        wide, up_m=wide.up_m[75:110, 94:130], first_x=wide.first_x + 94 * wide.step_x,
+        first_y=wide.first_y + 75 * wide.step_y,
+    )  # fmt: skip
+    assert np.array_equal(cells(wide).high, cells(narrow).high)
+    assert np.array_equal(cells(wide).low, cells(narrow).low)

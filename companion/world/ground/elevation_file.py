@@ -107,18 +107,38 @@ def _box(
     transform: Any = datasets[0].transform
     if transform.b or transform.d:
         raise TerrainError("a turned raster", "rows along one of its coordinates")
-    west, east, south, north = bounds[:4]
-    share = np.linspace(0.0, 1.0, EDGE_POINTS)
-    corners = np.array([(west, south), (east, south), (east, north), (west, north), (west, south)])
-    sides = [begin + share[:, None] * (end - begin) for begin, end in pairwise(corners)]
-    edge_east, edge_north = np.concatenate(sides).T
-    there = frame.transformer_to(crs)
-    x, y = there.transform(edge_east, edge_north)
+    x, y = edge_on_map(bounds, frame, crs)
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise TerrainError("bounds far outside of the map's coordinates", "a map of this area")
     left, right = _whole_steps(x, transform.c, transform.a)
     bottom, top = _whole_steps(y, transform.f, transform.e)
     return crs, (left, bottom, right, top)
+
+
+def edge_on_map(bounds: Sequence[float], frame: LocalFrame, crs: str) -> tuple[FloatArray, FloatArray]:
+    """Return the edge of the bounds in a map's coordinates, in which it may be curved.
+
+    Parameters
+    ----------
+    bounds : sequence of float
+        East and north, each low and high [m].
+    frame : LocalFrame
+        The local frame.
+    crs : str
+        The map's coordinate system.
+
+    Returns
+    -------
+    tuple of ndarray, shape (N,)
+        Both coordinates of points along the edge.
+    """
+    west, east, south, north = bounds[:4]
+    share = np.linspace(0.0, 1.0, EDGE_POINTS)
+    corners = np.array([(west, south), (east, south), (east, north), (west, north), (west, south)])
+    sides = [begin + share[:, None] * (end - begin) for begin, end in pairwise(corners)]
+    edge_east, edge_north = np.concatenate(sides).T
+    x, y = frame.transformer_to(crs).transform(edge_east, edge_north)
+    return x, y
 
 
 def _whole_steps(values: FloatArray, first: float, step: float) -> tuple[float, float]:

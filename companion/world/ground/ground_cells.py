@@ -18,7 +18,7 @@ from companion.frames import FloatArray
 from companion.kernels.arrays import Ground, IntArray
 from companion.types.elevation import ElevationPosts
 from companion.world.ground.bilinear import bilinear
-from companion.world.ground.elevation_file import TerrainError
+from companion.world.ground.elevation_file import POSTS_MORE, TerrainError, edge_on_map
 
 FINE_M = 12.5  # Posts farther apart than this have others between them.
 CELLS_MAX = 2_000  # The grid has at most so many cells along the longer side of the bounds.
@@ -63,6 +63,7 @@ def ground_cells(
         If the posts do not cover the bounds.
     """
     west, east, south, north = bounds[:4]
+    posts = _cropped(posts, bounds)
     apart, least_side = spacing_m(posts, bounds), max(east - west, north - south) / CELLS_MAX
     parts = max(1, math.ceil(apart / max(FINE_M, least_side) - 0.5))
     posts, side = _divided(posts, parts), max(apart / parts, least_side)
@@ -80,6 +81,25 @@ def ground_cells(
     if not np.isfinite(low).all():
         raise TerrainError(posts.name, "posts that cover the bounds")
     return Ground(high, low, np.array([west, south, side]), least_m, wanted_m, most_m, drivable)
+
+
+def _cropped(posts: ElevationPosts, bounds: tuple[float, ...]) -> ElevationPosts:
+    """Return the posts of the bounds and a few more around."""
+    x, y = edge_on_map(bounds, posts.frame, posts.crs)
+    rows, columns = posts.up_m.shape
+    i, first_row = _window((y - posts.first_y) / posts.step_y, rows)
+    j, first_column = _window((x - posts.first_x) / posts.step_x, columns)
+    return replace(
+        posts, up_m=posts.up_m[i, j], first_x=posts.first_x + first_column * posts.step_x,
+        first_y=posts.first_y + first_row * posts.step_y,
+    )  # fmt: skip
+
+
+def _window(at: FloatArray, count: int) -> tuple[slice, int]:
+    """Return the posts along one axis, of ``count``, that are about all of ``at`` (N,), and the first one."""
+    first = min(max(0, math.floor(float(at.min())) - POSTS_MORE), max(0, count - 2))
+    last = max(min(count, math.ceil(float(at.max())) + POSTS_MORE + 1), first + 2)
+    return slice(first, last), first
 
 
 def _divided(posts: ElevationPosts, parts: int) -> ElevationPosts:
