@@ -15,7 +15,7 @@ from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Ground, Limits
 from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers
-from companion.kernels.objective.cost_over_ground import DIRECTIONS, fill_cost_over_ground
+from companion.kernels.objective.cost_over_ground import DIRECTIONS, Buckets, fill_cost_over_ground
 from companion.kernels.objective.cost_to_go import (
     CostField,
     Heap,
@@ -36,6 +36,7 @@ TURN_SHARE = 0.8  # Over ground, columns are at least this many turn radii apart
 WIND_STEP_M_S = 0.5
 ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
 HEAP_SHARE = 8  # Each node may wait so often in the heap.
+QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may wait so often in each direction in the buckets.
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
 KEPT = 8  # So many fields of each kind are kept, a megabyte each.
@@ -202,10 +203,17 @@ def _at_airspeed(world: CostField, objective: Objective) -> CostField:
     return world._replace(rate=world.rate + objective.prices.energy * excess)
 
 
-def _heap(field: CostField, *, is_low: bool = False) -> Heap:
+def _heap(field: CostField) -> Heap:
     """Room for the nodes that wait to be settled."""
-    room = HEAP_SHARE * field.rate.size * (DIRECTIONS // 2 if is_low else 1) + 1
+    room = HEAP_SHARE * field.rate.size + 1
     return Heap(np.empty(room), np.empty(room, dtype=np.int64))
+
+
+def buckets(num_nodes: int) -> Buckets:
+    """Room for the nodes that wait to be settled in V over ground, which has ``num_nodes``."""
+    room = QUEUE_SHARE * DIRECTIONS * num_nodes
+    entries = (np.empty(room), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64))
+    return Buckets(*entries, np.empty(NUM_BUCKETS, np.int64), np.zeros(2, np.int64), np.ones(1))
 
 
 def field_before_pursuers(
@@ -244,11 +252,14 @@ def field_before_pursuers(
 def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:
     """V of all goals where the cost of a second is known."""
     num, is_low = len(problem.goals), bool(field.floor.any())
-    heap, layers = _heap(field, is_low=is_low), num * (DIRECTIONS if is_low else 1)
+    heap, layers = _heap(field), num * (DIRECTIONS if is_low else 1)
     field = field._replace(values=np.empty((layers, *field.rate.shape)), rest=np.zeros(num))
-    fill = fill_cost_over_ground if is_low else fill_cost_to_go
     for g, goal in reversed(list(enumerate(problem.goals))):
-        fill(field, g, np.array(goal.position_enu_m), limits, heap)
+        centre = np.array(goal.position_enu_m)
+        if is_low:
+            fill_cost_over_ground(field, g, centre, limits, heap, buckets(field.rate.size))
+        else:
+            fill_cost_to_go(field, g, centre, limits, heap)
         if g + 1 < num:
             field.rest[g] = field.rest[g + 1] + cost_to_go(field, g + 1, *goal.position_enu_m)
     return field

@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
 from companion.kernels.objective.cost_over_ground import (
     DIRECTIONS,
+    SHORTENED,
+    STEEPER,
     fill_cost_over_ground,
     step_of,
     time_along,
 )
 from companion.kernels.objective.cost_to_go import CostField, Heap, cost_to_go, cost_to_go_on
+from companion.planning.least_objective.cost_field import buckets
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 SPACING_M, LEVEL_M, COLUMNS, LEVELS = 100.0, 20.0, 21, 4
@@ -28,9 +33,10 @@ def field_over(height):
         np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, LEVEL_M]), floor,
         np.ones(SHAPE), np.empty((DIRECTIONS, *SHAPE)), np.zeros(1),
     )  # fmt: skip
-    room = 64 * field.rate.size
+    room = field.rate.size
     goal = np.array([1800.0, 1000.0, float(floor[18, 10]) + LEVEL_M])
-    fill_cost_over_ground(field, 0, goal, LIMITS, Heap(np.empty(room), np.empty(room, dtype=np.int64)))
+    heap = Heap(np.empty(room), np.empty(room, dtype=np.int64))
+    fill_cost_over_ground(field, 0, goal, LIMITS, heap, buckets(room))
     return field
 
 
@@ -93,3 +99,52 @@ def test_the_time_along_a_leg_is_that_of_the_wind_triangle(dx, dy, wind_x, wind_
     taken = time_along(dx, dy, windy)
     through_air = math.hypot(dx - taken * wind_x, dy - taken * wind_y)
     assert through_air == pytest.approx(taken * LIMITS.v_cruise, rel=1e-9)
+
+
+def by_dijkstra(field, goal):
+    """V in every direction at every node of a field, by SciPy's search of the same graph."""
+    rate, num = field.rate, DIRECTIONS * field.rate.size
+    up = field.floor[:, :, None] + field.grid[5] * np.arange(rate.shape[2])
+    slope = math.tan(LIMITS.climb_max)
+    rows, columns, costs = [], [], []
+
+    def join(begin, end, cost):
+        rows.append(begin)
+        columns.append(end)
+        costs.append(cost)
+
+    for d, i, j, k in np.ndindex(DIRECTIONS, *rate.shape):
+        here = d * rate.size + np.ravel_multi_index((i, j, k), rate.shape)
+        flat, over = SPACING_M * math.hypot(i - goal[0], j - goal[1]), abs(up[i, j, k] - goal[2])
+        if flat <= 1.5 * SPACING_M and over <= 1.5 * LEVEL_M:  # The search begins at these nodes.
+            join(num, here, max(1e-9, rate[i, j, k] * max(flat, over / slope) / LIMITS.v_cruise))
+        for turn in (-1, 0, 1):
+            east, north = step_of(d + turn)
+            a, b = i + east, j + north
+            if not (0 <= a < rate.shape[0] and 0 <= b < rate.shape[1]):
+                continue
+            way = SPACING_M * math.hypot(east, north)
+            for c in range(rate.shape[2]):
+                if abs(up[a, b, c] - up[i, j, k]) <= STEEPER * slope * way:
+                    there = (d + turn) % DIRECTIONS * rate.size + np.ravel_multi_index((a, b, c), rate.shape)
+                    mean = 0.5 * (rate[i, j, k] + rate[a, b, c])
+                    join(there, here, SHORTENED * way / LIMITS.v_cruise * mean)
+    graph = csr_matrix((costs, (rows, columns)), shape=(num + 1, num + 1))
+    return dijkstra(graph, indices=num)[:num].reshape(DIRECTIONS, *rate.shape)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_the_cheapest_way_over_the_graph(seed):
+    rng = np.random.default_rng(seed)
+    shape = (9, 8, LEVELS)
+    field = CostField(
+        np.array([0.0, 0.0, 0.0, SPACING_M, SPACING_M, LEVEL_M]), rng.uniform(0.0, 90.0, shape[:2]),
+        rng.uniform(1.0, 9.0, shape), np.empty((DIRECTIONS, *shape)), np.zeros(1),
+    )  # fmt: skip
+    goal = (5, 3, float(field.floor[5, 3]) + LEVEL_M)
+    heap = Heap(np.empty(field.rate.size), np.empty(field.rate.size, dtype=np.int64))
+    place = np.array([SPACING_M * goal[0], SPACING_M * goal[1], goal[2]])
+    fill_cost_over_ground(field, 0, place, LIMITS, heap, buckets(field.rate.size))
+    expected = by_dijkstra(field, goal)
+    assert np.isfinite(expected).mean() > 0.3
+    np.testing.assert_allclose(field.values, expected, rtol=1e-6, atol=1e-4)
