@@ -23,6 +23,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -302,26 +304,22 @@ class Checker:
             )
 
     def _clearance_violations(
-        self,
-        starts: FloatArray,
-        ends: FloatArray,
-        margins: FloatArray,
-        bulges: FloatArray,
-        rows: NDArray[np.int64],
-        *,
-        is_track: bool = False,
-        over_ground: bool = True,
-    ) -> Iterator[Violation]:
+        self, starts: FloatArray, ends: FloatArray, margins: FloatArray, bulges: FloatArray,
+        rows: NDArray[np.int64], *, track_height_m: float | None = None, over_ground: bool = True,
+    ) -> Iterator[Violation]:  # fmt: skip
         """Check segments for prisms and ground: distance less bulge, against the margin.
 
         ``starts``, ``ends`` (N, 3), ``margins``, ``bulges`` (N,) [m]; ``rows`` (N,) are the reported rows.
-        A track keeps the margins from the ground as well; all else keeps the limits of height over ground.
-        Without ``over_ground`` the ground is left out.
+        A track keeps the margins and ``track_height_m`` over ground. All else keeps the limits of height over
+        ground. Without ``over_ground`` the ground is left out.
         """
         if over_ground and self.ground is not None and len(starts):
-            least = margins if is_track else np.full(len(starts), self.ground.height_min_m - TOLERANCE_M)
-            tolerance_m = math.inf if is_track else self.limits.altitude_tolerance_m
-            yield from self.ground.violations(starts, ends, least, rows, tolerance_m)
+            least = np.full(len(starts), self.ground.height_min_m - TOLERANCE_M)
+            above, tolerance_m = 0.0, self.limits.altitude_tolerance_m
+            if track_height_m is not None:
+                least, above, tolerance_m = margins + track_height_m, track_height_m, math.inf
+            for entry in self.ground.violations(starts, ends, least, rows, tolerance_m):
+                yield replace(entry, value=entry.value - above, limit=entry.limit - above)
         for segment, name, clear in self._prisms.near(starts, ends, margins, bulges):
             yield Violation(
                 "clearance", int(rows[segment]), clear, float(margins[segment]), f"distance to {name} [m]"
@@ -373,8 +371,9 @@ class Checker:
         return tuple(found)
 
     def check_track(
-        self, positions_enu_m: FloatArray, margin_m: float, *, may_come_back: bool = False
-    ) -> tuple[Violation, ...]:
+        self, positions_enu_m: FloatArray, margin_m: float, *, may_come_back: bool = False,
+        keeps_height: bool = False,
+    ) -> tuple[Violation, ...]:  # fmt: skip
         """Check clearance and bounds of a track that begins at the aircraft's position.
 
         If the aircraft begins too near to an obstacle, it has to move away from it. If it begins out of
@@ -388,15 +387,17 @@ class Checker:
             Distance to keep from obstacles [m].
         may_come_back : bool
             Whether the track may turn back out of bounds, and leave a fence that contains the aircraft.
+        keeps_height : bool
+            Whether a flight at ``height_min_m`` over ground has only ``clearance_min_m`` of clearance.
         """
+        lowest_m = 0.0 if self.ground is None else self.ground.height_min_m
+        height_m = lowest_m - 2.0 * self.limits.margin_m if keeps_height else 0.0
         points = np.asarray(positions_enu_m, dtype=np.float64)
         if len(points) < 2 or not (np.abs(points) <= NUMBER_MAX).all():
             return (Violation("finite", 0, math.nan, NUMBER_MAX, "no track of finite numbers"),)
         here, margin, none = curves.short_segment(points[0]), np.array([margin_m]), np.zeros(1)
-        at_first = [
-            entry.value
-            for entry in self._clearance_violations(*here, margin, none, none.astype(int), is_track=True)
-        ]
+        near = partial(self._clearance_violations, track_height_m=height_m)
+        at_first = [entry.value for entry in near(*here, margin, none, none.astype(int))]
         margins = curves.margins_along(points, min(at_first, default=margin_m), margin_m)
         low, high = np.array(self.limits.bounds).reshape(3, 2).T
         out = max(0.0, float((low - points[0]).max()), float((points[0] - high).max()))
@@ -404,7 +405,7 @@ class Checker:
             out += OVERSHOOT_RADII * self.limits.turn_radius_min_m
         found = list(self._bounds_violations(points, np.full(len(points), True), BULGE_TOLERANCE_M + out))
         rows, none = np.arange(1, len(points)), np.zeros(len(points) - 1)
-        found += self._clearance_violations(points[:-1], points[1:], margins, none, rows, is_track=True)
+        found += near(points[:-1], points[1:], margins, none, rows)
         if may_come_back:
             found = self._return_to_bounds(points[0], 0.0).remaining(found, points)
         return tuple(found)

@@ -88,6 +88,19 @@ def test_a_track_keeps_the_margin_and_may_climb_away():
     assert checker.check_track(climbs, 10.0) == ()
 
 
+def test_a_track_may_have_to_keep_the_lowest_height_as_closely_as_the_clearance():
+    """50 m over ground count as 20 m of clearance, which are twice the margin: 43 m are left as 13 m."""
+    ground = GroundHeights(posts_over(lambda east, north: 0.0 * east), 50.0, math.inf)
+    checker = Checker([], check_limits(margin_m=10.0), None, ground)
+    track = np.array([[100.0, 400.0, 80.0], [300.0, 400.0, 43.0], [500.0, 400.0, 80.0]])
+    assert checker.check_track(track, 15.0) == ()
+    assert checker.check_track(track, 10.0, keeps_height=True) == ()
+    found = checker.check_track(track, 15.0, keeps_height=True)
+    assert {entry.rule for entry in found} == {"clearance"}
+    assert min(entry.value for entry in found) == pytest.approx(13.0, abs=0.1)
+    assert all(entry.limit == pytest.approx(15.0) for entry in found)
+
+
 def test_a_track_over_ground_keeps_both_limits_once_it_has_kept_them():
     """Ground that rises by a tenth; limits 50 and 120 m, of which the lower may be passed by 3 m."""
     ground = GroundHeights(posts_over(lambda east, north: 0.1 * east), 50.0, 120.0)

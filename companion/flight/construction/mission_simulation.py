@@ -321,7 +321,8 @@ def faults_of(
     wanted = float(state.mission.planning.clearance_min_m) + GUSTS_M
     is_on_circle = track.reached >= len(waypoints.positions_enu_m)
     lacking, beyond, forbidden = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}, []
-    for entry in state.rules.checker.check_track(track.positions_enu_m, wanted, may_come_back=True):
+    checker, places = state.rules.checker, track.positions_enu_m
+    for entry in checker.check_track(places, wanted, may_come_back=True, keeps_height=True):
         on_circle = bool(is_on_circle[entry.row])
         if entry.rule == "bounds":
             beyond[on_circle] = max(beyond[on_circle], abs(entry.value - entry.limit) - BOUNDS_TOLERANCE_M)

@@ -154,7 +154,7 @@ def _is_entry_clear(
     track = _entry_track(guidance, ownship, waypoints, number, SIMULATED_MAX_S)
     passed = np.flatnonzero(track.reached > 0)
     ends_s = SIMULATED_MAX_S if len(passed) == 0 else float(track.times_s[passed[0]]) + guidance.l1_period_s
-    check = partial(state.rules.checker.check_track, may_come_back=True)
+    check = partial(state.rules.checker.check_track, may_come_back=True, keeps_height=True)
     if check(track.positions_enu_m[track.times_s <= ends_s], MARGIN_SHARE * clearance):
         return False
     variations = [(guidance_over(state, waypoints, at_once=True), ownship)]

@@ -49,6 +49,7 @@ KINDS: Final = {
     "link": Words("Link", WATCH),
     "stale": Words("Data too old", WATCH),
     "fresh": Words("Data is fresh again"),
+    "ground": Words("Ground", WATCH),
     "fence": Words("Fences"),
     "rally": Words("Rally points"),
     "reload": Words("Mission file read again"),
