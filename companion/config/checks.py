@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
@@ -14,7 +13,7 @@ from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.kernels.arrays import Ground
 from companion.planning.comparators import METHODS
-from companion.world.ground.cell_lookup import cells_along
+from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 
 Finding = tuple[KeyPath, str]
@@ -144,8 +143,7 @@ def _over_ground(config: MissionConfig, ground: Ground) -> Iterator[Finding]:
     places += [(("goals", index), goal) for index, goal in enumerate(config.goals)]
     margin = config.planning.clearance_min_m
     for path, place in places:
-        at = np.array([place.east_m, place.north_m])
-        cell = cells_along(ground, 0, at[:1])[0], cells_along(ground, 1, at[1:])[0]
+        cell = cell_at(ground, place.east_m, place.north_m)
         low, high = ground.high[cell] + ground.least + margin, ground.low[cell] + ground.most - margin
         if not low <= place.up_m <= high:
             limits = f"{math.ceil(low)}" + ("" if math.isinf(high) else f" to {math.floor(high)}")
@@ -156,8 +154,7 @@ def _radars_over_ground(config: MissionConfig, ground: Ground) -> Iterator[Findi
     """Check that no radar within the bounds lies below the ground: it would see nothing."""
     (west, east), (south, north) = config.bounds.east_m, config.bounds.north_m
     for index, radar in enumerate(config.radars):
-        at = np.array([radar.east_m, radar.north_m])
-        low = float(ground.low[cells_along(ground, 0, at[:1])[0], cells_along(ground, 1, at[1:])[0]])
+        low = float(ground.low[cell_at(ground, radar.east_m, radar.north_m)])
         is_mapped = west <= radar.east_m <= east and south <= radar.north_m <= north
         if is_mapped and radar.up_m < low - MAP_TOLERANCE_M:
             yield ("radars", index, "up_m"), f"at least the height of the ground there, {math.ceil(low)}"

@@ -9,7 +9,6 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Game, Obstacles
-from companion.kernels.geometry.ground_surface import DEEP
 from companion.kernels.threat.pursuit_game import (
     BLOCK,
     DRIVES,
@@ -19,7 +18,7 @@ from companion.kernels.threat.pursuit_game import (
     fill_tops,
 )
 from companion.types.threat import TrackState
-from companion.world.ground.cell_lookup import cells_along
+from companion.world.ground.cell_lookup import cells_along, has_ground
 from companion.world.pursuer_trees import deviations
 
 CELLS = 256  # The grid has this many cells along the longer side of the bounds.
@@ -49,7 +48,7 @@ def pursuit_game(
     west, east, south, north = bounds[:4]
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
     shape = (int((east - west) / spacing) + 2, int((north - south) / spacing) + 2) if tracks else (1, 1)
-    is_flat = walls.ground.low[0, 0] <= DEEP
+    is_flat = not has_ground(walls.ground)
     game = Game(
         vehicles=np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
         arrival=np.full((len(tracks), *shape), math.inf),

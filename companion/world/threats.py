@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import IntArray, Obstacles, Threats
-from companion.kernels.geometry.ground_surface import DEEP, fill_ground_shadows
+from companion.kernels.geometry.ground_surface import fill_ground_shadows
 from companion.kernels.geometry.radar_shadow import fill_shadows
 from companion.types.threat import Radar
+from companion.world.ground.cell_lookup import has_ground
 
 SHADOW_NODES = 321  # A shadow field has this many nodes along the longer side of the bounds.
 
@@ -30,7 +31,7 @@ def packed_threats(
     shadows = np.zeros((len(rows), *shape))
     for row, shadow in zip(rows, shadows, strict=True):
         fill_shadows(shadow, grid, row, obstacles)
-        if obstacles.ground.low[0, 0] > DEEP:
+        if has_ground(obstacles.ground):
             fill_ground_shadows(shadow, grid, row, obstacles.ground)
     return Threats(radars=rows, known=np.ones(len(rows), dtype=np.int64), shadows=shadows, grid=grid)
 

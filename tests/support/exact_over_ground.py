@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from tests.support.exact_paths import BEGINNING_M, directions
+from tests.support.exact_paths import LeastPath, directions, memberships_where
 
 REACH = 3  # spacings
 SIGHT_STEP_M, SIGHT_NEAR_M = 10.0, 5.0
@@ -23,18 +23,7 @@ def memberships_over_ground(places, radars, ups_m):
 
     ``ups_m`` gives the heights of the ground at places east (N,) and north (N,).
     """
-    unseen = np.ones(len(places))
-    for radar in radars:
-        eye = np.array(radar.position_enu_m)
-        offset = places - eye
-        flat, slant = np.hypot(offset[:, 0], offset[:, 1]), np.linalg.norm(offset, axis=1)
-        r_max, k_r = radar.max_threat_radius_m, radar.boundary_coefficient_per_m
-        within = (slant <= r_max) & (offset[:, 2] >= k_r * flat**2)
-        mu = np.where(within, np.exp(-((slant / r_max) ** 4)), 0.0)
-        rows = np.flatnonzero(mu > 0.0)
-        mu[rows[hidden_by_ground(places[rows], eye, ups_m)]] = 0.0
-        unseen *= 1.0 - mu
-    return 1.0 - unseen
+    return memberships_where(places, radars, lambda rows, eye: hidden_by_ground(rows, eye, ups_m))
 
 
 def hidden_by_ground(places, eye, ups_m):
@@ -48,7 +37,7 @@ def hidden_by_ground(places, eye, ups_m):
     return hidden
 
 
-class ExactGridOverGround:
+class ExactGridOverGround(LeastPath):
     """The grid of one map.
 
     ``limits_m`` (lowest, highest) height over ground; ``slopes`` (up, down) that can be flown; ``rise``
@@ -110,22 +99,3 @@ class ExactGridOverGround:
 
     def _nearest(self, place):
         return int(np.argmin(np.linalg.norm(self.places - np.array(place), axis=1)))
-
-    def nodes(self):
-        """Numbers of the nodes along the path of least J."""
-        nodes = [self.start]
-        while nodes[-1] != self.goal:
-            nodes.append(int(self._before[nodes[-1]]))
-        return np.array(nodes)
-
-    def seen_m(self):
-        """Metres seen along it: the integral of m."""
-        nodes = self.nodes()
-        lengths = np.linalg.norm(np.diff(self.places[nodes], axis=0), axis=1)
-        return float(lengths @ (0.5 * (self.seen[nodes[1:]] + self.seen[nodes[:-1]])))
-
-    def direction_rad(self):
-        """Where the path leads at first."""
-        gone = self.places[self.nodes()] - self.places[self.start]
-        first = np.argmax(np.hypot(gone[:, 0], gone[:, 1]) >= BEGINNING_M)
-        return math.atan2(gone[first, 1], gone[first, 0])

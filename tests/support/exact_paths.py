@@ -26,6 +26,11 @@ def directions(reach=REACH):
 
 def memberships(places, radars, obstacles, is_plane):
     """m = 1 − Π(1 − μ) at places (N, 3) [m], by (1), 0 where an obstacle hides a place."""
+    return memberships_where(places, radars, lambda rows, eye: hidden(rows, eye, obstacles, is_plane))
+
+
+def memberships_where(places, radars, is_hidden):
+    """m at places (N, 3) [m]; ``is_hidden`` tells which of some places (K, 3) are not seen from a radar."""
     unseen = np.ones(len(places))
     for radar in radars:
         offset = places - np.array(radar.position_enu_m)
@@ -35,7 +40,7 @@ def memberships(places, radars, obstacles, is_plane):
             (slant <= r_max) & (offset[:, 2] >= k_r * flat**2), np.exp(-((slant / r_max) ** 4)), 0.0
         )
         rows = np.flatnonzero(mu > 0.0)
-        mu[rows[hidden(places[rows], radar.position_enu_m, obstacles, is_plane)]] = 0.0
+        mu[rows[is_hidden(places[rows], radar.position_enu_m)]] = 0.0
         unseen *= 1.0 - mu
     return 1.0 - unseen
 
@@ -64,7 +69,34 @@ def hidden(places, radar, obstacles, is_plane):
     return found
 
 
-class ExactGrid:
+class LeastPath:
+    """The path of least J that a search from the goal has found.
+
+    ``places`` (N, 3) of the nodes, ``seen`` (N,) their membership, ``start`` and ``goal`` the numbers of two.
+    """
+
+    def nodes(self):
+        """Numbers of the nodes along the path of least J."""
+        nodes = [self.start]
+        while nodes[-1] != self.goal:
+            nodes.append(int(self._before[nodes[-1]]))
+        return np.array(nodes)
+
+    def seen_m(self):
+        """Metres seen along it: the integral of m."""
+        nodes = self.nodes()
+        lengths = np.linalg.norm(np.diff(self.places[nodes], axis=0), axis=1)
+        return float(lengths @ (0.5 * (self.seen[nodes[1:]] + self.seen[nodes[:-1]])))
+
+    def direction_rad(self):
+        """Where the path leads at first."""
+        gone = self.places[self.nodes()] - self.places[self.start]
+        away = np.hypot(gone[:, 0], gone[:, 1])
+        first = np.argmax(away >= BEGINNING_M)
+        return math.atan2(gone[first, 1], gone[first, 0])
+
+
+class ExactGrid(LeastPath):
     """The grid of one map.
 
     ``rate`` (N,) is what a second costs at a node; ``costs`` the least J from every node to the goal [s].
@@ -139,23 +171,3 @@ class ExactGrid:
     def _nearest(self, place, free, margin):
         away = np.linalg.norm(self.places - np.array(place), axis=1)
         return int(np.argmin(np.where(free >= margin, away, np.inf)))
-
-    def nodes(self):
-        """Numbers of the nodes along the path of least J."""
-        nodes = [self.start]
-        while nodes[-1] != self.goal:
-            nodes.append(int(self._before[nodes[-1]]))
-        return np.array(nodes)
-
-    def seen_m(self):
-        """Metres seen along it: the integral of m."""
-        nodes = self.nodes()
-        lengths = np.linalg.norm(np.diff(self.places[nodes], axis=0), axis=1)
-        return float(lengths @ (0.5 * (self.seen[nodes[1:]] + self.seen[nodes[:-1]])))
-
-    def direction_rad(self):
-        """Where the path leads at first."""
-        gone = self.places[self.nodes()] - self.places[self.start]
-        away = np.hypot(gone[:, 0], gone[:, 1])
-        first = np.argmax(away >= BEGINNING_M)
-        return math.atan2(gone[first, 1], gone[first, 0])

@@ -317,11 +317,11 @@ def faults_of(
     tuple of Violation
         Where the track touches something, or its circle lacks the hard margin.
     """
-    margin = state.rules.checker.limits.margin_m
+    checker, places = state.rules.checker, track.positions_enu_m
+    margin = checker.limits.margin_m
     wanted = float(state.mission.planning.clearance_min_m) + GUSTS_M
     is_on_circle = track.reached >= len(waypoints.positions_enu_m)
     lacking, beyond, forbidden = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}, []
-    checker, places = state.rules.checker, track.positions_enu_m
     for entry in checker.check_track(places, wanted, may_come_back=True, keeps_height=True):
         on_circle = bool(is_on_circle[entry.row])
         if entry.rule == "bounds":
@@ -330,10 +330,9 @@ def faults_of(
         lacking[on_circle] = max(lacking[on_circle], wanted - entry.value)
         if entry.value < (margin if on_circle else TOUCHING_M):
             forbidden.append(replace(entry, limit=margin))
-    between = part.positions_enu_m[:, None, :2] - track.positions_enu_m[None, :, :2]
-    ground, tolerance_m = state.rules.checker.ground, state.rules.checker.limits.altitude_tolerance_m
-    if waypoints.ground is not None and ground is not None:
-        forbidden += ground.track_violations(track.positions_enu_m, tolerance_m)
+    between = part.positions_enu_m[:, None, :2] - places[None, :, :2]
+    if waypoints.ground is not None and checker.ground is not None:
+        forbidden += checker.ground.track_violations(places, checker.limits.altitude_tolerance_m)
     deviation = float(np.linalg.norm(between, axis=2).min(axis=1).max())
     faults = Faults(
         on_circle_m=max(lacking[True], beyond[True]),

@@ -253,11 +253,12 @@ def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostFiel
     """V of all goals where the cost of a second is known."""
     num, is_low = len(problem.goals), bool(field.floor.any())
     heap, layers = _heap(field), num * (DIRECTIONS if is_low else 1)
+    queue = buckets(field.rate.size) if is_low else None
     field = field._replace(values=np.empty((layers, *field.rate.shape)), rest=np.zeros(num))
     for g, goal in reversed(list(enumerate(problem.goals))):
         centre = np.array(goal.position_enu_m)
-        if is_low:
-            fill_cost_over_ground(field, g, centre, limits, heap, buckets(field.rate.size))
+        if queue is not None:
+            fill_cost_over_ground(field, g, centre, limits, heap, queue)
         else:
             fill_cost_to_go(field, g, centre, limits, heap)
         if g + 1 < num:

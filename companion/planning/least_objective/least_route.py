@@ -244,14 +244,15 @@ class LeastRouteSearch:
         """
         grown = list[ObjectiveTree]()
         finding: tuple[Patience, ...] = FINDING if self._exploration.is_pursued else FINDING_ALONE
-        if is_near_ground(self._exploration.problem):
+        is_near = is_near_ground(self._exploration.problem)
+        if is_near:
             finding = FINDING_NEAR_GROUND
         for asked in FINDING[::2] if self._should_stop() else finding:
             along = self._field_without_gaps(objective) if asked.avoids_gaps else field
             grown.append(self._tree(objective, along, danger_max, asked, math.inf))
             if math.isfinite(found_s := grown[-1].cost_s):
                 break
-        if math.isfinite(found_s) and not self._should_stop() and finding is not FINDING_NEAR_GROUND:
+        if math.isfinite(found_s) and not self._should_stop() and not is_near:
             improving = IMPROVING_PURSUED if self._exploration.is_pursued else IMPROVING
             grown.append(self._tree(objective, along, danger_max, improving, found_s))
         return grown

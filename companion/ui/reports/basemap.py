@@ -19,10 +19,10 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from companion.config.models import MissionConfig
-from companion.kernels.geometry.ground_surface import DEEP
 from companion.plain_text import printable
 from companion.types.threat import Obstacle
 from companion.ui.reports import style
+from companion.world.ground.cell_lookup import has_ground
 from companion.world.snapshot import Snapshot
 from companion.world.threat_field import threat_field
 
@@ -166,7 +166,7 @@ def draw_world(sheet: MapSheet, mission: MissionConfig, snapshot: Snapshot) -> N
 def _draw_ground(sheet: MapSheet, snapshot: Snapshot) -> None:
     """Draw contours of the ground, where it is known, with their heights."""
     ground = snapshot.obstacles.ground
-    if ground.low[0, 0] <= DEEP:
+    if not has_ground(ground):
         return
     east, north = (
         ground.grid[axis] + ground.grid[2] * (0.5 + np.arange(ground.high.shape[axis])) for axis in range(2)

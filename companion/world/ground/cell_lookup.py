@@ -6,6 +6,18 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Ground, IntArray
+from companion.kernels.geometry.ground_surface import DEEP
+
+
+def has_ground(ground: Ground) -> bool:
+    """Return whether there is any ground; without a map it lies too deep to matter."""
+    return bool(ground.low[0, 0] > DEEP)
+
+
+def cell_at(ground: Ground, east_m: float, north_m: float) -> tuple[int, int]:
+    """Return the cell of one place; the nearest one beyond the grid."""
+    i, j = (int(cells_along(ground, axis, np.array([at]))[0]) for axis, at in enumerate((east_m, north_m)))
+    return i, j
 
 
 def cells_along(ground: Ground, axis: int, at: FloatArray) -> IntArray:
