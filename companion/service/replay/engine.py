@@ -29,14 +29,13 @@ from companion.link.wire.framing import RawFrame, frames_in, raw_frame
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import RecordedFrame, Recording
 from companion.service.replay.arrivals import Arrivals, is_reported, message_name
-from companion.service.replay.lockstep import TURN_TIMEOUT_S, step
+from companion.service.replay.lockstep import step
 from companion.service.replay.recorded_link import ReplayLink
 from companion.service.replay.replayed_app import replayed_app
 from companion.types.mission import MissionItem
 from companion.types.record import Decision
 
 _LATE_MAX_S = 3.0  # On a wall clock, MAVSDK's threads may take this long.
-_MAVSDK_TIMEOUT_S = 0.5  # Time limit for MAVSDK, since a recording may lack what it waits for.
 _PROGRESS_STEPS = 50
 
 
@@ -133,7 +132,6 @@ class Replay:
             Called at intervals with the time in the recording [s].
         """
         began = time.perf_counter()
-        turn_s = TURN_TIMEOUT_S if self._recording.is_simulated else _MAVSDK_TIMEOUT_S
         self._theirs.set_receiver(self._compare_sent)
         await self._theirs.open()
         running = asyncio.create_task(self._app.run(), name="service")
@@ -142,7 +140,7 @@ class Replay:
         try:
             for number, (data, until_us) in enumerate(self._steps()):
                 until_s = until_us * 1e-6 if self._recording.is_simulated else until_us / 1e6
-                await step(self._app, self._clock, self._theirs, data, until_s, turn_s)
+                await step(self._app, self._clock, self._theirs, data, until_s)
                 self._note_missing(until_us)
                 self._reload(until_us)
                 if running.done():

@@ -16,7 +16,9 @@ from companion.link.wire.memory_transport import MemoryTransport
 
 STEP_S = 0.02
 SETTLE_TURNS = 10  # Iterations of the event loop in which the service's tasks handle a step.
-TURN_TIMEOUT_S = 5.0  # Wall-clock limit for MAVSDK's next message, far above what a busy computer needs.
+# Wall-clock limit for MAVSDK's next message, far above what a busy computer needs. Where a recording lacks an
+# answer, MAVSDK repeats its request long before.
+TURN_TIMEOUT_S = 5.0
 _POLL_S = 0.0002
 
 

@@ -8,10 +8,12 @@ simulated ones anew, for changes after which nothing of the old flights fits.
 
 import asyncio
 import difflib
+import threading
 
 import pytest
 
 from companion.config import load_mission
+from companion.link.missions import mavsdk_reader
 from companion.link.wire.tlog import read_tlog
 from companion.recording.reader import load_recording
 from companion.service.replay.comparison import item_line
@@ -65,6 +67,20 @@ def test_replays_as_before(name, request, tmp_path):
     expected = reference.read_text(encoding="utf-8").splitlines()
     told = "\n".join(difflib.unified_diff(expected, lines, "reference", "now", lineterm="", n=2))
     assert lines == expected, f"\n{told}"
+
+
+def test_slow_threads_of_mavsdk_change_nothing(request, tmp_path, monkeypatch):
+    delays_s = [0.6, 0.6, 0.6]
+    call_in_loop = mavsdk_reader._call_in_loop
+
+    def call_late(loop, function, *values):
+        if delays_s:
+            threading.Event().wait(delays_s.pop())  # It delays MAVSDK's thread, as a busy computer does.
+        call_in_loop(loop, function, *values)
+
+    monkeypatch.setattr(mavsdk_reader, "_call_in_loop", call_late)
+    test_replays_as_before("real-arduplane", request, tmp_path)
+    assert not delays_s
 
 
 def test_the_recordings_are_small():
