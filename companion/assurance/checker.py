@@ -9,8 +9,7 @@ Between two rows the aircraft flies a curve that the rows only sample: an arc, o
 if a turn begins or ends between them. Three rules follow:
 
 - *Clearance* is measured from the chord, less the largest distance of the curve from the chord. For a curve
-of
-  length ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, that distance is largest with the
+  of length ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, that distance is largest with the
   whole turn in the middle: ``L·Δ/4 − r·Δ²/8``. For an arc from end to end it is ``L·Δ/8``.
 - *Turn radius* is the mean of the edge: length over course change. Chord and courses have to agree, so a path
   cannot hide a turn by stating courses that it does not fly.
@@ -21,6 +20,7 @@ of
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -60,9 +60,7 @@ SPEED_TOLERANCE_M_S = 0.01  # Rounding of airspeeds.
 CLIMB_TOLERANCE_RAD = math.radians(0.1)  # Rounding of climb angles.
 COURSE_TOLERANCE_RAD = 0.02  # An edge's chord and its courses may differ by this much.
 RATIO_TOLERANCE = 0.02  # Relative tolerance of radii, and of lengths against speeds.
-# Relative tolerance of the leg that corners need: waypoints on an arc lie closer together than its tangents
-# meet.
-CORNER_TOLERANCE = 0.15
+CORNER_TOLERANCE = 0.15  # Relative; waypoints on an arc lie closer together than its tangents meet.
 CORNER_MIN_RAD = 0.05  # The arc of a smaller corner is not checked apart from its legs.
 LOITER_SIDES = 72  # A loiter circle is checked as a polygon of this many sides.
 
@@ -98,17 +96,11 @@ class Checker:
         self._climbs = (-limits.descent_angle_max_rad, limits.climb_angle_max_rad)
 
     def check_path(
-        self,
-        path: Path,
-        *,
-        goal_enu_m: Sequence[float] | None = None,
-        acceptance_radius_m: float | None = None,
-        from_row: int = 0,
-        wind_enu_m_s: tuple[float, float] = (0.0, 0.0),
-        wind_std_m_s: float = 0.0,
-        picture: ThreatPicture | None = None,
-        may_come_back: bool = False,
-    ) -> tuple[Violation, ...]:
+        self, path: Path, *, goal_enu_m: Sequence[float] | None = None,
+        acceptance_radius_m: float | None = None, from_row: int = 0,
+        wind_enu_m_s: tuple[float, float] = (0.0, 0.0), wind_std_m_s: float = 0.0,
+        picture: ThreatPicture | None = None, may_come_back: bool = False,
+    ) -> tuple[Violation, ...]:  # fmt: skip
         """Return every rule that a path breaks from a row on; nothing if it may be flown.
 
         Parameters
@@ -294,14 +286,9 @@ class Checker:
         for axis, name in enumerate(("east", "north", "up")):
             low, high = self.limits.bounds[2 * axis : 2 * axis + 2]
             yield from outside(
-                "bounds",
-                rows,
-                ready,
-                points[:, axis],
-                (low, high),
-                tolerance=widen[axis],
-                detail=f"{name} of the bounds [m]",
-            )
+                "bounds", rows, ready, points[:, axis], (low, high),
+                tolerance=widen[axis], detail=f"{name} of the bounds [m]",
+            )  # fmt: skip
 
     def _clearance_violations(
         self, starts: FloatArray, ends: FloatArray, margins: FloatArray, bulges: FloatArray,
@@ -486,15 +473,28 @@ class Checker:
         radius = math.nan if loiter_radius_m is None else abs(loiter_radius_m)
         if not smallest * (1.0 - RATIO_TOLERANCE) <= radius <= NUMBER_MAX:
             yield Violation("ending", last, radius, smallest, "loiter radius [m]")
-        if not radius <= NUMBER_MAX:
-            return
+        if radius <= NUMBER_MAX:
+            yield from self.circle_violations(centre, radius, last)
+
+    def circle_violations(self, centre_enu_m: FloatArray, radius_m: float, row: int) -> Iterator[Violation]:
+        """Check clearance and bounds of a circle at one height: at most one violation of each.
+
+        Parameters
+        ----------
+        centre_enu_m : ndarray, shape (3,)
+            Its centre [m].
+        radius_m : float
+            Its radius [m].
+        row : int
+            The row that violations name.
+        """
         angles = np.linspace(0.0, 2.0 * math.pi, LOITER_SIDES + 1)
-        ring = centre + radius * np.column_stack([np.sin(angles), np.cos(angles), np.zeros(len(angles))])
-        none, bulge = np.zeros(LOITER_SIDES), radius * (1.0 - math.cos(math.pi / LOITER_SIDES))
-        margins, bulges = none + self.limits.margin_m, none + bulge
-        rows = np.full(LOITER_SIDES, last)
-        found = list(self._clearance_violations(ring[:-1], ring[1:], margins, bulges, rows))
-        if found:  # The circle is reported once, not once per side.
-            yield min(found, key=lambda violation: violation.value)
-        outside = list(self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=last))
-        yield from outside[:1]
+        sides = np.column_stack([np.sin(angles), np.cos(angles), np.zeros(len(angles))])
+        ring, bulge = centre_enu_m + radius_m * sides, radius_m * (1.0 - math.cos(math.pi / LOITER_SIDES))
+        none, rows = np.zeros(LOITER_SIDES), np.full(LOITER_SIDES, row)
+        near = self._clearance_violations(
+            ring[:-1], ring[1:], none + self.limits.margin_m, none + bulge, rows
+        )
+        yield from sorted(near, key=lambda violation: violation.value)[:1]
+        out = self._bounds_violations(ring, np.full(len(ring), True), POINT_TOLERANCE_M, row=row)
+        yield from itertools.islice(out, 1)

@@ -26,11 +26,13 @@ def main():
             flights.append(flight)
             out.write(line_of(flight) + "\n")
             out.flush()
+    threatened = [flight.threatened_s > 0.0 for flight in flights if flight.num_pursuers]
     low = [flight for flight in flights if flight.least_m < LEAST_M - 3.0]
     sys.stdout.write(
         f"{len(flights)} flights: {sum(f.reached for f in flights)} reach the goal, "
         f"{sum(f.collision for f in flights)} touch the ground, "
         f"{len(low)} come more than 3 m below {LEAST_M:.0f} m over ground; "
+        f"{sum(threatened)} of {len(threatened)} with pursuers are threatened; "
         f"seen {median(f.seen_s for f in flights):.1f} s, a plan {median(f.plan_ms for f in flights):.0f} ms "
         "(medians)\n"
     )

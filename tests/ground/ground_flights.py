@@ -19,6 +19,7 @@ from tests.support.sitl_harness import SitlHarness
 
 SIDE_M, TURN_M = 5_000.0, 125.0
 LEAST_M, MOST_M = 60.0, 200.0
+PURSUER_FAR_M = 1_000.0
 FLOWN_S = 900.0
 SAMPLE_ORIGIN = "{latitude_deg: 36.59, longitude_deg: -84.245, altitude_amsl_m: 0.0}"
 SAMPLE_M = 14_000.0  # The sample map reaches this far from that origin, east, west, north and south.
@@ -40,6 +41,8 @@ terrain: {{{source}, height_min_m: 60, height_max_m: 200}}
 simulation: {{wind_speed_m_s: {wind:.1f}, wind_from_deg: {wind_from:.0f}, turbulence: light}}
 radars:
 {radars}
+dynamic_threats:
+{pursuers}
 """
 
 
@@ -54,6 +57,8 @@ class GroundFlight:
     collision: bool = False
     least_m: float = math.inf
     seen_s: float = 0.0
+    num_pursuers: int = 0
+    threatened_s: float = 0.0
     straight_m: float = 0.0
     flown_m: float = 0.0
     lasted_s: float = 0.0
@@ -65,7 +70,7 @@ def scenario(seed):
     return mission_from_text(scenario_text(seed), f"ground {seed}")
 
 
-def scenario_text(seed, *, range_times=1.0, is_known=False):
+def scenario_text(seed, *, range_times=1.0, is_known=False, has_pursuers=True):
     """The mission file of a seed; its radars see so many times as far, and may be known beforehand."""
     rng = np.random.default_rng(seed)
     is_sample = seed % 3 != 2
@@ -75,7 +80,8 @@ def scenario_text(seed, *, range_times=1.0, is_known=False):
     relief = rng.uniform(100.0, 350.0)
     source = f"generated: {{kind: {kind}, seed: {seed}, relief_m: {relief:.0f}}}"
     values = {
-        "origin": SAMPLE_ORIGIN if is_sample else OTHER_ORIGIN, "radars": "  []", "course": 0.0,
+        "origin": SAMPLE_ORIGIN if is_sample else OTHER_ORIGIN, "radars": "  []", "pursuers": "  []",
+        "course": 0.0,
         "west": west, "east": west + SIDE_M, "south": south, "north": south + SIDE_M,
         "source": "sample: jacksboro_fault" if is_sample else source,
         "wind": rng.uniform(0.0, 8.0), "wind_from": rng.uniform(0.0, 359.0),
@@ -94,6 +100,8 @@ def scenario_text(seed, *, range_times=1.0, is_known=False):
                 f"max_threat_radius_m: {range_times * reach:.0f}, known_beforehand: {str(is_known).lower()}}}"
             )
         values |= {"a": a, "b": b, "course": rng.uniform(0.0, 359.0), "radars": "\n".join(radars)}
+        if has_pursuers:
+            values["pursuers"] = _pursuers(seed, a, b, west, south)
         text = MISSION.format(**values)
         try:
             mission_from_text(text, f"ground {seed}")
@@ -102,11 +110,24 @@ def scenario_text(seed, *, range_times=1.0, is_known=False):
             continue
 
 
+def _pursuers(seed, a, b, west, south):
+    """Two slow pursuers, far from the start and the goal, in every second pair of seeds."""
+    rng, rows = np.random.default_rng((seed, 1)), []
+    while seed % 4 >= 2 and len(rows) < 2:
+        place = west + rng.uniform(0.0, SIDE_M), south + rng.uniform(0.0, SIDE_M)
+        if min(math.dist(place, a[:2]), math.dist(place, b[:2])) > PURSUER_FAR_M:
+            rows.append(
+                f"  - {{name: p{len(rows)}, east_m: {place[0]:.0f}, north_m: {place[1]:.0f}, "
+                f"speed_m_s: {rng.uniform(5.0, 10.0):.1f}, max_threat_radius_m: 250}}"
+            )
+    return "\n".join(rows) or "  []"
+
+
 def _posts(values, west, south):
     """The map of a mission whose start and goal are not known yet, which are put high over its middle."""
     middle = west + 0.5 * SIDE_M, south + 0.5 * SIDE_M, 1_400.0
     text = MISSION.format(**(values | {"a": middle, "b": middle, "radars": "  []"}))
-    text = text.replace(", height_max_m: 200", "").replace("radars:\n  []", "")
+    text = text.replace(", height_max_m: 200", "")
     return posts_of(mission_from_text(text, "ground"))
 
 
@@ -139,7 +160,9 @@ def fly(seed):
     rows = np.array(truth.path)
     flight.reached, flight.collision = bool(harness.flight.goal_reached), truth.collision
     flight.least_m, flight.lasted_s = truth.min_ground_height_m, harness.now_s
-    flight.seen_s = harness.flight.measures().over_all()["seconds_in_radar"]
+    measures = harness.flight.measures().over_all()
+    flight.seen_s, flight.threatened_s = measures["seconds_in_radar"], measures["seconds_in_reach_and_sight"]
+    flight.num_pursuers = len(mission.dynamic_threats)
     flight.flown_m = float(np.linalg.norm(np.diff(rows[:, 1:3], axis=0), axis=1).sum())
     start, goal = mission.start, mission.goals[0]
     flight.straight_m = math.dist((start.east_m, start.north_m), (goal.east_m, goal.north_m))

@@ -41,14 +41,14 @@ def test_ridges_are_passed_by_waypoints_over_ground():
     mission = load_mission(CONFIGS / "ridge.yaml")
     terrain = mission.terrain.model_copy(update={"item_frame": "terrain"})
     harness = SitlHarness(mission.model_copy(update={"terrain": terrain}), seed=1)
-    harness.fly(330.0)
+    harness.fly(230.0)  # It flies 4.9 km at 25 m/s, without circling on the way.
     truth = harness.simulator.truth
     assert harness.flight.goal_reached
     assert truth.min_ground_height_m > terrain.height_min_m - 3.0
     sent = [message for _, message in harness.said("MISSION_ITEM_INT") if message.command == 16]
     frames = collections.Counter(message.frame for message in sent)
     assert frames[mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT] > 0.8 * frames.total()
-    assert "ground" not in harness.kinds()
+    assert not {"ground", "emergency"} & set(harness.kinds())
 
 
 @pytest.mark.parametrize("shift_m", [0.0, 40.0])

@@ -22,7 +22,6 @@ from companion.world.obstacles import NO_GROUND
 CACHED_MAPS_MAX = 4
 SERVED_M = 6_000.0  # An autopilot is served heights so far beyond the bounds.
 WANTED_MORE_M = 10.0  # Without height_wanted_m, so much more than height_min_m is wanted.
-FOLLOWED_MORE_M = 30.0  # The same where the autopilot follows the ground: it climbs late before a ridge.
 COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
 
 __all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of", "served_heights_of", "spacing_m"]
@@ -155,8 +154,7 @@ def _ground(
 ) -> Ground:
     """Return the cells of the ground."""
     least, most = float(terrain.height_min_m), terrain.height_max_m
-    more_m = WANTED_MORE_M if terrain.item_frame == "amsl" else FOLLOWED_MORE_M
-    wanted = terrain.height_wanted_m or min(least + more_m, most or math.inf)
+    wanted = terrain.height_wanted_m or min(least + WANTED_MORE_M, most or math.inf)
     return ground_cells(
         _posts(terrain, frame, bounds),
         bounds,

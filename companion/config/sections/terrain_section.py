@@ -46,8 +46,7 @@ class TerrainConfig(Section):
     """Plans stay at most this high over ground; by default only `bounds` limit the height."""
     height_wanted_m: HeightOverGround | None = None
     """Below this height over ground a second costs more, the more the lower (`price_near`); by default 10 m
-    above `height_min_m`, since a flight does not keep to its path to the metre, and 30 m above it with
-    `item_frame: terrain`, since an autopilot that follows the ground climbs late."""
+    above `height_min_m`, since a flight does not keep to its path to the metre."""
     item_frame: Literal["amsl", "terrain"] = "amsl"
     """What heights of uploaded waypoints count from. With `terrain` an ArduPlane keeps heights over ground
     between them, by the heights that it stores (`TERRAIN_ENABLE` 1). A mission that would come too low that

@@ -235,6 +235,8 @@ def _candidates(
         for circle in (circle for of_radius in circles for circle in of_radius[number]):
             if travelled[end] >= valid_until or num_tried == ENDS_MAX:
                 break
+            if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
+                continue
             candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
             valid_until = min(valid_until, candidate.valid_until_m)
             num_tried += 1

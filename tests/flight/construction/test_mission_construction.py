@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.assurance.checker import Checker
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.flight.construction import mission_construction
 from companion.flight.construction.mission_construction import construct, construct_until
 from companion.flight.construction.mission_simulation import (
@@ -25,6 +26,7 @@ from companion.types.mission import Command
 from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
 from companion.world.vehicle.guidance import track_of_legs
 from tests.flight.construction.test_cycle import BLOCK, EAST, OPEN, begun, straight
+from tests.ground.maps import posts_over
 from tests.mission.made import item, path_along
 
 BOTH = pytest.mark.parametrize("flies_by", [True, False], ids=["arduplane", "px4"])
@@ -41,6 +43,23 @@ def circle_of(waypoints):
 
 
 # --- where a mission ends
+
+
+def test_a_mission_ends_where_its_circle_is_clear_of_the_ground():
+    """Along a narrow valley no circle has room, and the valley is longer than ends that may be simulated."""
+    made = begun()
+    valley_m = 1_800.0
+    posts = posts_over(
+        lambda east, north: 80.0 * ((east < valley_m) & (np.abs(north) > 70.0)),
+        spacing=25.0, bounds=(-300.0, 3_000.0, -600.0, 600.0),
+    )  # fmt: skip
+    checker = made.rules.checker
+    ground = GroundHeights(posts, height_min_m=50.0, height_max_m=150.0)
+    over_ground = Checker(made.rules.obstacles, checker.limits, ground=ground)
+    found = construct(replace(made, rules=replace(made.rules, checker=over_ground)), straight(rows=110), 60)
+    assert found.violations == ()
+    assert found.waypoints.loiter_centre_enu_m[0] > valley_m
+    assert construct(made, straight(rows=110), 60).waypoints.loiter_centre_enu_m[0] < 1_200.0
 
 
 def test_a_mission_covers_three_horizons_and_ends_in_a_circle():

@@ -28,7 +28,7 @@ class OverGround:
     """A random mission over ground, all of its radars known, and the exact answer."""
 
     def __init__(self, seed):
-        text = scenario_text(seed, range_times=RANGE_TIMES, is_known=True)
+        text = scenario_text(seed, range_times=RANGE_TIMES, is_known=True, has_pursuers=False)
         self.mission = mission_from_text(text, f"ground {seed}")
         self.ups_m = TrueGround(posts_of(self.mission)).ups_m
         self.problem = offline_problem(self.mission, offline_world(self.mission), None, 1)
