@@ -74,6 +74,5 @@ _._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local
 # Columns of docs/pilot-messages.md, which tests/docs writes.
 _.cause, _.action
 
-# Measures and models of encounters, for the campaign that will fly them.
-_.EN_ROUTE, _.NON_COOPERATIVE, _.SMALL_AIRCRAFT, _.NEAR_MID_AIR_COLLISION, _.is_inside, _.severity
-_.risk_ratio, _.read_model, _.track
+# Encounters with passing aircraft, for the campaign that will fly them.
+_.risk_ratio, _.read_model, _.flown_encounter, _.meets_s

@@ -134,7 +134,9 @@ class EncounterModel:
         low, high = (float(edge) for edge in self.edges[number][at : at + 2])
         return 0.0 if low < 0.0 < high else float(generator.uniform(low, high))
 
-    def track(self, duration_s: int, generator: np.random.Generator) -> FloatArray | None:
+    def track(
+        self, duration_s: int, generator: np.random.Generator, near_m: float | None = None
+    ) -> FloatArray | None:
         """Draw what one aircraft does: from the origin, at first to the north.
 
         Parameters
@@ -143,15 +145,20 @@ class EncounterModel:
             How long [s].
         generator : numpy.random.Generator
             Source of everything random.
+        near_m : float, optional
+            Height in whose layer of the model it is to begin [m].
 
         Returns
         -------
         ndarray, shape (N, 7)
             Each second: time [s], east, north, height over ground [m], and the velocity in these [m/s].
-            None if it leaves the model's speeds or reaches the ground: such a draw is not used.
+            None if it begins in another layer, leaves the model's speeds, or reaches the ground: such a draw
+            is not used.
         """
         bins = self.drawn_bins(generator)
         height, speed = self.number_of(HEIGHT), self.number_of(SPEED)
+        if near_m is not None and np.digitize(near_m / FOOT_M, self.edges[height]) != bins[height] + 1:
+            return None
         up_m = FOOT_M * self.drawn_value(height, bins[height], generator)
         speed_m_s = KNOT_M_S * self.drawn_value(speed, bins[speed], generator)
         rates = self._rates(bins, duration_s + 1, generator)
@@ -159,7 +166,7 @@ class EncounterModel:
         low, high = KNOT_M_S * self.edges[speed][[0, -1]]
         courses = np.concatenate([[0.0], np.cumsum(rates[:-1, 2])])
         velocity = np.column_stack([speeds * np.sin(courses), speeds * np.cos(courses), rates[:, 1]])
-        places = np.vstack([np.zeros((1, 3)), np.cumsum(velocity[:-1], axis=0)]) + (0.0, 0.0, up_m)
+        places = np.vstack([[0.0, 0.0, up_m], velocity[:-1]]).cumsum(axis=0)
         if speeds.min() <= low or speeds.max() >= high or places[:, 2].min() <= 0.0:
             return None
         return np.column_stack([np.arange(duration_s + 1.0), places, velocity])

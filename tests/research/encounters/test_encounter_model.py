@@ -1,4 +1,4 @@
-"""Encounter models: what is drawn has the file's distributions, tracks are their sums, errors name the place."""
+"""Encounter models: what is drawn has the file's distributions, and errors name the place."""
 
 import math
 
