@@ -26,7 +26,7 @@ VOLUMES = {
     "lowc_non_cooperative": NON_COOPERATIVE,
 }
 MEETS = 0.6  # The two are to meet after this share of the unmitigated flight.
-DELAY_S = 0.6  # From the measurement to the report, about the longest of DO-260B's latency classes.
+DELAY_S = 0.6  # From the measurement to the report: 14 CFR 91.227(e), uncompensated latency.
 LOSS = 0.1  # Share of the reports that are lost.
 
 Row = dict[str, bool | float]
