@@ -84,12 +84,14 @@ def build(
     on_ground: bool = False,
     route_enu_m: tuple[Place, ...] = (),
     battery_drain: float = 1.0,
+    aircraft: Pursuers = (),
 ) -> Scenario:
     """Set everything up at the mission's start: airborne, trimmed, flying the operator's mission.
 
     With ``on_ground`` the aircraft stands below it instead, disarmed and without a mission; with
     ``route_enu_m`` the operator's mission leads over these places. There is a battery if the mission file has
-    a section ``energy``; it is drained ``battery_drain`` times as fast as the flight takes.
+    a section ``energy``; it is drained ``battery_drain`` times as fast as the flight takes. The ``aircraft``
+    pass besides the mission's threats.
     """
     frame = mission.frame
     projection = FastProjection(frame)
@@ -135,6 +137,6 @@ def build(
     if on_ground:
         flight.stand(home.up_m)
         autopilot.is_armed = False
-    pursuers = pursuers_of(mission)
+    pursuers = [*pursuers_of(mission), *aircraft]
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
     return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list, ground))

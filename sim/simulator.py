@@ -6,6 +6,8 @@ and input at the same simulated times give the same output bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
@@ -13,11 +15,13 @@ from sim.autopilot.base import Autopilot
 from sim.autopilot.channel import Channel
 from sim.mission_types import is_navigation
 from sim.scenario import build
+from sim.threats.passing_aircraft import PassingAircraft
 from sim.threats.pursuer import TargetEstimate
 from sim.truth import PERIOD_US, Truth
 from sim.vehicle.control import TICK_S
 
 Place = tuple[float, float, float]
+Aircraft = Sequence[tuple[str, PassingAircraft]]
 
 _TURN_US = 20_000
 _TICKS_A_SECOND = round(1.0 / TICK_S)
@@ -41,6 +45,8 @@ class Simulator:
         Waypoints of the operator's mission [m]; empty for a circle near the start.
     battery_drain : float
         Factor by which the battery of a mission with a section ``energy`` falls faster than the flight takes.
+    aircraft : sequence of (str, PassingAircraft)
+        Aircraft that pass, by their names.
 
     Attributes
     ----------
@@ -59,10 +65,12 @@ class Simulator:
         on_ground: bool = False,
         route_enu_m: tuple[Place, ...] = (),
         battery_drain: float = 1.0,
+        aircraft: Aircraft = (),
     ) -> None:
         scenario = build(
-            mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m, battery_drain=battery_drain
-        )
+            mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m,
+            battery_drain=battery_drain, aircraft=aircraft,
+        )  # fmt: skip
         self._scenario = scenario
         self.autopilot: Autopilot = scenario.autopilot
         self.truth: Truth = scenario.truth

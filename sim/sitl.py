@@ -30,7 +30,7 @@ from companion.service.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
 from sim.faults import FaultyLink
 from sim.flight_measures import FlightMeasures, Measures, measured
-from sim.simulator import Place, Simulator
+from sim.simulator import Aircraft, Place, Simulator
 
 SILENT_S = 10.0
 LINGER_S = 2.0  # The flight goes on for so long after the goal.
@@ -65,6 +65,8 @@ class Flight:
         service decides what is flown.
     battery_drain : float
         Factor by which the battery falls faster than the flight takes.
+    aircraft : sequence of (str, PassingAircraft)
+        Aircraft that pass, by their names.
 
     Attributes
     ----------
@@ -83,6 +85,7 @@ class Flight:
     on_ground: bool = False
     route_enu_m: tuple[Place, ...] = ()
     battery_drain: float = 1.0
+    aircraft: Aircraft = ()
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
@@ -93,7 +96,7 @@ class Flight:
         self.recorder = Recorder(self.folder, EPOCH_S, about)
         self.simulator = Simulator(
             self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground,
-            route_enu_m=self.route_enu_m, battery_drain=self.battery_drain,
+            route_enu_m=self.route_enu_m, battery_drain=self.battery_drain, aircraft=self.aircraft,
         )  # fmt: skip
         self.wire = self.simulator
 

@@ -1,4 +1,4 @@
-"""A surveillance source: noisy ADSB_VEHICLE reports of the dynamic threats at 1 Hz."""
+"""A surveillance source: noisy ADSB_VEHICLE reports of threats and of passing aircraft at 1 Hz."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim.autopilot.base import Autopilot
 from sim.autopilot.channel import Message
 from sim.projection import FastProjection
+from sim.threats.passing_aircraft import PassingAircraft
 from sim.threats.pursuer import Pursuer
+from sim.threats.pursuers import Pursuers
 
 SOURCE_SYSTEM = 200
 SOURCE_COMPONENT = mavlink.MAV_COMP_ID_ADSB
@@ -40,7 +42,7 @@ class TrackSource:
     def __init__(
         self,
         autopilot: Autopilot,
-        pursuers: list[tuple[str, Pursuer]],
+        pursuers: Pursuers,
         projection: FastProjection,
         generator: np.random.Generator,
     ) -> None:
@@ -61,13 +63,14 @@ class TrackSource:
         reports = [
             self._report(FIRST_ICAO_ADDRESS + index, name, vehicle)
             for index, (name, vehicle) in enumerate(self._pursuers)
+            if vehicle.loss == 0.0 or self._generator.random() >= vehicle.loss
         ]
         for channel in self._autopilot.channels:
             channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
         for report in reports:
             self._autopilot.relay_traffic(report, (SOURCE_SYSTEM, SOURCE_COMPONENT))
 
-    def _report(self, address: int, name: str, vehicle: Pursuer) -> Message:
+    def _report(self, address: int, name: str, vehicle: Pursuer | PassingAircraft) -> Message:
         noise = self._generator.standard_normal(5)
         latitude, longitude = self._projection.degrees(
             vehicle.position[0] + _POSITION_STD_M * float(noise[0]),
@@ -76,7 +79,7 @@ class TrackSource:
         east, north = vehicle.velocity_m_s
         east += _VELOCITY_STD_M_S * float(noise[2])
         north += _VELOCITY_STD_M_S * float(noise[3])
-        altitude = self._projection.frame.altitude_amsl_m + _HEIGHT_STD_M * float(noise[4])
+        altitude = self._projection.frame.altitude_amsl_m + vehicle.up_m + _HEIGHT_STD_M * float(noise[4])
         return mavlink.MAVLink_adsb_vehicle_message(
             address,
             round(latitude * 1e7),
@@ -85,9 +88,9 @@ class TrackSource:
             round(altitude * 1000),
             round(math.degrees(math.atan2(east, north)) * 100) % 36000,
             min(round(math.hypot(east, north) * 100), 65535),
-            0,
+            round(vehicle.climb_m_s * 100),
             name.upper().encode("ascii", "replace")[:8],
-            mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE,
+            vehicle.emitter,
             0,
             _FLAGS,
             0,

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray, wrapped_angle
 from sim.threats.roads import Roads, polyline_points
@@ -42,7 +43,7 @@ class TargetEstimate:
 class Pursuer:
     """A vehicle of limited speed and turn radius that never enters an obstacle.
 
-    If its turn radius would lead it into a wall, it stops and turns on the spot.
+    If its turn radius would lead it into a wall, it stops and turns on the spot. All its reports arrive.
 
     Parameters
     ----------
@@ -55,6 +56,9 @@ class Pursuer:
     turn_radius_m : float
         Smallest turn radius [m].
     """
+
+    emitter = mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE
+    up_m = climb_m_s = loss = 0.0
 
     def __init__(
         self, roads: Roads, position: tuple[float, float], speed_m_s: float, turn_radius_m: float

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from companion.config import MissionConfig
 from companion.config.models import DynamicThreatConfig
+from sim.threats.passing_aircraft import PassingAircraft
 from sim.threats.pursuer import CLEARANCE_M, Pursuer
 from sim.threats.roads import Roads
 
-Pursuers = list[tuple[str, Pursuer]]  # each with its name
+Pursuers = Sequence[tuple[str, Pursuer | PassingAircraft]]  # each with its name
 
 
 def pursuers_of(mission: MissionConfig) -> Pursuers:

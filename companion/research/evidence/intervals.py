@@ -1,4 +1,4 @@
-"""95 % intervals of means, medians, shares and paired differences.
+"""95 % intervals of means, medians, shares, paired differences and risk ratios.
 
 References
 ----------
@@ -6,6 +6,7 @@ References
 .. [2] Wilson, "Probable Inference, the Law of Succession, and Statistical Inference", JASA 22, 1927.
 .. [3] Agresti, Min, "Simple Improved Confidence Intervals for Comparing Matched Proportions",
    Statistics in Medicine 24, 2005: half a pair is added to each of the four cells.
+.. [4] Clopper, Pearson, "The Use of Confidence or Fiducial Limits", Biometrika 26, 1934.
 
 Notes
 -----
@@ -102,3 +103,32 @@ def runs_to_decide(differences: FloatArray) -> int | None:
     if mean == 0.0:
         return None
     return math.ceil(((_Z + _Z_POWER) * float(np.std(differences, ddof=1)) / mean) ** 2)
+
+
+def risk_ratio(happened: FloatArray, would_happen: FloatArray) -> Interval:
+    """Number of events with a service over that without it, on the same encounters.
+
+    The interval is the percentile one of 2,000 seeded resamples of the pairs. A resample without any event
+    in ``would_happen`` has an infinite ratio. Where nothing ``happened``, the upper end is instead the exact
+    limit of Clopper and Pearson for no event in N, ``1 - 0.025^(1/N)``, over the share that ``would_happen``,
+    which is then taken as known [4]_.
+
+    Parameters
+    ----------
+    happened, would_happen : ndarray, shape (N,)
+        1 or 0 for each encounter, with the service and without it.
+    """
+    runs, expected = len(happened), float(np.sum(would_happen))
+    if expected == 0.0:
+        return Interval(math.nan, 0.0, math.inf)
+    value = float(np.sum(happened)) / expected
+    if value == 0.0:
+        return Interval(0.0, 0.0, (1.0 - (0.5 - LEVEL / 2.0) ** (1.0 / runs)) * runs / expected)
+    cells = np.bincount((2 * (happened > 0.0) + (would_happen > 0.0)).astype(int), minlength=4)
+    counts = np.random.default_rng(SEED).multinomial(runs, cells / runs, size=RESAMPLES)
+    events, others = counts[:, 2] + counts[:, 3], counts[:, 1] + counts[:, 3]
+    ratios = np.full(RESAMPLES, math.inf)
+    np.divide(events, others, out=ratios, where=others > 0)
+    ends = [0.5 - LEVEL / 2.0, 0.5 + LEVEL / 2.0]
+    low, high = np.quantile(ratios, ends, method="closest_observation")
+    return Interval(value, float(low), float(high))

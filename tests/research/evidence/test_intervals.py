@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from companion.research.evidence.intervals import bootstrap, paired_shares, runs_to_decide, wilson
+from companion.research.evidence.intervals import bootstrap, paired_shares, risk_ratio, runs_to_decide, wilson
 
 
 @pytest.mark.parametrize(
@@ -80,3 +80,27 @@ def test_so_many_runs_show_a_difference_four_times_of_five():
     rng = np.random.default_rng(11)
     found = [bootstrap(rng.normal(1.0, 2.0, size=32)).excludes_zero for _ in range(400)]
     assert 0.74 <= np.mean(found) <= 0.88
+
+
+def test_a_risk_ratio_by_hand():
+    # Of 100 encounters 40 would be events; 10 of them and 2 others are events with the service.
+    happened, would_happen = np.zeros(100), np.zeros(100)
+    would_happen[:40] = 1.0
+    happened[30:42] = 1.0
+    found = risk_ratio(happened, would_happen)
+    assert found.value == 0.3
+    # The delta method: var(ln) = 1/12 + 1/40 - 2·10/(12·40).
+    half = 1.96 * math.sqrt(1 / 12 + 1 / 40 - 2 * 10 / (12 * 40))
+    assert (found.low, found.high) == pytest.approx((0.3 * math.exp(-half), 0.3 * math.exp(half)), abs=0.04)
+    assert risk_ratio(happened, would_happen) == found
+    assert risk_ratio(would_happen, would_happen) == (1.0, 1.0, 1.0)
+
+
+def test_a_risk_ratio_of_no_event_has_the_exact_limit():
+    would_happen = np.repeat([1.0, 0.0], [50, 150])
+    found = risk_ratio(np.zeros(200), would_happen)
+    limit = scipy.stats.binomtest(0, 200).proportion_ci(method="exact").high
+    assert found == pytest.approx((0.0, 0.0, limit / 0.25))
+    value, low, high = risk_ratio(np.zeros(200), np.zeros(200))
+    assert math.isnan(value)
+    assert (low, high) == (0.0, math.inf)

@@ -1,0 +1,108 @@
+"""Encounters flown closed loop: the same flight without and with an aircraft that the service hears of."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+
+from companion.config import MissionConfig
+from companion.frames import FloatArray
+from companion.research.encounters.encounter_model import EncounterModel
+from companion.research.encounters.placement import placed_track
+from companion.research.encounters.well_clear import (
+    EN_ROUTE,
+    NEAR_MID_AIR_COLLISION,
+    NON_COOPERATIVE,
+    SMALL_AIRCRAFT,
+)
+from sim.sitl import Flight
+from sim.threats.passing_aircraft import PassingAircraft
+
+VOLUMES = {
+    "nmac": NEAR_MID_AIR_COLLISION,
+    "lowc": SMALL_AIRCRAFT,
+    "lowc_en_route": EN_ROUTE,
+    "lowc_non_cooperative": NON_COOPERATIVE,
+}
+MEETS = 0.6  # The two are to meet after this share of the unmitigated flight.
+DELAY_S = 0.6  # From the measurement to the report: 14 CFR 91.227(e), uncompensated latency.
+LOSS = 0.1  # Share of the reports that are lost.
+
+Row = dict[str, bool | float]
+
+
+def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *, spread: float) -> Row:
+    """Fly an encounter, and return its measures.
+
+    The mission is flown twice with the same seed: alone, and with an aircraft placed by
+    :func:`companion.research.encounters.placement.placed_track` about the first of these flights. Measures of
+    the first flight against that aircraft, which it does not hear, begin with ``without.``.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission, without moving threats.
+    model : EncounterModel
+        What the aircraft does.
+    seed : int
+        Seed of everything random.
+    spread : float
+        Largest miss distances of the first flight over those of well clear.
+    """
+    alone = Flight(mission, seed)
+    asyncio.run(alone.fly())
+    path = np.array(alone.simulator.truth.path)[:, :4]
+    meets_s = round(MEETS * float(path[-1, 0]))
+    track = placed_track(path, model, np.random.default_rng(seed), meets_s=meets_s, spread=spread)
+    passing = PassingAircraft(track.rows, delay_s=DELAY_S, loss=LOSS)
+    flight = Flight(mission, seed, aircraft=[("passing", passing)])
+    asyncio.run(flight.fly())
+    flown = np.array(flight.simulator.truth.path)[:, :4]
+    return {
+        **{f"without.{name}": value for name, value in encounter_measures(path, track.rows).items()},
+        **encounter_measures(flown, track.rows),
+        "drawn_miss_m": track.miss_m,
+        "drawn_above_m": track.above_m,
+        "closing_m_s": track.closing_m_s,
+        "aircraft_m_s": float(np.hypot(*track.rows[meets_s, 4:6])),
+        "aircraft_up_m": float(track.rows[meets_s, 3]),
+        "success": flight.goal_reached and not flight.simulator.truth.collision,
+        "detour_m": way_m(flown) - way_m(path),
+        "detour_s": float(flown[-1, 0] - path[-1, 0]),
+    }
+
+
+def encounter_measures(own: FloatArray, other: FloatArray) -> Row:
+    """Return what happened between a flight and an aircraft while both are known, at the flight's rows.
+
+    Parameters
+    ----------
+    own : ndarray, shape (N, 4)
+        The flight: time [s], east, north, up [m].
+    other : ndarray, shape (M, 7)
+        The aircraft: time [s], east, north, up [m], and the velocity in these [m/s].
+    """
+    rows = own[(own[:, 0] >= other[0, 0]) & (own[:, 0] <= other[-1, 0])]
+    there = np.column_stack([np.interp(rows[:, 0], other[:, 0], other[:, n]) for n in range(1, 7)])
+    away = there[:, :3] - rows[:, 1:]
+    velocity = there[:, 3:] - np.gradient(rows[:, 1:], rows[:, 0], axis=0)
+    flat = np.hypot(away[:, 0], away[:, 1])
+    nearest = int(flat.argmin())
+    found: Row = {name: bool(of.is_inside(away, velocity).any()) for name, of in VOLUMES.items()}
+    return found | {
+        "severity": float(SMALL_AIRCRAFT.severity(away, velocity).max()),
+        "miss_m": float(flat[nearest]),
+        "above_m": float(away[nearest, 2]),
+    }
+
+
+def way_m(path: FloatArray) -> float:
+    """Return the length of a path [m].
+
+    Parameters
+    ----------
+    path : ndarray, shape (N, 4)
+        Time [s], east, north, up [m].
+    """
+    return float(np.linalg.norm(np.diff(path[:, 1:], axis=0), axis=1).sum())

@@ -1,0 +1,57 @@
+"""An aircraft that flies a given track, and what is heard of it by ADS-B."""
+
+from __future__ import annotations
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.frames import FloatArray
+from sim.threats.pursuer import TargetEstimate
+
+
+class PassingAircraft:
+    """Flies a track, whoever is near. It is where it was ``delay_s`` ago, as reports that are late say.
+
+    Parameters
+    ----------
+    track : ndarray, shape (N, 7)
+        Time [s], east, north, up [m], and the velocity in these [m/s]; at its ends it stands.
+    delay_s : float
+        How late its reports are [s].
+    loss : float
+        Share of its reports that are lost.
+    """
+
+    emitter = mavlink.ADSB_EMITTER_TYPE_LIGHT
+
+    def __init__(self, track: FloatArray, *, delay_s: float = 0.0, loss: float = 0.0) -> None:
+        self._track, self._delay_s, self.loss = track, delay_s, loss
+        self._now_s = 0.0
+
+    def step(self, now_us: int, duration_s: float, target: TargetEstimate) -> None:
+        """Fly on, until ``now_us`` of simulated time."""
+        del duration_s, target  # It knows nobody.
+        self._now_s = now_us * 1e-6
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """East and north [m]."""
+        return self._at(1), self._at(2)
+
+    @property
+    def up_m(self) -> float:
+        """Height [m]."""
+        return self._at(3)
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float]:
+        """East and north velocity [m/s]."""
+        return self._at(4), self._at(5)
+
+    @property
+    def climb_m_s(self) -> float:
+        """Upward velocity [m/s]."""
+        return self._at(6)
+
+    def _at(self, column: int) -> float:
+        return float(np.interp(self._now_s - self._delay_s, self._track[:, 0], self._track[:, column]))

@@ -1,0 +1,89 @@
+"""Aircraft that pass in the simulator: what is reported of them, and what an encounter's row says."""
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import load_mission
+from companion.research.encounters.encounter_model import model_from_text
+from sim.bench.encounter_flights import encounter_measures, flown_encounter
+from sim.simulator import Simulator
+from sim.threats.passing_aircraft import PassingAircraft
+from tests.research.encounters.made_model import text
+from tests.sim.client import CONFIGS
+
+TIMES = np.arange(0.0, 61.0)
+STILL = np.zeros_like(TIMES)
+# From 1000 m east at 60 m/s to the west, climbing at 2 m/s from 200 m.
+TRACK = np.column_stack(
+    [TIMES, 1000.0 - 60.0 * TIMES, STILL + 300.0, 200.0 + 2.0 * TIMES, STILL - 60.0, STILL, STILL + 2.0]
+)
+
+
+def reports(aircraft, duration_s):
+    """What a simulator tells of one aircraft: by time, the ADSB_VEHICLE messages."""
+    mission = load_mission(CONFIGS / "first-flight.yaml").model_copy(update={"dynamic_threats": ()})
+    simulator = Simulator(mission, seed=1, aircraft=[("passing", aircraft)])
+    parser, found = mavlink.MAVLink(None), []
+    for _ in range(round(duration_s / 0.1)):
+        simulator.step(0.1)
+        told = parser.parse_buffer(simulator.take_outgoing()) or ()
+        found += [(simulator.now_s, one) for one in told if one.get_type() == "ADSB_VEHICLE"]
+    return mission.frame, found
+
+
+def test_a_report_a_second_tells_where_it_was_a_while_ago():
+    frame, found = reports(PassingAircraft(TRACK, delay_s=2.0), 20.0)
+    assert len(found) == pytest.approx(20, abs=1)
+    late = [(now_s, message) for now_s, message in found if now_s > 3.0]
+    errors = []
+    for now_s, message in late:
+        east, north, up = frame.local_from_global(
+            message.lat * 1e-7, message.lon * 1e-7, message.altitude * 1e-3
+        )
+        then = now_s - 2.0
+        errors.append((east - (1000.0 - 60.0 * then), north - 300.0, up - (200.0 + 2.0 * then)))
+        assert message.ver_velocity == 200
+        assert message.emitter_type == mavlink.ADSB_EMITTER_TYPE_LIGHT
+        assert message.heading == pytest.approx(27000, abs=400)
+    # Noise of 8 m and 3 m, and up to 0.1 s of 60 m/s between two of its steps.
+    assert np.abs(np.mean(errors, axis=0)) == pytest.approx((0.0, 0.0, 0.0), abs=9.0)
+    assert np.abs(errors).max() < 40.0
+
+
+def test_the_stated_share_of_reports_is_lost():
+    _, found = reports(PassingAircraft(TRACK, loss=0.5), 60.0)
+    assert 18 <= len(found) <= 42  # 30 expected of 60; three standard deviations.
+    assert reports(PassingAircraft(TRACK, loss=1.0), 5.0)[1] == []
+
+
+def test_measures_of_a_straight_passage_by_hand():
+    # Head on at 25 + 60 m/s, 300 m aside: they meet after 1000/85 s, and it has climbed 23.53 m by then.
+    times = np.arange(0.0, 60.0, 0.1)
+    own = np.column_stack([times, 25.0 * times, 0.0 * times, 0.0 * times + 203.53])
+    found = encounter_measures(own, TRACK)
+    assert found["miss_m"] == pytest.approx(300.0, abs=0.1)
+    assert found["above_m"] == pytest.approx(200.0 + 2.0 * 1000.0 / 85.0 - 203.53, abs=0.3)
+    assert [found[name] for name in ("nmac", "lowc", "lowc_en_route", "lowc_non_cooperative")] == [
+        False, True, True, True,
+    ]  # fmt: skip
+    # At the meeting the range is the miss distance: FG(300/609.6, 300/609.6), and 20 m of 76.2 m.
+    x2, z2 = (300.0 / 609.6) ** 2, (20.0 / 76.2) ** 2
+    assert found["severity"] == pytest.approx(1.0 - (1.0 - (1.0 - x2) ** 2 * (1.0 - z2)) ** 0.5, abs=0.01)
+    high = np.column_stack([own[:, :3], own[:, 3] + 400.0])
+    clear = encounter_measures(high, TRACK)
+    assert not any(clear[name] for name in ("nmac", "lowc", "lowc_en_route", "lowc_non_cooperative"))
+    assert clear["severity"] == 0.0
+
+
+@pytest.mark.slow
+def test_an_encounter_flown_twice_gives_the_same_row_and_what_was_drawn():
+    mission = load_mission(CONFIGS / "first-flight.yaml").model_copy(
+        update={"dynamic_threats": (), "radars": (), "obstacles": ()}
+    )
+    model = model_from_text(text(), "made")
+    row = flown_encounter(mission, model, 3, spread=1.0)
+    assert row["without.miss_m"] == pytest.approx(row["drawn_miss_m"], abs=6.0)
+    assert row["without.lowc"]
+    assert row["success"]
+    assert flown_encounter(mission, model, 3, spread=1.0) == row
