@@ -482,9 +482,9 @@ class Checker:
         Parameters
         ----------
         centre_enu_m : ndarray, shape (3,)
-            Its centre [m].
+            Centre of the circle [m].
         radius_m : float
-            Its radius [m].
+            Radius of the circle [m].
         row : int
             The row that violations name.
         """
