@@ -22,10 +22,10 @@ name: passing
 dimension: 3
 unit_m: 25
 origin: {latitude_deg: -35.363261, longitude_deg: 149.165230, altitude_amsl_m: 584.0}
-bounds: {east_m: [-3000, 6000], north_m: [-3500, 3500], up_m: [40, 300]}
-start: {east_m: 0, north_m: 0, up_m: 120, course_deg: 90}
+bounds: {east_m: [-3000, 6000], north_m: [-3500, 3500], up_m: [40, 500]}
+start: {east_m: 0, north_m: 0, up_m: 250, course_deg: 90}
 goals:
-  - {east_m: 3000, north_m: 0, up_m: 120, acceptance_radius_m: 60}
+  - {east_m: 3000, north_m: 0, up_m: 250, acceptance_radius_m: 60}
 vehicle: {airspeed_min_m_s: 12.5, airspeed_max_m_s: 37.5, airspeed_cruise_m_s: 25,
   acceleration_max_m_s2: 0.5, turn_radius_min_m: 125, straight_length_min_m: 125, penetration_speed_m_s: 30}
 planning: {sensing_horizon_m: 1500, time_horizon_s: 15, total_planning_time_s: 200}
