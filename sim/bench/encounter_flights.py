@@ -50,15 +50,12 @@ def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *,
     spread : float
         Largest miss distances of the first flight over those of well clear.
     """
-    alone = Flight(mission, seed)
-    asyncio.run(alone.fly())
-    path = np.array(alone.simulator.truth.path)[:, :4]
+    path = _flown(Flight(mission, seed))
     meets_s = round(MEETS * float(path[-1, 0]))
     track = placed_track(path, model, np.random.default_rng(seed), meets_s=meets_s, spread=spread)
     passing = PassingAircraft(track.rows, delay_s=DELAY_S, loss=LOSS)
     flight = Flight(mission, seed, aircraft=[("passing", passing)])
-    asyncio.run(flight.fly())
-    flown = np.array(flight.simulator.truth.path)[:, :4]
+    flown = _flown(flight)
     return {
         **{f"without.{name}": value for name, value in encounter_measures(path, track.rows).items()},
         **encounter_measures(flown, track.rows),
@@ -71,6 +68,12 @@ def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *,
         "detour_m": way_m(flown) - way_m(path),
         "detour_s": float(flown[-1, 0] - path[-1, 0]),
     }
+
+
+def _flown(flight: Flight) -> FloatArray:
+    """Fly, and return the path (N, 4): time [s], east, north, up [m]."""
+    asyncio.run(flight.fly())
+    return np.array(flight.simulator.truth.path)[:, :4]
 
 
 def encounter_measures(own: FloatArray, other: FloatArray) -> Row:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,8 @@ from numpy.typing import NDArray
 
 from companion.errors import ConfigError
 from companion.frames import FloatArray
+from companion.research.encounters.well_clear import FOOT_M
 
-FOOT_M = 0.3048
 KNOT_M_S = 1852.0 / 3600.0
 SECTIONS = (
     "labels_initial", "G_initial", "r_initial", "N_initial",
@@ -280,18 +281,14 @@ class _File:
 
     def order(self, section: str, variables: Sequence[Variable], known: int = 0) -> tuple[int, ...]:
         """Places of the variables, each after its parents; those of the first ``known`` numbers are there."""
-        found: list[int] = []
-        while len(found) < len(variables):
-            there = {*range(known), *(known + place for place in found)}
-            ready = [
-                place
-                for place, entry in enumerate(variables)
-                if place not in found and there.issuperset(entry.parents)
-            ]
-            if not ready:
-                raise self.error(section, "a circle", "a graph without one")
-            found += ready
-        return tuple(found)
+        parents = {
+            known + place: [number for number in entry.parents if number >= known]
+            for place, entry in enumerate(variables)
+        }
+        try:
+            return tuple(number - known for number in TopologicalSorter(parents).static_order())
+        except CycleError:
+            raise self.error(section, "a circle", "a graph without one") from None
 
     def edges(self, variables: Sequence[Variable]) -> tuple[FloatArray, ...]:
         """The edges (K,) of each variable's bins; none where a line is a star."""
