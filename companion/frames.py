@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 
 TRANSFORMERS_MAX = 16
 M_PER_E7 = 0.011131884502145034  # ArduPilot's length of 1e-7 degrees of latitude.

@@ -1,8 +1,8 @@
 """How the kernels' arrays are laid out.
 
 Structures of plain arrays and numbers, which kernels are handed by one address. All arrays are C-contiguous
-float64 or int64; an annotation says how many axes they have. Lengths are metres, angles radians, ``theta``
-counter-clockwise from east.
+float64, float32 or int64; an annotation says how many axes they have. Lengths are metres, angles radians,
+``theta`` counter-clockwise from east.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Float1D = Annotated[FloatArray, Array("f", 1)]
 Float2D = Annotated[FloatArray, Array("f", 2)]
+Single2D = Annotated[NDArray[np.float32], Array("s", 2)]
 Float3D = Annotated[FloatArray, Array("f", 3)]
 Float4D = Annotated[FloatArray, Array("f", 4)]
 Float5D = Annotated[FloatArray, Array("f", 5)]
@@ -38,8 +39,8 @@ class Ground(Struct):
     ``drivable``, a tangent.
     """
 
-    high: Float2D
-    low: Float2D
+    high: Single2D
+    low: Single2D
     grid: Float1D
     least: float
     wanted: float

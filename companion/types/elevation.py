@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray, LocalFrame
+from companion.frames import LocalFrame, SingleArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -16,7 +16,7 @@ class ElevationPosts:
     Parameters
     ----------
     up_m : ndarray, shape (NY, NX)
-        Heights of the posts in the local frame [m]; none is missing.
+        Heights of the posts in the local frame [m], single precision (1 mm at 9 km); none is missing.
     first_x, first_y : float
         Coordinates of the post in row 0 and column 0.
     step_x, step_y : float
@@ -29,7 +29,7 @@ class ElevationPosts:
         The source, in messages.
     """
 
-    up_m: FloatArray
+    up_m: SingleArray
     first_x: float
     first_y: float
     step_x: float
@@ -39,6 +39,6 @@ class ElevationPosts:
     name: str
 
     def __post_init__(self) -> None:
-        heights = np.ascontiguousarray(self.up_m, dtype=np.float64)
+        heights = np.asarray(self.up_m, dtype=np.float32).view()
         heights.setflags(write=False)
         object.__setattr__(self, "up_m", heights)

@@ -16,7 +16,7 @@ from companion.types.threat import Obstacle
 FIELD_NODES = (161, 161, 13)  # The most nodes of the distance field: east, north, up.
 FAR_M = 1e7  # Without any ground, one cell reaches this far in each direction.
 CACHED_WORLDS_MAX = 4  # This many packed worlds stay in memory, of about three megabytes each.
-NOWHERE_M = np.full((1, 1), DEEP)
+NOWHERE_M = np.full((1, 1), DEEP, dtype=np.float32)
 # Ground that lies too deep to matter, and above which no height is too great.
 NO_GROUND = Ground(
     NOWHERE_M, NOWHERE_M, np.array([-FAR_M, -FAR_M, 2.0 * FAR_M]), 0.0, 0.0, math.inf, math.inf

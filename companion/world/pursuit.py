@@ -78,7 +78,7 @@ def _bar_steep_ground(game: Game) -> None:
         cells_along(ground, axis, game.grid[axis] + game.grid[2] * np.arange(tops.shape[axis]))
         for axis in range(2)
     )
-    middle = 0.5 * (ground.high + ground.low)
+    middle = 0.5 * (ground.high.astype(np.float64) + ground.low)
     slopes = np.hypot(*np.gradient(middle, ground.grid[2]))[np.ix_(rows, columns)]
     np.maximum(tops, ground.low[np.ix_(rows, columns)], out=tops, where=slopes > ground.drivable)
 

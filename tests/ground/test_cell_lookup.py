@@ -17,7 +17,7 @@ SIDE_M = 25.0
 @pytest.mark.parametrize("most_m", [150.0, math.inf])
 def test_many_places_are_as_single_ones_also_on_borders_and_beyond(most_m: float) -> None:
     rng = np.random.default_rng(1)
-    low = rng.uniform(0.0, 100.0, (12, 7))
+    low = rng.uniform(0.0, 100.0, (12, 7)).astype(np.float32)
     ground = Ground(low + 20.0, low, np.array([-100.0, 50.0, SIDE_M]), 30.0, 60.0, most_m, 0.5)
     places = rng.uniform([-200.0, 0.0, 0.0], [300.0, 400.0, 300.0], (500, 3))
     places[:200, :2] = SIDE_M * np.round(places[:200, :2] / SIDE_M)
@@ -26,7 +26,8 @@ def test_many_places_are_as_single_ones_also_on_borders_and_beyond(most_m: float
 
 
 def test_a_border_belongs_to_the_cell_after_it() -> None:
-    ground = Ground(np.zeros((4, 2)), np.zeros((4, 2)), np.array([10.0, 0.0, 5.0]), 0.0, 1.0, math.inf, 0.5)
+    flat = np.zeros((4, 2), dtype=np.float32)
+    ground = Ground(flat, flat, np.array([10.0, 0.0, 5.0]), 0.0, 1.0, math.inf, 0.5)
     at = np.array([-1.0, 10.0, 14.9, 15.0, 29.9, 99.0])
     assert cells_along(ground, 0, at).tolist() == [0, 0, 0, 1, 3, 3]
     assert cells_along(ground, 1, at).tolist() == [0, 1, 1, 1, 1, 1]

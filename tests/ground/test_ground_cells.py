@@ -83,9 +83,10 @@ def test_posts_that_do_not_cover_the_bounds_are_refused():
 @given(PLACE)
 def test_what_is_left_over_ground_is_the_lesser_of_both_limits(place):
     cell = cell_of(ROUGH, *place[:2])
-    expected = min(place[2] - ROUGH.high[cell] - LEAST, ROUGH.low[cell] + MOST - place[2])
+    high, low = float(ROUGH.high[cell]), float(ROUGH.low[cell])
+    expected = min(place[2] - high - LEAST, low + MOST - place[2])
     assert over_ground(*place, ROUGH) == pytest.approx(expected)
-    lacking = (ROUGH.high[cell] + WANTED - place[2]) / (WANTED - LEAST)
+    lacking = (high + WANTED - place[2]) / (WANTED - LEAST)
     assert lack_of_height(*place, ROUGH) == pytest.approx(min(max(lacking, 0.0), 1.0))
 
 

@@ -13,7 +13,7 @@ from companion.frames import LocalFrame
 from companion.kernels.arrays import Ground
 from companion.types.elevation import ElevationPosts
 from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
-from companion.world.ground.elevation_file import TerrainError, read_posts
+from companion.world.ground.elevation_file import TerrainError, posts_over, read_posts
 from companion.world.ground.generated_ground import generated_posts, sample_posts
 from companion.world.ground.ground_cells import ground_cells, spacing_m
 from companion.world.ground.served_heights import ServedHeights
@@ -78,7 +78,7 @@ def served_heights_of(mission: MissionConfig) -> ServedHeights | None:
     """
     if mission.terrain is None:
         return None
-    return _served_heights(mission.terrain, mission.frame, _flat_bounds(mission))
+    return ServedHeights(_wider_posts(mission.terrain, mission.frame, _flat_bounds(mission)))
 
 
 def autopilot_ground_of(
@@ -114,14 +114,10 @@ def _flat_bounds(mission: MissionConfig) -> tuple[float, float, float, float]:
 def _posts(
     terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float]
 ) -> ElevationPosts:
-    """Read or compute the posts."""
-    if terrain.generated is not None:
-        generated = terrain.generated
-        return generated_posts(generated.kind, generated.seed, generated.relief_m, frame, bounds)
-    if terrain.sample is not None:
-        posts = sample_posts(frame)
-    else:
-        posts = read_posts(Path(terrain.file or ""), frame, bounds, _geoid_m(terrain))
+    """Return the posts: of a file, those over the bounds and a few around."""
+    posts = _wider_posts(terrain, frame, bounds)
+    if terrain.file is not None:
+        posts = posts_over(posts, bounds)
     apart = spacing_m(posts, bounds)
     if apart > COARSE_M:
         raise TerrainError(f"posts {apart:.0f} m apart", f"a map with posts at most {COARSE_M:.0f} m apart")
@@ -129,15 +125,16 @@ def _posts(
 
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)
-def _served_heights(
+def _wider_posts(
     terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float]
-) -> ServedHeights:
-    """Read a file some way beyond the bounds, or return the posts over them."""
-    if terrain.file is None:
-        return ServedHeights(_posts(terrain, frame, bounds))
-    west, east, south, north = bounds
-    wider = west - SERVED_M, east + SERVED_M, south - SERVED_M, north + SERVED_M
-    return ServedHeights(read_posts(Path(terrain.file), frame, wider, _geoid_m(terrain), may_have_holes=True))
+) -> ElevationPosts:
+    """Read a file some way beyond the bounds, as far as it reaches, or compute posts."""
+    if terrain.generated is not None:
+        generated = terrain.generated
+        return generated_posts(generated.kind, generated.seed, generated.relief_m, frame, bounds)
+    if terrain.sample is not None:
+        return sample_posts(frame)
+    return read_posts(Path(terrain.file or ""), frame, bounds, _geoid_m(terrain), beyond_m=SERVED_M)
 
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)
@@ -145,7 +142,7 @@ def _autopilot_ground(
     terrain: TerrainConfig, frame: LocalFrame, bounds: tuple[float, float, float, float], spacing_m: float
 ) -> AutopilotGround:
     """Return the ground as an ArduPilot stores it."""
-    return AutopilotGround(_served_heights(terrain, frame, bounds), frame, bounds, spacing_m)
+    return AutopilotGround(ServedHeights(_wider_posts(terrain, frame, bounds)), frame, bounds, spacing_m)
 
 
 @functools.lru_cache(maxsize=CACHED_MAPS_MAX)

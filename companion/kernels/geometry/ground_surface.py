@@ -17,7 +17,7 @@ import math
 from companion.kernels.arrays import Float1D, Float2D, Ground
 from companion.kernels.native.kernel import inlined, kernel
 
-DEEP = -1.0e12  # Without any ground, it lies so deep that nothing depends on it [m].
+DEEP = -(2.0**40)  # Without any ground, it lies so deep that nothing depends on it [m]; a float32 too.
 BESIDE = 1e-9  # A segment that advances less than this along an axis crosses no border of that axis [m].
 
 
@@ -32,7 +32,7 @@ def over_ground(x: float, y: float, z: float, ground: Ground) -> float:
     """Height to spare above the lowest and below the highest height over ground [m]; negative outside."""
     i = cell_along(x, ground.grid[0], ground.grid[2], ground.high.shape[0])
     j = cell_along(y, ground.grid[1], ground.grid[2], ground.high.shape[1])
-    return min(z - ground.high[i, j] - ground.least, ground.low[i, j] + ground.most - z)
+    return min(z - float(ground.high[i, j]) - ground.least, float(ground.low[i, j]) + ground.most - z)
 
 
 @inlined
@@ -40,7 +40,7 @@ def lack_of_height(x: float, y: float, z: float, ground: Ground) -> float:
     """How much of the wanted height over ground is missing: 1 at the lowest height, 0 from the wanted on."""
     i = cell_along(x, ground.grid[0], ground.grid[2], ground.high.shape[0])
     j = cell_along(y, ground.grid[1], ground.grid[2], ground.high.shape[1])
-    missing = ground.high[i, j] + ground.wanted - z
+    missing = float(ground.high[i, j]) + ground.wanted - z
     return min(1.0, missing / (ground.wanted - ground.least)) if missing > 0.0 else 0.0
 
 
@@ -57,9 +57,9 @@ def crosses_ground(
     while True:
         t_out, i_next, j_next = _out_of(px, py, dx, dy, grid, i, j, i_end, j_end)
         z_in, z_out = pz + t * dz, pz + t_out * dz
-        if min(z_in, z_out) - high[i, j] - ground.least < margin:
+        if min(z_in, z_out) - float(high[i, j]) - ground.least < margin:
             return True
-        if low[i, j] + ground.most - max(z_in, z_out) < margin:
+        if float(low[i, j]) + ground.most - max(z_in, z_out) < margin:
             return True
         if t_out >= 1.0:
             return False
@@ -119,7 +119,7 @@ def ground_shadow(rx: float, ry: float, rz: float, x: float, y: float, ground: G
     while i != i_end or j != j_end:
         i, j = i_next, j_next
         t_out, i_next, j_next = _out_of(rx, ry, dx, dy, grid, i, j, i_end, j_end)
-        over = low[i, j] - rz
+        over = float(low[i, j]) - rz
         rise = max(rise, over / (t_out if over > 0.0 else max(t_in, 1e-9)))
         t_in = t_out
     return rz + rise

@@ -18,7 +18,7 @@ import numpy as np
 
 __all__ = ["Array", "Kind", "Nothing", "Pointer", "Scalar", "Signature", "Tuple", "kind_of", "signature_of"]
 
-DTYPES = {"f": np.dtype(np.float64), "i": np.dtype(np.int64), "b": np.dtype(np.bool_)}
+DTYPES = {code: np.dtype(name) for code, name in (("f", "f8"), ("s", "f4"), ("i", "i8"), ("b", "?"))}
 SCALARS = {float: "f", int: "i", bool: "b"}
 
 
@@ -34,7 +34,10 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """A C-contiguous array of ``ndim`` axes. Its ``code`` is that of :class:`Scalar`."""
+    """A C-contiguous array of ``ndim`` axes.
+
+    Its ``code`` is that of :class:`Scalar`, or s for single precision.
+    """
 
     code: str
     ndim: int

@@ -20,7 +20,7 @@ from companion.kernels.native.kernel import Kernel, local_floats, local_ints, lo
 _Typed = Any  # Objects of numba's compiler have no static types.
 
 WORD = ir.IntType(64)
-SCALARS = {"f": types.float64, "i": types.int64, "b": types.boolean}
+SCALARS = {"f": types.float64, "s": types.float32, "i": types.int64, "b": types.boolean}
 
 
 class StructType(types.Type):

@@ -267,8 +267,8 @@ def _ground_at(game: Game, d: int, x: float, y: float) -> tuple[float, float]:
     ground = game.ground
     i = cell_along(x, ground.grid[0], ground.grid[2], ground.low.shape[0])
     j = cell_along(y, ground.grid[1], ground.grid[2], ground.low.shape[1])
-    low = ground.low[i, j]
-    return low, game.vehicles[d, 2] if low == DEEP else ground.high[i, j]
+    low = float(ground.low[i, j])
+    return low, game.vehicles[d, 2] if low == DEEP else float(ground.high[i, j])
 
 
 @kernel

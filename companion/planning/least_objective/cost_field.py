@@ -178,7 +178,7 @@ def _lowest_over(ground: Ground, grid: tuple[float, float, float], columns: tupl
     """Return the heights at which nothing is left over ground [m], at nodes of a grid, (X, Y)."""
     at = [np.asarray(grid[axis] + grid[2] * np.arange(columns[axis])) for axis in range(2)]
     cells = [cells_along(ground, axis, at[axis]) for axis in range(2)]
-    return np.asarray(ground.high[np.ix_(*cells)] + ground.least + ROUNDED_M)
+    return np.asarray(ground.high[np.ix_(*cells)].astype(np.float64) + ground.least + ROUNDED_M)
 
 
 def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:

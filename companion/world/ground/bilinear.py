@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.frames import FloatArray
+from companion.frames import FloatArray, SingleArray
 
 
-def bilinear(values: FloatArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
+def bilinear(values: FloatArray | SingleArray, rows: FloatArray, columns: FloatArray) -> FloatArray:
     """Return values at places within a grid.
 
     Parameters

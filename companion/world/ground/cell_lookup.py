@@ -60,4 +60,5 @@ def left_over_ground(ground: Ground, places: FloatArray) -> FloatArray:
     """
     at = cells_along(ground, 0, places[:, 0]), cells_along(ground, 1, places[:, 1])
     above = places[:, 2] - ground.high[at] - ground.least
-    return np.minimum(above, ground.low[at] + ground.most - places[:, 2])
+    below = ground.low[at].astype(np.float64) + ground.most - places[:, 2]
+    return np.minimum(above, below)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from companion.errors import CompanionError
-from companion.frames import FloatArray, LocalFrame
+from companion.frames import FloatArray, LocalFrame, SingleArray
 from companion.types.elevation import ElevationPosts
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
 
 EDGE_POINTS = 25  # The edge of the bounds is followed through so many points a side.
+CACHE_MB = 4  # GDAL keeps blocks that it has read; each is read once here.
 POSTS_MORE = 2  # So many posts beyond the bounds are read.
 
 
@@ -38,9 +40,9 @@ class TerrainError(CompanionError):
 
 
 def read_posts(
-    place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m: float, *, may_have_holes: bool = False
+    place: Path, frame: LocalFrame, bounds: Sequence[float], geoid_m: float, *, beyond_m: float = 0.0
 ) -> ElevationPosts:
-    """Read the posts over the bounds.
+    """Read the posts over the bounds and some way beyond.
 
     Parameters
     ----------
@@ -52,8 +54,8 @@ def read_posts(
         East and north, each low and high [m].
     geoid_m : float
         Is subtracted from all heights [m].
-    may_have_holes : bool
-        Whether heights may be missing, which are then not a number.
+    beyond_m : float
+        Posts are read so far beyond the bounds [m]. Those that the map lacks there are not a number.
 
     Raises
     ------
@@ -78,9 +80,14 @@ def read_posts(
                     raise TerrainError(str(error), "a raster file that GDAL reads") from None
         if not datasets:
             raise TerrainError(f"no raster file in {place}", "at least one that GDAL reads")
-        crs, box = _box(datasets, frame, bounds)
+        crs = _crs_of(datasets)
+        box = _box(datasets[0], edge_on_map(bounds, frame, crs))
+        west, east, south, north = bounds[:4]
+        wider = west - beyond_m, east + beyond_m, south - beyond_m, north + beyond_m
+        wider_box = _box(datasets[0], edge_on_map(wider, frame, crs))
         try:
-            heights, transform = merge(datasets, bounds=box, nodata=math.nan, dtype="float64")
+            with rasterio.Env(GDAL_CACHEMAX=CACHE_MB):
+                heights, transform = merge(datasets, bounds=wider_box, nodata=math.nan, dtype="float32")
         except rasterio.errors.RasterioError as error:
             raise TerrainError(str(error), f"a map that covers {_in_words(box)} of its coordinates") from None
     finally:
@@ -91,28 +98,56 @@ def read_posts(
         transform.c + 0.5 * transform.a, transform.f + 0.5 * transform.e, transform.a, transform.e,
         crs, frame, place.name,
     )  # fmt: skip
-    if not may_have_holes:
-        _require_whole(posts.up_m, place)
+    _require_whole(posts_over(posts, bounds).up_m, place)
     return posts
 
 
-def _box(
-    datasets: Sequence[DatasetReader], frame: LocalFrame, bounds: Sequence[float]
-) -> tuple[str, tuple[float, float, float, float]]:
-    """Return the coordinate system, and the left, bottom, right and top of what is to be read."""
+def posts_over(posts: ElevationPosts, bounds: Sequence[float]) -> ElevationPosts:
+    """Return the posts of the bounds and a few more around, without copying them.
+
+    Parameters
+    ----------
+    posts : ElevationPosts
+        The posts.
+    bounds : sequence of float
+        East and north, each low and high [m].
+    """
+    x, y = edge_on_map(bounds, posts.frame, posts.crs)
+    rows, columns = posts.up_m.shape
+    i, first_row = _window((y - posts.first_y) / posts.step_y, rows)
+    j, first_column = _window((x - posts.first_x) / posts.step_x, columns)
+    return replace(
+        posts, up_m=posts.up_m[i, j], first_x=posts.first_x + first_column * posts.step_x,
+        first_y=posts.first_y + first_row * posts.step_y,
+    )  # fmt: skip
+
+
+def _window(at: FloatArray, count: int) -> tuple[slice, int]:
+    """Return the posts along one axis, of ``count``, that are about all of ``at`` (N,), and the first one."""
+    first = min(max(0, math.floor(float(at.min())) - POSTS_MORE), max(0, count - 2))
+    last = max(min(count, math.ceil(float(at.max())) + POSTS_MORE + 1), first + 2)
+    return slice(first, last), first
+
+
+def _crs_of(datasets: Sequence[DatasetReader]) -> str:
+    """Return the coordinate system that all files have."""
     systems = {None if dataset.crs is None else dataset.crs.to_wkt() for dataset in datasets}
     if len(systems) != 1 or None in systems:
         raise TerrainError(f"{len(systems)} coordinate systems", "one, that every file names")
-    crs = str(systems.pop())
-    transform: Any = datasets[0].transform
+    return str(systems.pop())
+
+
+def _box(dataset: DatasetReader, edge: tuple[FloatArray, FloatArray]) -> tuple[float, float, float, float]:
+    """Return the left, bottom, right and top of what is to be read; ``edge`` holds x and y, (N,) each."""
+    transform: Any = dataset.transform
     if transform.b or transform.d:
         raise TerrainError("a turned raster", "rows along one of its coordinates")
-    x, y = edge_on_map(bounds, frame, crs)
+    x, y = edge
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise TerrainError("bounds far outside of the map's coordinates", "a map of this area")
     left, right = _whole_steps(x, transform.c, transform.a)
     bottom, top = _whole_steps(y, transform.f, transform.e)
-    return crs, (left, bottom, right, top)
+    return left, bottom, right, top
 
 
 def edge_on_map(bounds: Sequence[float], frame: LocalFrame, crs: str) -> tuple[FloatArray, FloatArray]:
@@ -149,7 +184,7 @@ def _whole_steps(values: FloatArray, first: float, step: float) -> tuple[float, 
     return first + low * side, first + high * side
 
 
-def _require_whole(up: FloatArray, place: Path) -> None:
+def _require_whole(up: SingleArray, place: Path) -> None:
     """Refuse heights ``up`` (R, C) with holes, which are also what lies beyond the map's edge."""
     holes = int(np.isnan(up).sum())
     if holes:

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import FloatArray
+from companion.frames import SingleArray
 from companion.kernels.arrays import Ground, IntArray
 from companion.types.elevation import ElevationPosts
 from companion.world.ground.bilinear import bilinear
-from companion.world.ground.elevation_file import POSTS_MORE, TerrainError, edge_on_map
+from companion.world.ground.elevation_file import TerrainError, posts_over
 
 FINE_M = 12.5  # Posts farther apart than this have others between them.
 CELLS_MAX = 2_000  # The grid has at most so many cells along the longer side of the bounds.
-BLOCK_ROWS = 200  # So many rows of posts are entered at once.
+BLOCK_ROWS = 50  # So many rows of posts are entered at once.
 
 
 def spacing_m(posts: ElevationPosts, bounds: tuple[float, ...]) -> float:
@@ -63,12 +63,12 @@ def ground_cells(
         If the posts do not cover the bounds.
     """
     west, east, south, north = bounds[:4]
-    posts = _cropped(posts, bounds)
+    posts = posts_over(posts, bounds)
     apart, least_side = spacing_m(posts, bounds), max(east - west, north - south) / CELLS_MAX
     parts = max(1, math.ceil(apart / max(FINE_M, least_side) - 0.5))
     posts, side = _divided(posts, parts), max(apart / parts, least_side)
     shape = (math.ceil((east - west) / side) + 1, math.ceil((north - south) / side) + 1)
-    high, low = np.full(shape, -math.inf), np.full(shape, math.inf)
+    high, low = (np.full(shape, height, dtype=np.float32) for height in (-math.inf, math.inf))
     there = posts.frame.transformer_to(posts.crs)
     x = posts.first_x + posts.step_x * np.arange(posts.up_m.shape[1])
     for first in range(0, posts.up_m.shape[0] - 1, BLOCK_ROWS):
@@ -83,36 +83,17 @@ def ground_cells(
     return Ground(high, low, np.array([west, south, side]), least_m, wanted_m, most_m, drivable)
 
 
-def _cropped(posts: ElevationPosts, bounds: tuple[float, ...]) -> ElevationPosts:
-    """Return the posts of the bounds and a few more around."""
-    x, y = edge_on_map(bounds, posts.frame, posts.crs)
-    rows, columns = posts.up_m.shape
-    i, first_row = _window((y - posts.first_y) / posts.step_y, rows)
-    j, first_column = _window((x - posts.first_x) / posts.step_x, columns)
-    return replace(
-        posts, up_m=posts.up_m[i, j], first_x=posts.first_x + first_column * posts.step_x,
-        first_y=posts.first_y + first_row * posts.step_y,
-    )  # fmt: skip
-
-
-def _window(at: FloatArray, count: int) -> tuple[slice, int]:
-    """Return the posts along one axis, of ``count``, that are about all of ``at`` (N,), and the first one."""
-    first = min(max(0, math.floor(float(at.min())) - POSTS_MORE), max(0, count - 2))
-    last = max(min(count, math.ceil(float(at.max())) + POSTS_MORE + 1), first + 2)
-    return slice(first, last), first
-
-
 def _divided(posts: ElevationPosts, parts: int) -> ElevationPosts:
     """Return posts on the same surface, so many for each."""
     if parts == 1:
         return posts
     rows, columns = ((count - 1) * parts + 1 for count in posts.up_m.shape)
     at = np.meshgrid(np.arange(rows) / parts, np.arange(columns) / parts, indexing="ij")
-    up = bilinear(posts.up_m, *at)
+    up = bilinear(posts.up_m, *at).astype(np.float32)
     return replace(posts, up_m=up, step_x=posts.step_x / parts, step_y=posts.step_y / parts)
 
 
-def _enter(high: FloatArray, low: FloatArray, up: FloatArray, cells: IntArray) -> None:
+def _enter(high: SingleArray, low: SingleArray, up: SingleArray, cells: IntArray) -> None:
     """Enter the squares between posts into cells, in place.
 
     ``high`` and ``low`` (GX, GY) are of the cells; ``up`` (R, C) of the posts [m], ``cells`` (2, R, C) their

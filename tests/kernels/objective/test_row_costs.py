@@ -94,9 +94,8 @@ def test_what_of_the_wanted_clearance_is_lacking_is_paid_for():
 
 def test_height_over_ground_is_lacking_below_the_wanted_height_and_no_clearance_is():
     """60 m over the ground are the least, 80 m are wanted: at 70 m half of the 20 m is lacking."""
-    ground = Ground(
-        np.array([[200.0]]), np.array([[200.0]]), np.array([0.0, 0.0, 2000.0]), 60.0, 80.0, 500.0, 1.0
-    )
+    level = np.array([[200.0]], dtype=np.float32)
+    ground = Ground(level, level, np.array([0.0, 0.0, 2000.0]), 60.0, 80.0, 500.0, 1.0)
     over = packed_obstacles([BOX], BOUNDS)._replace(ground=ground)
     there = objective(near=3.0, wanted=60.0)._replace(obstacles=over)
     for up, lacking in ((280.0, 0.0), (270.0, 0.5), (260.0, 1.0)):
