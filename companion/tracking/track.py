@@ -11,6 +11,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.tracking.particle_filter import FilterSettings, ParticleFilter, UpdateResult
 from companion.tracking.threat_assigner import VehicleClass
+from companion.tracking.turn_estimate import TurnEstimate
 from companion.types.threat import TrackState
 
 SPEED_COLUMNS = np.array([1, 3])
@@ -144,6 +145,7 @@ class Track:
         self._filter_settings = replace(
             settings.filter, acceleration_std_m_s2=settings.acceleration_std(vehicle_class)
         )
+        self._turn = TurnEstimate()
         self._moving_run = 0
         self._place_m, self._place_variance, self._num_at_place = first.horizontal_m, 0.0, 0
         self._start(first, vehicle_class.speed_m_s)
@@ -204,11 +206,12 @@ class Track:
             mean = self._filter.mean * np.array([1.0, 0.0, 1.0, 0.0])
         elif self._latest.is_airborne and self._latest.velocity_enu_m_s is not None:
             velocity_up = self._latest.velocity_enu_m_s[2]
+        up = self._latest.position_enu_m[2] + velocity_up * (instant - self._latest.stamp_s)
         speed = math.hypot(mean[1], mean[3])
         return TrackState(
             stamp_s=instant,
             identity=self.identity,
-            position_enu_m=(float(mean[0]), float(mean[2]), self._latest.position_enu_m[2]),
+            position_enu_m=(float(mean[0]), float(mean[2]), up),
             velocity_enu_m_s=(float(mean[1]), float(mean[3]), velocity_up),
             covariance=covariance,
             speed_max_m_s=0.0 if self.is_parked else max(self.vehicle_class.speed_m_s, speed),
@@ -217,6 +220,7 @@ class Track:
             is_airborne=self._latest.is_airborne,
             observed_s=self.observed_s,
             flies_on=self.vehicle_class.flies_on,
+            turn_rate_rad_s=self._turn.rate_rad_s,
         )
 
     @property
@@ -233,6 +237,8 @@ class Track:
         self._seen.append((detection.stamp_s, detection.position_enu_m[:2]))
         if detection.stamp_s >= self._latest.stamp_s:
             self._latest = detection
+        if self.vehicle_class.flies_on and detection.velocity_m_s is not None:
+            self._turn.observe(detection.stamp_s, detection.velocity_m_s)
         if self.vehicle_class.stands:
             self._watch_parked(detection)
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from companion.frames import FloatArray
 
+TURNS_S = 30.0  # An aircraft that turns is foreseen to turn for so long, and to fly straight then.
+
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
@@ -100,6 +102,8 @@ class TrackState:
         True for an airborne vehicle; obstacles bound the motion of ground vehicles only.
     flies_on : bool
         True if it is no pursuer and is assumed to fly on as it does.
+    turn_rate_rad_s : float
+        How fast an aircraft that flies on turns, counter-clockwise [rad/s].
     """
 
     stamp_s: float
@@ -113,6 +117,25 @@ class TrackState:
     is_airborne: bool
     observed_s: float
     flies_on: bool = False
+    turn_rate_rad_s: float = 0.0
+
+    def places_enu_m(self, times_s: FloatArray) -> FloatArray:
+        """Return where it will be if it turns on for :data:`TURNS_S` and then flies straight on, (N, 3) [m].
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (N,)
+            Clock readings [s].
+        """
+        ahead = times_s - self.stamp_s
+        east, north, up = self.velocity_enu_m_s
+        turned = self.turn_rate_rad_s * np.clip(ahead, 0.0, TURNS_S)
+        straight = ahead - np.clip(ahead, 0.0, TURNS_S)
+        # The arc's chord has half of the turn's direction, and sin(φ/2)/(φ/2) of the arc's length.
+        chord = (ahead - straight) * np.sinc(0.5 * turned / np.pi)
+        half = (east + 1j * north) * (chord * np.exp(0.5j * turned) + straight * np.exp(1j * turned))
+        moved = np.column_stack([half.real, half.imag, up * ahead])
+        return np.asarray(np.asarray(self.position_enu_m) + moved)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
 from companion.kernels.printed.threat_tree import FLIES_ON, re_root
-from companion.types.threat import ThreatTree, TrackState
+from companion.types.threat import TURNS_S, ThreatTree, TrackState
 
 STEP_S = 2.0  # One edge of a TTree takes this driving time.
 CAPACITY = 1500  # A TTree has at most this many nodes.
@@ -47,7 +47,7 @@ def threat_trees(
     before = {(tree.identity, tree.is_airborne): tree for tree in kept}
     for d, track in enumerate(tracks):
         if track.flies_on:
-            extend_straight(trees, d, track)
+            extend_ahead(trees, d, track)
             continue
         tree = before.get((track.identity, track.is_airborne))
         if tree is not None:
@@ -73,14 +73,18 @@ def deviations(track: TrackState) -> tuple[float, float]:
     return place, velocity
 
 
-def extend_straight(trees: Pursuers, d: int, track: TrackState) -> None:
-    """Fill tree ``d`` in place for an aircraft that flies straight on: where it is now and in one second."""
-    here, moving = np.asarray(track.position_enu_m), np.asarray(track.velocity_enu_m_s)
-    trees.position[d, 0], trees.position[d, 1] = here, here + moving
-    trees.parent[d, 0], trees.parent[d, 1] = -1, 0
-    trees.time[d, 0], trees.time[d, 1] = track.stamp_s, track.stamp_s + 1.0
-    trees.heading[d, :2] = math.atan2(moving[1], moving[0])
-    trees.count[d] = 2
+def extend_ahead(trees: Pursuers, d: int, track: TrackState) -> None:
+    """Fill tree ``d`` in place for an aircraft that flies on: where it is, and will be every second.
+
+    The last two rows are on the straight line that it goes on along.
+    """
+    seconds = np.arange(TURNS_S + 2.0) if track.turn_rate_rad_s else np.arange(2.0)
+    places, n = track.places_enu_m(track.stamp_s + seconds), len(seconds)
+    steps = np.diff(places, axis=0, append=2.0 * places[-1:] - places[-2:-1])
+    trees.position[d, :n], trees.time[d, :n] = places, track.stamp_s + seconds
+    trees.parent[d, :n] = np.arange(-1, n - 1)
+    trees.heading[d, :n] = np.arctan2(steps[:, 1], steps[:, 0])
+    trees.count[d] = n
 
 
 def restore_tree(trees: Pursuers, d: int, tree: ThreatTree) -> None:

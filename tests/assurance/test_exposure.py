@@ -197,7 +197,7 @@ def test_the_planner_foresees_what_flies_on_as_the_check_does(seed):
         replace(
             track(*random.uniform(-2_000.0, 2_000.0, 2), reach=610.0, airborne=True), flies_on=True,
             velocity_enu_m_s=(*random.uniform(-60.0, 60.0, 2), 0.0), covariance=np.diag([9.0, 1.0, 9.0, 1.0]),
-            identity=f"icao:{k}",
+            identity=f"icao:{k}", turn_rate_rad_s=0.05 * (k - 1),
         )
         for k in range(3)
     ]  # fmt: skip

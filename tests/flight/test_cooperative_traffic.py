@@ -47,7 +47,7 @@ def test_it_is_passed_well_clear_without_an_emergency(dialect):
     unaware, _ = crossed(dialect, is_reported=False)
     assert unaware < 150.0
     near, told = crossed(dialect)
-    assert near > 440.0  # at which its threat level is the mission file's limit, 0.3
+    assert near > 609.6  # the well clear distance, 2000 ft
     assert "emergency" not in {kind for kind, _ in told}
 
 

@@ -1,8 +1,10 @@
 """The trees that are carried from plan to plan."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from companion.types.threat import ThreatTree
 from companion.world.pursuer_trees import grown_trees, restore_tree, threat_trees
@@ -52,3 +54,23 @@ def test_an_aircraft_that_flies_on_is_foreseen_by_its_own_velocity():
     assert trees.position[0, :2].tolist() == [[0.0, 0.0, 150.0], [50.0, 10.0, 150.0]]
     assert trees.time[0, :2].tolist() == [5.0, 6.0]
     assert trees.model[0].tolist() == [20.0, 200.0, 4.0, 2.0, 2.0]
+
+
+def test_an_aircraft_that_turns_is_foreseen_to_turn_for_half_a_minute():
+    """3°/s to the left at 50 m/s from north: after 30 s it flies west, 955 m (v/ω) further west and north."""
+    rate = math.radians(3.0)
+    turns = replace(
+        track(0.0, 0.0, velocity=(0.0, 50.0), airborne=True, up=150.0, stamp=5.0), flies_on=True,
+        turn_rate_rad_s=rate,
+    )  # fmt: skip
+    radius = 50.0 / rate
+    expected = [[0.0, 0.0], [-radius, radius], [-radius - 500.0, radius]]
+    assert turns.places_enu_m(np.array([5.0, 35.0, 45.0]))[:, :2] == pytest.approx(np.array(expected))
+    trees = threat_trees([turns], WALLS, 100.0, BOUNDS)
+    assert trees.count[0] == 32
+    steps = np.diff(trees.position[0, :32], axis=0)
+    assert np.hypot(*steps[:, :2].T) == pytest.approx(50.0, abs=0.02)  # The chord of a second is shorter.
+    courses = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    assert np.diff(courses)[:-1] == pytest.approx(rate)
+    assert courses[-1] == pytest.approx(math.pi)
+    assert trees.position[0, :32, 2].tolist() == [150.0] * 32

@@ -145,7 +145,7 @@ class SurpriseWatch:
 
 
 def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
-    """Return how close a vehicle in straight motion comes to the aircraft on a path, in its threat radii.
+    """Return how close a vehicle that moves on as it does comes to the aircraft on a path, in threat radii.
 
     Parameters
     ----------
@@ -160,8 +160,7 @@ def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
     end_s = min(begin_s + ahead_s, float(path.times_s[-1]))
     times = np.append(path.times_s[path.times_s < end_s], end_s)
     at = np.column_stack([np.interp(times, path.times_s, path.positions_enu_m[:, axis]) for axis in (0, 1)])
-    moved = np.outer(times - track.stamp_s, track.velocity_enu_m_s[:2])
-    apart = at - np.asarray(track.position_enu_m[:2]) - moved
+    apart = at - track.places_enu_m(times)[:, :2]
     steps = np.diff(apart, axis=0)
     along = -(apart[:-1] * steps).sum(axis=1) / np.maximum((steps * steps).sum(axis=1), 1e-9)
     nearest = np.vstack([apart[-1], apart[:-1] + np.clip(along, 0.0, 1.0)[:, None] * steps])

@@ -19,13 +19,15 @@ from companion.kernels.geometry.prism_distance import prism_bound, prism_clearan
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
-from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
+from companion.kernels.printed.reachability import WELL_CLEAR_UP_M, passing_place, passing_spread
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # A second counts as in sight from this membership on.
+HEIGHT_STD_M, CLIMB_STD = 4.0, 0.25  # Of an aircraft that flies on; the second as a share of its climb.
+MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
 
@@ -85,7 +87,7 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
     """g: 1 where a pursuer could threaten the point by ``time`` [s], else how little of the slack is left.
 
     It falls from 1 at ``time = C(q)`` to 0 at ``game.slack`` seconds before it, since an aircraft is never
-    quite on time. An aircraft that flies on counts by its membership (1).
+    quite on time. An aircraft that flies on counts by :func:`passing_danger`.
     """
     game, worst = objective.game, 0.0
     if game.vehicles.shape[0] == 0:
@@ -98,21 +100,37 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
         worst = (late - begins) / game.slack
     for d in range(game.vehicles.shape[0]):
         if game.vehicles[d, 7] == PASSES_BY:
-            worst = max(worst, passing_membership(objective.pursuers, d, x, y, z, time))
+            worst = max(worst, passing_danger(objective.pursuers, d, x, y, z, time))
     return worst
 
 
 @kernel
-def passing_membership(pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float) -> float:
-    """μ of (1) of an aircraft that flies on, at ``time`` [s], twice its standard deviation nearer."""
-    now, soon, model = pursuers.position[d, 0], pursuers.position[d, 1], pursuers.model[d]
-    ahead = time - pursuers.time[d, 0]
-    if abs(now[2] + ahead * (soon[2] - now[2]) - z) > WELL_CLEAR_UP_M:
+def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float) -> float:
+    """1 within the well clear volume of an aircraft that flies on at ``time`` [s], 0 from a margin beyond it.
+
+    The volume is larger by twice the standard deviation of where the aircraft will be. One that turns may
+    turn on, or fly straight on from now; the worse counts.
+    """
+    last = pursuers.count[d] - 2
+    worst = danger_if(passing_place(pursuers, d, time, last), pursuers, d, x, y, z, time)
+    if last > 0:
+        straight = passing_place(pursuers, d, time, 0)
+        worst = max(worst, danger_if(straight, pursuers, d, x, y, z, time))
+    return worst
+
+
+@inlined
+def danger_if(
+    there: tuple[float, float, float], pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float
+) -> float:
+    """The danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
+    climbed = there[2] - pursuers.position[d, 0, 2]
+    above = abs(there[2] - z) - WELL_CLEAR_UP_M - 2.0 * math.hypot(HEIGHT_STD_M, CLIMB_STD * climbed)
+    if above > MARGIN_UP_M:
         return 0.0
-    dx = now[0] + ahead * (soon[0] - now[0]) - x
-    dy = now[1] + ahead * (soon[1] - now[1]) - y
-    spread = 2.0 * math.sqrt(model[2] ** 2 + (model[4] * ahead) ** 2)
-    return membership(max(0.0, math.sqrt(dx * dx + dy * dy) - spread), 0.0, 0.0, model[1], 0.0)
+    beside = math.hypot(there[0] - x, there[1] - y)
+    beside -= pursuers.model[d, 1] + passing_spread(pursuers, d, time)
+    return min(1.0, max(0.0, 1.0 - max(above / MARGIN_UP_M, beside / MARGIN_M)))
 
 
 @kernel

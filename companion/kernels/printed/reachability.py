@@ -22,7 +22,7 @@ from companion.kernels.arrays import (
     Tree,
 )
 from companion.kernels.geometry.line_of_sight import line_blocked
-from companion.kernels.native.kernel import kernel, kernel_numpy_errors
+from companion.kernels.native.kernel import inlined, kernel, kernel_numpy_errors
 from companion.kernels.printed.grid_index import cell_along, cell_size, nearest
 from companion.kernels.printed.intercept import AIR_CLIMB, NUM_BEARINGS, gets_near, way_length
 from companion.kernels.printed.threat_tree import (
@@ -34,7 +34,8 @@ from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
 NUM_NEIGHBOURS = 4  # So many neighbours of a directly reachable node are tested as well.
-WELL_CLEAR_UP_M = 76.0  # Vertical separation of well clear: 250 ft, ASTM F3442.
+SPREADS_S = 30.0  # So far ahead it grows less certain where an aircraft that flies on will be.
+WELL_CLEAR_UP_M = 76.2  # Vertical separation of well clear: 250 ft, ASTM F3442.
 NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
@@ -208,6 +209,29 @@ def come_nearer(
             out[d, 0], out[d, 1], out[d, 2], out[d, 3] = spot[3], spot[4], spot[5], 1.0
 
 
+@inlined
+def passing_place(trees: Pursuers, d: int, time: float, last: int) -> tuple[float, float, float]:
+    """Where an aircraft that flies on is at a time [m].
+
+    Its rows are a second apart; from row ``last`` on it flies straight.
+    """
+    ahead = time - trees.time[d, 0]
+    k = min(max(0, int(ahead)), last)
+    now, soon, part = trees.position[d, k], trees.position[d, k + 1], ahead - k
+    return (
+        now[0] + part * (soon[0] - now[0]),
+        now[1] + part * (soon[1] - now[1]),
+        now[2] + part * (soon[2] - now[2]),
+    )
+
+
+@inlined
+def passing_spread(trees: Pursuers, d: int, time: float) -> float:
+    """Twice the standard deviation of where an aircraft that flies on is at a time [m]."""
+    ahead = min(time - trees.time[d, 0], SPREADS_S)
+    return 2.0 * math.hypot(trees.model[d, 2], trees.model[d, 4] * ahead)
+
+
 @kernel_numpy_errors
 def passes_by(trees: Pursuers, d: int, x: float, y: float, z: float, time: float, out: Float2D) -> None:
     """Where an aircraft that flies on will be to a place at a time, by twice its deviation nearer.
@@ -215,14 +239,11 @@ def passes_by(trees: Pursuers, d: int, x: float, y: float, z: float, time: float
     ``out`` (D, 4) receives the position at the place's own height [m], and :data:`PASSES` where that is
     within its well clear volume, else 0.
     """
-    now, soon, model = trees.position[d, 0], trees.position[d, 1], trees.model[d]
-    ahead = time - trees.time[d, 0]
-    spread = 2.0 * math.sqrt(model[2] ** 2 + (model[4] * ahead) ** 2)
-    dx = now[0] + ahead * (soon[0] - now[0]) - x
-    dy = now[1] + ahead * (soon[1] - now[1]) - y
-    up = abs(now[2] + ahead * (soon[2] - now[2]) - z)
+    spread = passing_spread(trees, d, time)
+    east, north, height = passing_place(trees, d, time, trees.count[d] - 2)
+    dx, dy, up = east - x, north - y, abs(height - z)
     away = math.sqrt(dx * dx + dy * dy)
-    out[d, 3] = PASSES if away - spread <= model[1] and up <= WELL_CLEAR_UP_M else 0.0
+    out[d, 3] = PASSES if away - spread <= trees.model[d, 1] and up <= WELL_CLEAR_UP_M else 0.0
     share = max(away - spread, 0.0) / max(away, 1.0)
     out[d, 0], out[d, 1], out[d, 2] = x + share * dx, y + share * dy, z
 

@@ -152,9 +152,7 @@ class LeastRouteSearch:
             return self._to_goals_before()
         if not len(self._exploration.game.vehicles):
             return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
-        found = None
-        if self._exploration.is_pursued:
-            found = self._at_best_airspeed(self._exploration.danger_max)
+        found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_best_airspeed(MOST_DANGER)
             assert found is not None  # nothing is barred, so that the airspeed tried first has an answer

@@ -1,6 +1,7 @@
 """The objective J, term by term, worked by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,3 +138,40 @@ def test_a_path_costs_what_its_rows_cost():
     each = sum(row_cost(states[k], float(k), 1.0, 0.0, there) for k in range(1, 9))
     assert rows_cost(rows, 0, 9, there) == pytest.approx(each, rel=1e-12)
     assert rows_cost(rows, 1, 5, there) + rows_cost(rows, 5, 9, there) == pytest.approx(each, rel=1e-12)
+
+
+def test_well_clear_of_an_aircraft_that_flies_on_by_hand():
+    """It flies north at 50 m/s, known to 10 m and 1 m/s: after 20 s it is 1000 m on, to 44.7 m (2σ)."""
+    passing = replace(
+        track(1000.0, 0.0, velocity=(0.0, 50.0), airborne=True, up=100.0), flies_on=True,
+        max_threat_radius_m=600.0, covariance=np.diag([100.0, 1.0, 100.0, 1.0]),
+    )  # fmt: skip
+    there = objective(tracks=[passing])
+
+    def danger(beside, above=0.0, at=20.0):
+        return pursuit_danger(1000.0 + beside, 50.0 * at, 100.0 + above, at, there)
+
+    spread = 2.0 * math.hypot(10.0, 20.0)
+    assert danger(0.0) == danger(600.0 + spread) == 1.0
+    assert danger(600.0 + spread + 75.0) == pytest.approx(0.5)  # of a margin of 150 m
+    assert danger(600.0 + spread + 151.0) == 0.0
+    assert danger(600.0 + spread, at=1.0) < 1.0  # it is surer of what comes sooner,
+    assert danger(600.0 + 2.0 * math.hypot(10.0, 30.0), at=39.0) == 1.0  # and no less sure after 30 s.
+    assert danger(0.0, 76.2 + 8.0) == 1.0  # 250 ft, and twice the height's deviation of 4 m
+    assert danger(0.0, 76.2 + 8.0 + 7.5) == pytest.approx(0.5)  # of a margin of 15 m
+    assert danger(0.0, -100.0) == 0.0
+
+
+def test_an_aircraft_that_climbs_may_level_off_and_one_that_turns_may_fly_straight():
+    climbs = replace(track(1000.0, 0.0, velocity=(0.0, 50.0), airborne=True, up=100.0), flies_on=True)
+    climbs = replace(climbs, velocity_enu_m_s=(0.0, 50.0, 4.0))  # 80 m in 20 s, 40 m of them unsure (2σ)
+    there = objective(tracks=[climbs])
+    above = 180.0 + 76.2 + 2.0 * math.hypot(4.0, 20.0)
+    assert pursuit_danger(1000.0, 1000.0, above, 20.0, there) == pytest.approx(1.0)
+    assert pursuit_danger(1000.0, 1000.0, above + 16.0, 20.0, there) == 0.0
+    turns = replace(climbs, velocity_enu_m_s=(0.0, 50.0, 0.0), turn_rate_rad_s=-math.radians(3.0))
+    there = objective(tracks=[turns])
+    east, north, _ = turns.places_enu_m(np.array([20.0]))[0]
+    assert math.hypot(east - 1000.0, north - 1000.0) > 500.0
+    assert pursuit_danger(east, north, 100.0, 20.0, there) == 1.0
+    assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 1.0
