@@ -39,6 +39,7 @@ def register(app: typer.Typer) -> None:
     app.command("sitl")(sitl)
     offer("anytime", "sim.comparison.anytime_runs:AnytimeRunner")
     offer(FLIGHT, "sim.bench.offline_flight:flown")
+    offer("encounters", "sim.bench.encounter_flights:EncounterRunner")
     offer("flights", "sim.bench.campaign_runs:FlightRunner")
     offer(PURSUERS, "sim.bench.campaign_runs:driven")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from companion.frames import FloatArray
 
-TURNS_S = 30.0  # An aircraft that turns is foreseen to turn for so long, and to fly straight then.
+TURNS_S = 30.0  # An aircraft that turns or climbs is foreseen to do so for so long, and to fly straight then.
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,9 @@ class TrackState:
     turn_rate_rad_s: float = 0.0
 
     def places_enu_m(self, times_s: FloatArray) -> FloatArray:
-        """Return where it will be if it turns on for :data:`TURNS_S` and then flies straight on, (N, 3) [m].
+        """Return where it will be, (N, 3) [m]: it turns and climbs on for :data:`TURNS_S`.
+
+        Then it flies straight and level.
 
         Parameters
         ----------
@@ -128,13 +130,13 @@ class TrackState:
             Clock readings [s].
         """
         ahead = times_s - self.stamp_s
+        turning = np.clip(ahead, 0.0, TURNS_S)
         east, north, up = self.velocity_enu_m_s
-        turned = self.turn_rate_rad_s * np.clip(ahead, 0.0, TURNS_S)
-        straight = ahead - np.clip(ahead, 0.0, TURNS_S)
+        turned, straight = self.turn_rate_rad_s * turning, ahead - turning
         # The arc's chord has half of the turn's direction, and sin(φ/2)/(φ/2) of the arc's length.
-        chord = (ahead - straight) * np.sinc(0.5 * turned / np.pi)
+        chord = turning * np.sinc(0.5 * turned / np.pi)
         half = (east + 1j * north) * (chord * np.exp(0.5j * turned) + straight * np.exp(1j * turned))
-        moved = np.column_stack([half.real, half.imag, up * ahead])
+        moved = np.column_stack([half.real, half.imag, up * np.minimum(ahead, TURNS_S)])
         return np.asarray(np.asarray(self.position_enu_m) + moved)
 
 

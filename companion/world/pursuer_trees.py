@@ -78,7 +78,8 @@ def extend_ahead(trees: Pursuers, d: int, track: TrackState) -> None:
 
     The last two rows are on the straight line that it goes on along.
     """
-    seconds = np.arange(TURNS_S + 2.0) if track.turn_rate_rad_s else np.arange(2.0)
+    is_straight = track.turn_rate_rad_s == 0.0 and track.velocity_enu_m_s[2] == 0.0
+    seconds = np.arange(2.0 if is_straight else TURNS_S + 2.0)
     places, n = track.places_enu_m(track.stamp_s + seconds), len(seconds)
     steps = np.diff(places, axis=0, append=2.0 * places[-1:] - places[-2:-1])
     trees.position[d, :n], trees.time[d, :n] = places, track.stamp_s + seconds

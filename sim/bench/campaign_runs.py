@@ -49,7 +49,7 @@ class FlightRunner:
     def outcome(self, run: Run) -> Outcome:
         """Fly, and measure the flight."""
         faults = self._campaign.faults(run.setting)
-        flight = self._flight_of(self._mission(run), run, self._dialect, faults)
+        flight = self._flight_of(mission_of(self._campaign, run), run, self._dialect, faults)
         asyncio.run(flight.fly())
         measures: dict[str, Scalar | None] = {}
         timings: dict[str, Scalar | None] = {}
@@ -61,12 +61,14 @@ class FlightRunner:
                 (timings if key in TIMED else measures).update(_flat(key, value))
         return Outcome(measures, timings, paths)
 
-    def _mission(self, run: Run) -> MissionConfig:
-        mission = self._campaign.mission(run.mission, run.setting)
-        if run.method in FLOWN_METHODS:
-            return mission
-        planning = mission.planning.model_copy(update={"method": run.method})
-        return mission.model_copy(update={"planning": planning})
+
+def mission_of(campaign: Campaign, run: Run) -> MissionConfig:
+    """Return a run's mission, which plans by the run's method."""
+    mission = campaign.mission(run.mission, run.setting)
+    if run.method in FLOWN_METHODS:
+        return mission
+    planning = mission.planning.model_copy(update={"method": run.method})
+    return mission.model_copy(update={"planning": planning})
 
 
 def _flat(key: str, value: object) -> dict[str, Scalar | None]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 
 import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import FloatArray
-from companion.research.encounters.encounter_model import EncounterModel
+from companion.kernels.native.ready import make_ready
+from companion.research.campaign.campaign_spec import Campaign, Run
+from companion.research.campaign.engines.runners import Outcome
+from companion.research.encounters.encounter_model import EncounterModel, model_from_text
 from companion.research.encounters.placement import placed_track
 from companion.research.encounters.well_clear import (
     EN_ROUTE,
@@ -16,6 +20,8 @@ from companion.research.encounters.well_clear import (
     NON_COOPERATIVE,
     SMALL_AIRCRAFT,
 )
+from companion.types.events import Dialect
+from sim.bench.campaign_runs import mission_of
 from sim.sitl import Flight
 from sim.threats.passing_aircraft import PassingAircraft
 
@@ -29,11 +35,44 @@ MEETS = 0.6  # The two are to meet after this share of the unmitigated flight.
 DELAY_S = 0.6  # From the measurement to the report: 14 CFR 91.227(e), uncompensated latency.
 LOSS = 0.1  # Share of the reports that are lost.
 
-Row = dict[str, bool | float]
+DIGITS = 6
+
+Row = dict[str, bool | int | float | str | None]
 
 
-def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *, spread: float) -> Row:
-    """Fly an encounter, and return its measures.
+class EncounterRunner:
+    """Flies a campaign's encounters.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    known : dict
+        Places of code; an encounter needs none.
+    """
+
+    def __init__(self, campaign: Campaign, known: dict[str, str]) -> None:
+        del known
+        self._campaign = campaign
+        self._model = functools.cache(lambda setting: model_from_text(campaign.models[setting], setting))
+
+    def warm_up(self) -> None:
+        """Have the planner's kernels ready."""
+        make_ready()
+
+    def outcome(self, run: Run) -> Outcome:
+        """Fly, and measure."""
+        campaign = self._campaign
+        return flown_encounter(
+            mission_of(campaign, run), self._model(run.setting), run.seed,
+            spread=campaign.encounter(run.setting).spread, dialect=Dialect(campaign.config.autopilot),
+        )  # fmt: skip
+
+
+def flown_encounter(
+    mission: MissionConfig, model: EncounterModel, seed: int, *, spread: float, dialect: Dialect
+) -> Outcome:
+    """Fly an encounter, and return its measures and the three paths.
 
     The mission is flown twice with the same seed: alone, and with an aircraft placed by
     :func:`companion.research.encounters.placement.placed_track` about the first of these flights. Measures of
@@ -49,14 +88,16 @@ def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *,
         Seed of everything random.
     spread : float
         Largest miss distances of the first flight over those of well clear.
+    dialect : Dialect
+        Whose semantics the simulator has.
     """
-    path = _flown(Flight(mission, seed))
+    path = _flown(Flight(mission, seed, dialect=dialect))
     meets_s = round(MEETS * float(path[-1, 0]))
     track = placed_track(path, model, np.random.default_rng(seed), meets_s=meets_s, spread=spread)
     passing = PassingAircraft(track.rows, delay_s=DELAY_S, loss=LOSS)
-    flight = Flight(mission, seed, aircraft=[("passing", passing)])
+    flight = Flight(mission, seed, dialect=dialect, aircraft=[("passing", passing)])
     flown = _flown(flight)
-    return {
+    measures: Row = {
         **{f"without.{name}": value for name, value in encounter_measures(path, track.rows).items()},
         **encounter_measures(flown, track.rows),
         "drawn_miss_m": track.miss_m,
@@ -68,6 +109,12 @@ def flown_encounter(mission: MissionConfig, model: EncounterModel, seed: int, *,
         "detour_m": way_m(flown) - way_m(path),
         "detour_s": float(flown[-1, 0] - path[-1, 0]),
     }
+    seconds = np.searchsorted(flown[:, 0], np.arange(flown[-1, 0]))
+    paths = {"true_path": flown[seconds].round(2).tolist(), "passing": track.rows[:, :4].round(2).tolist()}
+    rounded = {
+        name: round(value, DIGITS) if isinstance(value, float) else value for name, value in measures.items()
+    }
+    return Outcome(rounded, {}, paths)
 
 
 def _flown(flight: Flight) -> FloatArray:

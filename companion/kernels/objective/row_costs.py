@@ -27,6 +27,7 @@ from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # A second counts as in sight from this membership on.
 HEIGHT_STD_M, CLIMB_STD = 4.0, 0.25  # Of an aircraft that flies on; the second as a share of its climb.
+AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
@@ -106,10 +107,11 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
 
 @kernel
 def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float) -> float:
-    """1 within the well clear volume of an aircraft that flies on at ``time`` [s], 0 from a margin beyond it.
+    """Danger from an aircraft that flies on at ``time`` [s].
 
-    The volume is larger by twice the standard deviation of where the aircraft will be. One that turns may
-    turn on, or fly straight on from now; the worse counts.
+    It is 1 at the surface of its well clear volume, rises to :data:`AT_CENTRE` at its centre, and falls to 0
+    at a margin beyond it. The volume is larger by twice the standard deviation of where the aircraft will be.
+    One that turns may turn on, or fly straight on from now; the worse counts.
     """
     last = pursuers.count[d] - 2
     worst = danger_if(passing_place(pursuers, d, time, last), pursuers, d, x, y, z, time)
@@ -125,12 +127,15 @@ def danger_if(
 ) -> float:
     """The danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
     climbed = there[2] - pursuers.position[d, 0, 2]
-    above = abs(there[2] - z) - WELL_CLEAR_UP_M - 2.0 * math.hypot(HEIGHT_STD_M, CLIMB_STD * climbed)
+    height = WELL_CLEAR_UP_M + 2.0 * math.hypot(HEIGHT_STD_M, CLIMB_STD * climbed)
+    above = abs(there[2] - z) - height
     if above > MARGIN_UP_M:
         return 0.0
-    beside = math.hypot(there[0] - x, there[1] - y)
-    beside -= pursuers.model[d, 1] + passing_spread(pursuers, d, time)
-    return min(1.0, max(0.0, 1.0 - max(above / MARGIN_UP_M, beside / MARGIN_M)))
+    radius = pursuers.model[d, 1] + passing_spread(pursuers, d, time)
+    beside = math.hypot(there[0] - x, there[1] - y) - radius
+    if above <= 0.0 and beside <= 0.0:
+        return 1.0 + (AT_CENTRE - 1.0) * min(-above / height, -beside / radius)
+    return max(0.0, 1.0 - max(above / MARGIN_UP_M, beside / MARGIN_M))
 
 
 @kernel

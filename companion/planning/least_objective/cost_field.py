@@ -40,7 +40,7 @@ QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may wait so often in each direct
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
 KEPT = 8  # So many fields of each kind are kept, a megabyte each.
-MOST_DANGER = 1.0  # The danger rate g of J is at most this.
+MOST_DANGER = math.inf  # Nothing is barred.
 
 _Key = tuple[object, ...]
 _Made = TypeVar("_Made")

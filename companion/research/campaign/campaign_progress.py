@@ -41,6 +41,11 @@ _SHOWN = {
         _Shown("cost_10_s", "PC, 10 s"),
     ),
     "plans": (_Shown("PST", "PST, ms", 1e3), _Shown("PC", "PC"), _Shown("Q", "Q"), _Shown("TTA", "TTA")),
+    "encounters": (
+        _Shown("miss_m", "miss distance, m"),
+        _Shown("severity", "severity"),
+        _Shown("detour_s", "later, s"),
+    ),
     "flights": (
         _Shown("flight_s", "flight, s"),
         _Shown("seconds_in_reach_and_sight", "threatened, s"),

@@ -6,7 +6,7 @@ import copy
 import hashlib
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, cast
@@ -23,12 +23,16 @@ from companion.errors import ConfigError
 from companion.planning.comparators import METHODS
 from companion.research.campaign.flown_methods import (
     ANYTIME_METHODS,
+    ENCOUNTER,
     FAULTS,
     FLOWN_METHODS,
+    PARTS,
+    EncounterConfig,
     LinkFaultsConfig,
-    faults_part,
     mission_part,
+    part_of,
 )
+from companion.research.encounters.encounter_model import model_from_text, model_text
 
 SEEDS_MAX = 100_000
 DEFAULT_SETTINGS = "default"  # Name of the setting that changes nothing.
@@ -60,8 +64,8 @@ class CampaignConfig(Section):
     """Names the campaign and its folder."""
     description: Annotated[str, Field(max_length=1_000)] = ""
     """For people."""
-    kind: Literal["plans", "flights", "anytime"]
-    """Plans from the mission files' starts, whole flights in the simulator, or how soon there is a path."""
+    kind: Literal["plans", "flights", "anytime", "encounters"]
+    """Plans from the starts, whole flights, how soon there is a path, or flights that others pass."""
     missions: Annotated[tuple[str, ...], Field(min_length=1, max_length=1_000)]
     """Mission files, from this file's folder on."""
     methods: Annotated[tuple[str, ...], Field(min_length=1, max_length=100)]
@@ -74,7 +78,7 @@ class CampaignConfig(Section):
     settings: Annotated[dict[Label, Overlay], Field(min_length=1)] = {DEFAULT_SETTINGS: {}}  # noqa: RUF012
     """Values by their dotted keys in mission files, under a name for each such set."""
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Whose semantics the simulator has; of flights."""
+    """Whose semantics the simulator has; of flights and encounters."""
     budget_s: Annotated[float, Field(gt=0.0, le=86_400.0)] | None = None
     """Seconds a plan; left out, the mission's iterations end it, which is repeatable. Of plans."""
 
@@ -102,11 +106,14 @@ class Campaign:
         The file's contents.
     texts : mapping
         Each mission file's text, by the mission's name.
+    models : mapping
+        The text of the encounter model of each setting; of encounters only.
     """
 
     file: str
     config: CampaignConfig
     texts: Mapping[str, str]
+    models: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
@@ -125,7 +132,11 @@ class Campaign:
 
     def faults(self, setting: str) -> LinkFaultsConfig:
         """The link's faults under settings."""
-        return LinkFaultsConfig.model_validate(faults_part(self.config.settings[setting]))
+        return LinkFaultsConfig.model_validate(part_of(self.config.settings[setting], FAULTS))
+
+    def encounter(self, setting: str) -> EncounterConfig:
+        """The aircraft that pass under settings."""
+        return EncounterConfig.model_validate(part_of(self.config.settings[setting], ENCOUNTER))
 
     def digest(self, mission: str) -> str:
         """SHA-256 of a mission file's text."""
@@ -134,10 +145,15 @@ class Campaign:
     def identity(self) -> dict[str, object]:
         """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
         told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
-        return told | {
-            "missions": [[name, self.digest(name)] for name in self.texts],
-            "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
-        }
+        models = [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in self.models.items()]
+        return (
+            told
+            | ({"models": models} if models else {})
+            | {
+                "missions": [[name, self.digest(name)] for name in self.texts],
+                "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
+            }
+        )
 
 
 def load_campaign(path: Path) -> Campaign:
@@ -161,9 +177,10 @@ def load_campaign(path: Path) -> Campaign:
         raise explained(document, error.errors(include_url=False), CampaignConfig) from None
     for place, expected in _faults(config):
         raise document.error(place, expected)
-    for setting in config.settings:
-        _see_that_faults_pass(document, config, setting)
-    campaign = Campaign(str(path), config, _texts(document, path, config))
+    for setting, part in itertools.product(config.settings, PARTS):
+        _see_that_part_passes(document, config, setting, part)
+    models = _models(document, path, config) if config.kind == "encounters" else {}
+    campaign = Campaign(str(path), config, _texts(document, path, config), models)
     for mission, setting in itertools.product(campaign.texts, config.settings):
         _see_that_it_passes(document, campaign, mission, setting)
     return campaign
@@ -206,26 +223,41 @@ def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, 
     return texts
 
 
-def _see_that_faults_pass(document: Document, config: CampaignConfig, setting: str) -> None:
-    """Check that the link's settings are known and valid, and that the campaign flies.
+def _models(document: Document, path: Path, config: CampaignConfig) -> dict[str, str]:
+    """Each setting's encounter model, read once to see that it passes."""
+    texts: dict[str, str] = {}
+    for setting, overlay in config.settings.items():
+        key, file = ("settings", setting, f"{ENCOUNTER}.model"), part_of(overlay, ENCOUNTER).get("model")
+        if not file:
+            raise document.error(("settings", setting), f"a setting with {key[-1]}, the aircraft that pass")
+        try:
+            texts[setting] = model_text(path.parent / str(file))
+            model_from_text(texts[setting], str(file))
+        except ConfigError as error:
+            raise document.error(key, f"a model that passes: {error}") from None
+    return texts
+
+
+def _see_that_part_passes(document: Document, config: CampaignConfig, setting: str, part: str) -> None:
+    """Check that the settings of one of :data:`PARTS` are known and valid, and of this kind of campaign.
 
     Raises
     ------
     ConfigError
         At the key in the campaign's file.
     """
-    told = faults_part(config.settings[setting])
-    for name in () if config.kind == "flights" else told:
-        expected = f"no such key with 'kind: {config.kind}': nothing is flown"
-        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected)
+    told, (section, kind) = part_of(config.settings[setting], part), PARTS[part]
+    for name in () if config.kind == kind else told:
+        expected = f"no such key with 'kind: {config.kind}', only with 'kind: {kind}'"
+        raise document.error(("settings", setting, f"{part}.{name}"), expected)
     try:
-        LinkFaultsConfig.model_validate(told)
+        section.model_validate(told)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = str(first["loc"][0])
-        known = ", ".join(LinkFaultsConfig.model_fields)
+        known = ", ".join(section.model_fields)
         expected = f"one of {known}" if first["type"] == "extra_forbidden" else first["msg"]
-        raise document.error(("settings", setting, f"{FAULTS}.{name}"), expected) from None
+        raise document.error(("settings", setting, f"{part}.{name}"), expected) from None
 
 
 def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, setting: str) -> None:

@@ -1,8 +1,9 @@
-"""Parts of some kinds of campaign only: methods besides the planner's, and faults of the link."""
+"""Parts of some kinds of campaign only: methods besides the planner's, faults of the link, and encounters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -12,7 +13,7 @@ from companion.config.sections.section_base import Section
 PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
 FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)
 ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # Planners of OMPL.
-FAULTS = "faults"  # First part of a setting's key that changes the simulator instead of the mission file.
+FAULTS, ENCOUNTER = "faults", "encounter"  # First parts of keys that do not change the mission file.
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Delay = Annotated[float, Field(ge=0.0, le=60.0)]
@@ -40,12 +41,30 @@ class LinkFaultsConfig(Section):
         return self == LinkFaultsConfig()
 
 
+class EncounterConfig(Section):
+    """The aircraft that pass."""
+
+    model: str = ""
+    """File of an encounter model in the format of MIT Lincoln Laboratory, from the campaign's folder on."""
+    spread: Annotated[float, Field(ge=0.1, le=10.0)] = 1.5
+    """Largest miss distances of the flight alone, over those of the well clear volume of ASTM F3442."""
+
+
+PARTS: Mapping[str, tuple[type[Section], str]] = MappingProxyType(
+    {
+        FAULTS: (LinkFaultsConfig, "flights"),
+        ENCOUNTER: (EncounterConfig, "encounters"),
+    }
+)
+"""Sections of settings that do not change the mission file, and the kind of campaign that takes each."""
+
+
 def mission_part(overlay: Mapping[str, object]) -> dict[str, object]:
     """The settings that change the mission file."""
-    return {key: value for key, value in overlay.items() if key.partition(".")[0] != FAULTS}
+    return {key: value for key, value in overlay.items() if key.partition(".")[0] not in PARTS}
 
 
-def faults_part(overlay: Mapping[str, object]) -> dict[str, object]:
-    """The settings that change the link, by the names of :class:`LinkFaultsConfig`."""
+def part_of(overlay: Mapping[str, object], wanted: str) -> dict[str, object]:
+    """The settings of one of :data:`PARTS`, by the names of its section."""
     parts = ((key.partition("."), value) for key, value in overlay.items())
-    return {name: value for (first, _, name), value in parts if first == FAULTS}
+    return {name: value for (first, _, name), value in parts if first == wanted}

@@ -189,19 +189,18 @@ class EncounterModel:
         return scaled
 
 
-def read_model(path: Path) -> EncounterModel:
-    """Read a model's file.
+def model_text(path: Path) -> str:
+    """Return the text of a model's file.
 
     Raises
     ------
     ConfigError
-        For the first thing wrong with it: the file, the section, and what was expected.
+        If it cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(str(path), None, "file", str(error), "an encounter model's text") from None
-    return model_from_text(text, str(path))
 
 
 def model_from_text(text: str, name: str) -> EncounterModel:

@@ -21,6 +21,7 @@ DRAWN = {
         "seconds_in_reach_and_sight", "miss_distance_m", "TDTA", "TTA", "min_obstacle_clearance_m",
         "flight_s",
     ),
+    "encounters": ("miss_m", "severity", "detour_s"),
     "anytime": ("first_s", "cost_0.1_s", "cost_1_s", "cost_10_s"),
 }  # fmt: skip
 LOGARITHMIC = {"PST", "NCDC", "first_s"}

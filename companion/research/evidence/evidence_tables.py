@@ -15,7 +15,8 @@ from companion.research.evidence.samples import FAILURE, GROUPS, Case, Evidence,
 
 RATES = {"plans": (("success", "reaches the goal"),), "flights": (
     ("success", "reaches the goal, touches nothing"), ("is_safe", "and is never threatened"),
-), "anytime": (("success", "reaches the goal in 10 s"),)}  # fmt: skip
+), "encounters": (("success", "reaches the goal, touches nothing"),),
+    "anytime": (("success", "reaches the goal in 10 s"),)}  # fmt: skip
 NONE = "–"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from companion.research.evidence.distributions import distributions, violins
+from companion.research.evidence.encounter_tables import encounter_tables
 from companion.research.evidence.evidence_tables import (
     DIFFERENCES_HEAD,
     MEASURES_HEAD,
@@ -29,6 +30,7 @@ HOW = (
 OF_WHICH = {
     "plans": "Search measures are of all runs, those of a path of runs that reach the goal.",
     "flights": "The time until the goal is of flights that reach it, all else of all flights.",
+    "encounters": "An encounter is a flight alone, and the same flight that hears of an aircraft.",
     "anytime": "Costs are of the runs that have a path by then.",
 }
 ORDERINGS = (
@@ -64,7 +66,10 @@ def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
         The written files.
     """
     every = list(judged(evidence))
-    told = {case.title: list(tables_of(evidence, case)) for case in evidence.cases}
+    told = {
+        case.title: [*encounter_tables(evidence.kind, case), *tables_of(evidence, case)]
+        for case in evidence.cases
+    }
     texts = {
         "results.md": _markdown(evidence, told, every),
         "results.html": _page(evidence, told, every),

@@ -103,6 +103,19 @@ GROUPS: dict[str, tuple[Group, ...]] = {
             ),
         ),
     ),
+    "encounters": (
+        Group(
+            "Passing aircraft, by the true paths",
+            (
+                Measure("miss_m", "nearest approach in the plane [m]"),
+                Measure("severity", "how deep in the well clear volume, 0 to 1"),
+                Measure("without.miss_m", "nearest approach of the flight alone [m]"),
+                Measure("without.severity", "how deep the flight alone is"),
+                Measure("detour_m", "longer than the flight alone [m]"),
+                Measure("detour_s", "later than the flight alone [s]"),
+            ),
+        ),
+    ),
     "anytime": (
         Group(
             "Paths",

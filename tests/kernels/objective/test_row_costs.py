@@ -152,12 +152,17 @@ def test_well_clear_of_an_aircraft_that_flies_on_by_hand():
         return pursuit_danger(1000.0 + beside, 50.0 * at, 100.0 + above, at, there)
 
     spread = 2.0 * math.hypot(10.0, 20.0)
-    assert danger(0.0) == danger(600.0 + spread) == 1.0
+    assert danger(0.0) == 5.0
+    assert danger(600.0 + spread) == pytest.approx(1.0)
+    assert danger(0.5 * (600.0 + spread)) == pytest.approx(3.0)
+    assert danger(0.0, 0.75 * 84.2) == pytest.approx(2.0)
     assert danger(600.0 + spread + 75.0) == pytest.approx(0.5)  # of a margin of 150 m
     assert danger(600.0 + spread + 151.0) == 0.0
     assert danger(600.0 + spread, at=1.0) < 1.0  # it is surer of what comes sooner,
-    assert danger(600.0 + 2.0 * math.hypot(10.0, 30.0), at=39.0) == 1.0  # and no less sure after 30 s.
-    assert danger(0.0, 76.2 + 8.0) == 1.0  # 250 ft, and twice the height's deviation of 4 m
+    assert danger(600.0 + 2.0 * math.hypot(10.0, 30.0), at=39.0) == pytest.approx(
+        1.0
+    )  # and no less sure after 30 s.
+    assert danger(0.0, 76.2 + 8.0) == pytest.approx(1.0)  # 250 ft, and twice the height's deviation of 4 m
     assert danger(0.0, 76.2 + 8.0 + 7.5) == pytest.approx(0.5)  # of a margin of 15 m
     assert danger(0.0, -100.0) == 0.0
 
@@ -173,5 +178,5 @@ def test_an_aircraft_that_climbs_may_level_off_and_one_that_turns_may_fly_straig
     there = objective(tracks=[turns])
     east, north, _ = turns.places_enu_m(np.array([20.0]))[0]
     assert math.hypot(east - 1000.0, north - 1000.0) > 500.0
-    assert pursuit_danger(east, north, 100.0, 20.0, there) == 1.0
-    assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 1.0
+    assert pursuit_danger(east, north, 100.0, 20.0, there) == pytest.approx(5.0)
+    assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) > 4.5

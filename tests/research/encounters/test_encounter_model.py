@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from companion.errors import ConfigError
-from companion.research.encounters.encounter_model import model_from_text, read_model
+from companion.research.encounters.encounter_model import model_from_text, model_text
 from tests.research.encounters.made_model import LATER, text
 
 KNOT, FOOT = 1852.0 / 3600.0, 0.3048
@@ -111,10 +111,10 @@ def test_a_wrong_file_is_told_by_file_section_and_what_was_expected(sections, se
     file = tmp_path / "wrong.txt"
     file.write_text(text(**sections), encoding="utf-8")
     with pytest.raises(ConfigError, match=expected) as caught:
-        read_model(file)
+        model_from_text(model_text(file), str(file))
     assert (caught.value.file, caught.value.key) == (str(file), section)
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path):
     with pytest.raises(ConfigError, match="an encounter model's text"):
-        read_model(tmp_path / "none.txt")
+        model_text(tmp_path / "none.txt")

@@ -1,0 +1,122 @@
+"""Tables of encounters with passing aircraft: risk ratios, needless detours, and where well clear is lost.
+
+A risk ratio is the number of events with the service over that without it, on the same encounters.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import FloatArray
+from companion.research.evidence.evidence_tables import Cell, ResultTable, interval_text
+from companion.research.evidence.intervals import risk_ratio, wilson
+from companion.research.evidence.samples import Case, Measure, Sample
+
+EVENTS = {
+    "nmac": "near mid-air collision (500 ft, 100 ft)",
+    "lowc": "loss of well clear, ASTM F3442 (2000 ft, 250 ft)",
+    "lowc_en_route": "loss of well clear, RTCA DO-365 en route",
+    "lowc_non_cooperative": "loss of well clear, RTCA DO-365 of what does not report itself",
+}
+LOSS = "lowc"
+DETOUR_S = 3.0  # A flight that arrives later or earlier by more than this made a detour.
+BINS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
+    ("closing_m_s", "closing speed [m/s]", (40.0, 60.0, 80.0)),
+    ("aircraft_m_s", "the aircraft's speed [m/s]", (35.0, 50.0, 65.0)),
+    ("aircraft_up_m", "the aircraft's height [m]", (200.0, 250.0, 300.0)),
+)
+
+Flags = NDArray[np.bool_]
+
+
+def encounter_tables(kind: str, case: Case) -> Iterator[ResultTable]:
+    """The tables of one mission under one set of settings; none of other kinds of campaign."""
+    if kind != "encounters":
+        return
+    yield _events_table(case)
+    yield _detours_table(case)
+    for measure, words, edges in BINS:
+        yield _binned_table(case, measure, words, edges)
+
+
+def _events_table(case: Case) -> ResultTable:
+    """How often each event happens, with the service and without it."""
+    rows = [
+        (Cell(method, method), Cell(words, words), *_ratio_cells(sample, event, None))
+        for method, sample in case.samples.items()
+        for event, words in EVENTS.items()
+    ]
+    return ResultTable(f"{case.title}: risk ratios", (("method", ""), ("event", ""), *_HEADS), tuple(rows))
+
+
+def _detours_table(case: Case) -> ResultTable:
+    """What is done where the flight alone would have stayed well clear."""
+    rows = []
+    for method, sample in case.samples.items():
+        idle = ~_happened(sample, f"without.{LOSS}")
+        late = np.abs(_values(sample, "detour_s")[idle]) > DETOUR_S
+        share = wilson(int(late.sum()), len(late))
+        induced = int(_happened(sample, LOSS)[idle].sum())
+        rows.append((
+            Cell(method, method), Cell(str(len(late)), float(len(late))),
+            Cell(f"{int(late.sum())}: {interval_text(share)}", share.value),
+            Cell(str(induced), float(induced)),
+        ))  # fmt: skip
+    heads = (
+        ("method", ""),
+        ("encounters", "those in which the flight alone stays well clear by ASTM F3442"),
+        ("detours", f"arrive more than {DETOUR_S:.0f} s later or earlier; with Wilson's interval"),
+        ("induced", "lose well clear with the service only"),
+    )
+    return ResultTable(f"{case.title}: where nothing would have happened", heads, tuple(rows))
+
+
+def _binned_table(case: Case, measure: str, words: str, edges: Sequence[float]) -> ResultTable:
+    """Losses of well clear by ASTM F3442, by the value of a measure."""
+    ends = [-np.inf, *edges, np.inf]
+    names = [f"below {edges[0]:g}", *(f"{a:g} to {b:g}" for a, b in itertools.pairwise(edges))]
+    names.append(f"from {edges[-1]:g} on")
+    rows = []
+    for method, sample in case.samples.items():
+        which = np.digitize(_values(sample, measure), ends[1:-1])
+        rows += [
+            (Cell(method, method), Cell(name, ends[n]), *_ratio_cells(sample, LOSS, which == n))
+            for n, name in enumerate(names)
+        ]
+    heads = (("method", ""), (words, ""), *_HEADS)
+    return ResultTable(f"{case.title}: losses of well clear by {words}", heads, tuple(rows))
+
+
+_HEADS = (
+    ("encounters", ""),
+    ("with", "events with the service"),
+    ("without", "events of the flight alone"),
+    ("risk ratio", "with over without; paired bootstrap, of no event Clopper and Pearson's limit"),
+)
+
+
+def _ratio_cells(sample: Sample, event: str, chosen: Flags | None) -> tuple[Cell, ...]:
+    happened, would = _happened(sample, event), _happened(sample, f"without.{event}")
+    if chosen is not None:
+        happened, would = happened[chosen], would[chosen]
+    ratio = risk_ratio(happened.astype(float), would.astype(float)) if len(happened) else None
+    counts = (len(happened), int(happened.sum()), int(would.sum()))
+    cells = [Cell(str(count), float(count)) for count in counts]
+    if ratio is None or not counts[2]:
+        return *cells, Cell("–", np.inf)
+    return *cells, Cell(interval_text(ratio), ratio.value)
+
+
+def _values(sample: Sample, measure: str) -> FloatArray:
+    """A measure of every encounter that was flown, by its seed (N,)."""
+    return np.array(list(sample.values(Measure(measure, "")).values()))
+
+
+def _happened(sample: Sample, event: str) -> Flags:
+    """Whether an event happened in each encounter that was flown, by its seed (N,)."""
+    rows = [row for _, row in sorted(sample.rows.items()) if row.error is None]
+    return np.array([row.measures.get(event) is True for row in rows], dtype=bool)
