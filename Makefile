@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: ground encounters returns glide mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: ground returns glide mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -94,9 +94,6 @@ test-long: $(STAMP) ## run the tests that take long
 
 ground: $(STAMP) ## fly N random missions over real and generated ground
 	$(BIN)/python -m tests.ground -n $(N) --jobs $(patsubst logical,2,$(JOBS))
-
-encounters: $(STAMP) ## fly N encounters with passing aircraft, without and with the service; MODEL=a model's file
-	$(BIN)/python -m tests.research.encounters -n $(N) --jobs $(patsubst logical,2,$(JOBS)) $(if $(MODEL),--model $(MODEL))
 
 returns: $(STAMP) ## N returns at random moments; WITHOUT=--without: straight home beside them
 	$(BIN)/python -m tests.returns -n $(N) --jobs $(patsubst logical,2,$(JOBS)) $(WITHOUT)

@@ -74,5 +74,5 @@ _._type_of_floats, _._type_of_ints, _._type_of_table, _._make_local
 # Columns of docs/pilot-messages.md, which tests/docs writes.
 _.cause, _.action
 
-# Encounters with passing aircraft, which tests/research/encounters flies.
-_.risk_ratio, _.read_model, _.flown_encounter, _.meets_s
+# When a placed track passes, for its tests.
+_.meets_s

@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
 from companion.research.encounters.encounter_model import model_from_text
+from companion.types.events import Dialect
 from sim.bench.encounter_flights import encounter_measures, flown_encounter
 from sim.simulator import Simulator
 from sim.threats.passing_aircraft import PassingAircraft
@@ -82,8 +83,11 @@ def test_an_encounter_flown_twice_gives_the_same_row_and_what_was_drawn():
         update={"dynamic_threats": (), "radars": (), "obstacles": ()}
     )
     model = model_from_text(text(), "made")
-    row = flown_encounter(mission, model, 3, spread=1.0)
+    outcome = flown_encounter(mission, model, 3, spread=1.0, dialect=Dialect.PX4)
+    row = outcome.measures
     assert row["without.miss_m"] == pytest.approx(row["drawn_miss_m"], abs=6.0)
     assert row["without.lowc"]
     assert row["success"]
-    assert flown_encounter(mission, model, 3, spread=1.0) == row
+    for name in ("true_path", "passing"):
+        assert np.diff(np.array(outcome.paths[name])[:, 0]) == pytest.approx(1.0, abs=0.11)
+    assert flown_encounter(mission, model, 3, spread=1.0, dialect=Dialect.PX4) == outcome

@@ -69,7 +69,7 @@ WRONG = {
     "too many": ("seeds: 2", "seeds: 100001", r":5: seeds: got 100001; expected a number of at most 100000"),
     "half a seed": ("seeds: 2", "seeds: 1.5", r":5: seeds: got 1\.5; expected how many seeds"),
     "a seed twice": ("seeds: 2", "seeds: [4, 4]", r":5: seeds\.1: got 4; expected each one once"),
-    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans', 'flights' or 'any"),
+    "a kind": ("kind: plans", "kind: hopes", r":2: kind: got hopes; expected 'plans', 'flights', 'any"),
     "no file": ("first-flight.yaml", "nowhere.yaml", r":3: missions\.0: .* no such file"),
     "a mission twice": ("yaml]", f"yaml, {FIRST_FLIGHT}]", r":3: missions\.1: got .*; expected each one"),
     "a setting's key": (
@@ -159,3 +159,44 @@ def test_what_makes_it_this_campaign(tmp_path):
     assert first == load_campaign(spec(tmp_path, "kind", "description: other words\nkind")).identity()
     for old, new in (("seeds: 2", "seeds: 3"), ("literal", "shifted"), ("edbm", "rrt"), ("small", "large")):
         assert first != load_campaign(spec(tmp_path, old, new)).identity()
+
+
+MODEL = ROOT / "campaigns" / "encounters" / "made-model.txt"
+
+
+def passed(tmp_path, new):
+    file = tmp_path / "spec.yaml"
+    text = SPEC.replace("kind: plans", "kind: encounters").replace(
+        "shifted: {}", f"shifted: {{encounter.model: {MODEL}}}"
+    )
+    file.write_text(text.replace("planning.certainty: literal", new), encoding="utf-8")
+    return file
+
+
+def test_encounters_have_a_model_for_each_setting(tmp_path):
+    (tmp_path / "here.txt").write_text(MODEL.read_text(encoding="utf-8"), encoding="utf-8")
+    campaign = load_campaign(passed(tmp_path, "encounter.model: here.txt, encounter.spread: 1.0"))
+    assert (campaign.encounter("shifted").spread, campaign.encounter("narrow").spread) == (1.5, 1.0)
+    assert campaign.models == dict.fromkeys(("shifted", "narrow"), MODEL.read_text(encoding="utf-8"))
+    assert campaign.mission("first-flight", "narrow").goals[0].acceptance_radius_m == 50.0
+    told = campaign.identity()["models"]
+    assert told[0][1] == told[1][1]
+    changed = MODEL.read_text(encoding="utf-8").replace("300 100", "300 101")
+    (tmp_path / "here.txt").write_text(changed, encoding="utf-8")
+    again = load_campaign(passed(tmp_path, "encounter.model: here.txt, encounter.spread: 1.0"))
+    assert again.identity()["models"] != told
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("planning.certainty: literal", r"settings\.narrow: .*encounter\.model, the aircraft that pass"),
+        ("encounter.model: none.txt", r"settings\.narrow\.encounter\.model: got none\.txt; expected a model"),
+        (f"encounter.model: {MODEL}, encounter.spread: 0", r"settings\.narrow\.encounter\.spread: got 0; "),
+        (f"encounter.model: {MODEL}, faults.loss: 0.1", r"settings\.narrow\.faults\.loss: .*'kind: flights'"),
+        (f"encounter.model: {FIRST_FLIGHT}", r"settings\.narrow\.encounter\.model: .*a model that passes"),
+    ],
+)
+def test_what_is_wrong_with_encounters_is_named_with_its_place(key, words, tmp_path):
+    with pytest.raises(ConfigError, match=r"spec\.yaml:8: " + words):
+        load_campaign(passed(tmp_path, key))

@@ -11,8 +11,8 @@ from tests.sim.client import CONFIGS
 
 CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))
 NUM_RUNS = {
-    "ablations": 3000, "anytime": 100, "faults": 120, "flights": 640, "ideas": 300, "paper": 6000,
-    "prices": 120, "small": 72, "wind": 180,
+    "ablations": 3000, "anytime": 100, "encounters": 200, "faults": 120, "flights": 640, "ideas": 300,
+    "paper": 6000, "prices": 120, "small": 72, "wind": 180,
 }  # fmt: skip
 METHOD = "edbm"
 
@@ -27,9 +27,10 @@ def test_each_is_valid_and_named_as_its_file(file):
 def smallest(file, tmp_path):
     """The same file with one seed, and the first mission, method and settings only."""
     text = file.read_text(encoding="utf-8")
-    first = load_campaign(file).runs[0]
     text = re.sub(r"^seeds: \d+", "seeds: 1", text, flags=re.M)
-    text = re.sub(r"^missions: .*$", f"missions: [{CONFIGS / first.mission}.yaml]", text, flags=re.M)
+    mission = file.parent / load_campaign(file).config.missions[0]
+    text = re.sub(r"^missions: .*$", f"missions: [{mission}]", text, flags=re.M)
+    text = text.replace("encounter.model: ", f"encounter.model: {file.parent}/")
     text = re.sub(r"^methods:(.*\n(  .*\n)*)", f"methods: [{METHOD}]\n", text, flags=re.M)
     text = re.sub(r"^settings:\n(  .*\n)((  .*\n)*)", r"settings:\n\1", text, flags=re.M)
     small = tmp_path / file.name
@@ -51,6 +52,7 @@ def test_a_run_of_each_has_its_measures_and_results(file, tmp_path, companion_co
     wanted = {
         "plans": ("PC", "TDTA", "RRS"),
         "flights": ("seconds_in_reach_and_sight", "is_safe"),
+        "encounters": ("without.lowc", "lowc", "severity", "detour_s"),
         "anytime": (),
     }
     kind = load_campaign(small).config.kind

@@ -1,0 +1,60 @@
+"""The tables of encounters, from rows counted by hand."""
+
+import pytest
+
+from companion.research.campaign.run_store import Row
+from companion.research.evidence.encounter_tables import encounter_tables
+from companion.research.evidence.samples import Case, Sample
+
+# With the service, alone, how much later, how fast they close.
+ENCOUNTERS = [
+    (False, True, 10.0, 30.0), (True, True, 0.0, 50.0), (False, True, 5.0, 90.0), (False, True, 2.0, 90.0),
+    (False, False, 0.0, 70.0), (False, False, -4.0, 70.0), (True, False, 1.0, 30.0),
+    (False, False, 3.0, 50.0),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tables():
+    rows = {}
+    for seed, (happened, would, late, closing) in enumerate(ENCOUNTERS):
+        measures = {
+            "success": True, "lowc": happened, "without.lowc": would, "detour_s": late,
+            "closing_m_s": closing, "aircraft_m_s": 50.0, "aircraft_up_m": 100.0,
+        }  # fmt: skip
+        rows[seed] = Row(seed, "passing", "made", "safe-rrt", seed, None, measures, "c", "m")
+    rows[99] = Row(99, "passing", "made", "safe-rrt", 99, "it died", {}, "c", "m")
+    return list(encounter_tables("encounters", Case("passing", "made", 3, {"safe-rrt": Sample(rows)})))
+
+
+def texts(table):
+    return [[cell.text for cell in row] for row in table.rows]
+
+
+def test_events_are_counted_with_and_without(tables):
+    loss = texts(tables[0])[1]
+    assert loss[1].startswith("loss of well clear, ASTM F3442")
+    assert loss[2:5] == ["8", "2", "4"]
+    assert loss[5].startswith("0.5 [")
+    assert texts(tables[0])[0][2:] == ["8", "0", "0", "–"]  # No near mid-air collision happens.
+
+
+def test_needless_detours_and_induced_losses_are_of_the_others(tables):
+    ((_, encounters, detours, induced),) = texts(tables[1])
+    assert (encounters, induced) == ("4", "1")
+    assert detours.startswith("1: 0.25 [")
+
+
+def test_losses_are_counted_by_closing_speed(tables):
+    assert [row[1:5] for row in texts(tables[2])] == [
+        ["below 40", "2", "1", "1"], ["40 to 60", "2", "1", "1"], ["60 to 80", "2", "0", "0"],
+        ["from 80 on", "2", "0", "2"],
+    ]  # fmt: skip
+
+
+def test_bins_without_encounters_have_no_ratio(tables):
+    assert texts(tables[3])[0] == ["safe-rrt", "below 35", "0", "0", "0", "–"]
+
+
+def test_other_campaigns_have_none():
+    assert list(encounter_tables("flights", Case("passing", "made", 3, {}))) == []
