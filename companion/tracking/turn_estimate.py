@@ -73,7 +73,7 @@ class TurnEstimate:
         self._covariances -= gains @ self._covariances
 
     def _begin(self, velocity_m_s: FloatArray, covariance: FloatArray) -> None:
-        """Begin with a velocity (2,), ``covariance`` (2, 2), that every model has alike."""
+        """Begin with ``velocity_m_s`` (2,) and ``covariance`` (2, 2), which every model has alike."""
         self._shares = np.full(len(RATES_RAD_S), 1.0 / len(RATES_RAD_S))
         self._means[:], self._covariances[:] = velocity_m_s, covariance
 

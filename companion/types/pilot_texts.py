@@ -142,10 +142,8 @@ TEXTS = {
         "Check that it is the mission you want.",
     ),
     "flying": PilotText(
-        "mode", Severity.NOTICE,
-        "Planner flies the mission",
-        "The planner has taken over, or was handed back to.",
-        NOTHING,
+        "mode", Severity.NOTICE, "Planner flies the mission",
+        "The planner has taken over, or was handed back to.", NOTHING,
     ),
     "off": PilotText(
         "parameters", Severity.WARNING,
@@ -447,17 +445,19 @@ TEXTS = {
         "For 10 s the autopilot has had no heights here, which `terrain.item_frame: terrain` needs.",
         "Take over, or watch the height: it flies on by the last one that it had.",
     ),
+    "traffic": PilotText(
+        "traffic", Severity.WARNING, "Traffic {hour} o'clock, {distance} km, {height}, {time} s",
+        "Within 45 s an aircraft that reports itself comes within 610 m, and 76 m of height, if both go on "
+        "as they do. Its direction is by the clock from our course; the time is that until it is nearest.",
+        "Look for it. The planner keeps well clear where it can.",
+    ),
     "recording": PilotText(
-        "recording", Severity.INFO,
-        "Recording stopped, flight goes on",
-        "The disk is full or cannot be written to.",
-        NOTHING,
+        "recording", Severity.INFO, "Recording stopped, flight goes on",
+        "The disk is full or cannot be written to.", NOTHING,
     ),
     "stopped": PilotText(
-        "stopped", Severity.WARNING,
-        "Planner stopped, autopilot flies its mission",
-        "The service was stopped.",
-        NOTHING,
+        "stopped", Severity.WARNING, "Planner stopped, autopilot flies its mission",
+        "The service was stopped.", NOTHING,
     ),
 }  # fmt: skip
 SUBJECTS = {

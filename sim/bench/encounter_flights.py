@@ -89,7 +89,7 @@ def flown_encounter(
     spread : float
         Largest miss distances of the first flight over those of well clear.
     dialect : Dialect
-        Whose semantics the simulator has.
+        The autopilot whose semantics the simulator has.
     """
     path = _flown(Flight(mission, seed, dialect=dialect))
     meets_s = round(MEETS * float(path[-1, 0]))

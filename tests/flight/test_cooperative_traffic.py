@@ -49,6 +49,7 @@ def test_it_is_passed_well_clear_without_an_emergency(dialect):
     near, told = crossed(dialect)
     assert near > 609.6  # the well clear distance, 2000 ft
     assert "emergency" not in {kind for kind, _ in told}
+    assert "traffic" in {kind for kind, _ in told}
 
 
 @pytest.mark.slow

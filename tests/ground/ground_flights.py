@@ -48,7 +48,11 @@ dynamic_threats:
 
 @dataclass
 class GroundFlight:
-    """What became of one flight."""
+    """What became of one flight.
+
+    ``least_m`` is the least height over ground from the first mission of the service on, ``before_m`` that
+    before it, on the straight line to the goal by the operator's list.
+    """
 
     seed: int
     ground: str
@@ -56,6 +60,7 @@ class GroundFlight:
     reached: bool = False
     collision: bool = False
     least_m: float = math.inf
+    before_m: float = math.inf
     seen_s: float = 0.0
     num_pursuers: int = 0
     threatened_s: float = 0.0
@@ -159,7 +164,13 @@ def fly(seed):
     truth = harness.simulator.truth
     rows = np.array(truth.path)
     flight.reached, flight.collision = bool(harness.flight.goal_reached), truth.collision
-    flight.least_m, flight.lasted_s = truth.min_ground_height_m, harness.now_s
+    flight.lasted_s = harness.now_s
+    over = rows[:, 3] - TrueGround(posts_of(mission)).ups_m(rows[:, 1], rows[:, 2])
+    swaps = [entry.stamp_s for entry in harness.recorder.decisions if entry.kind == "swap"]
+    is_ours = rows[:, 0] >= min(swaps, default=math.inf)
+    flight.least_m, flight.before_m = (
+        float(over[chosen].min(initial=math.inf)) for chosen in (is_ours, ~is_ours)
+    )
     measures = harness.flight.measures().over_all()
     flight.seen_s, flight.threatened_s = measures["seconds_in_radar"], measures["seconds_in_reach_and_sight"]
     flight.num_pursuers = len(mission.dynamic_threats)

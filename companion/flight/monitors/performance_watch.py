@@ -1,6 +1,6 @@
 """Notice when the aircraft does not do what its plan says: no thrust, too low or high, beside, or slow.
 
-The ground below it is compared with the map, too.
+The ground below it is compared with the map, and the pilot is told of traffic, too.
 
 The pilot is informed, and the next plan begins where the aircraft is.
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 from companion.flight.messages.announcer import Announcer
 from companion.flight.monitors.ground_watch import GroundWatch
+from companion.flight.monitors.traffic_watch import TrafficWatch
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState, StateOwner
 from companion.flight.state.modes import Mode
@@ -47,6 +48,7 @@ class PerformanceWatch:
         self._flight, self._world_model, self._announcer = flight, world_model, announcer
         self._thrust = ThrustMonitor()
         self._ground = GroundWatch(flight, world_model, announcer)
+        self._traffic = TrafficWatch(announcer)
         self._deviation = ""
         self._since_s = self._thrust_s = -math.inf
         self._announced = ""
@@ -80,6 +82,7 @@ class PerformanceWatch:
             self._thrust.forget()
             self._deviation, self._announced, self.has_thrust = "", "", True
             return False
+        self._traffic.look(now_s, ownship, self._world_model.tracker.tracks(now_s))
         had_thrust = self.has_thrust
         self._look_at_thrust(state, ownship, now_s)
         is_judged = state.mode is Mode.ACTIVE and not self._is_gliding

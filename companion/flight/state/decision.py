@@ -50,6 +50,7 @@ class DecisionKind(Enum):
     ENERGY = "energy"
     OFF_PATH = "off path"
     GROUND = "ground"
+    TRAFFIC = "traffic"
     RETURN = "return"
     RESTART = "restart"
     LINK = "link"

@@ -50,6 +50,7 @@ KINDS: Final = {
     "stale": Words("Data too old", WATCH),
     "fresh": Words("Data is fresh again"),
     "ground": Words("Ground", WATCH),
+    "traffic": Words("Traffic", WATCH),
     "fence": Words("Fences"),
     "rally": Words("Rally points"),
     "reload": Words("Mission file read again"),
