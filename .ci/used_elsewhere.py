@@ -14,7 +14,7 @@ _.success, _.true_path, _._repr_png_
 __getattr__  # of a module, by Python
 
 # Loaded by the place that is told of them.
-_.FlightRunner, _.driven, _.flown, _.AnytimeRunner
+_.EncounterRunner, _.FlightRunner, _.driven, _.flown, _.AnytimeRunner
 
 # Asked by OMPL.
 _.checkMotion, _.motionCost, _.stateCost
