@@ -57,10 +57,10 @@ def _detours_table(case: Case) -> ResultTable:
     """What is done where the flight alone would have stayed well clear."""
     rows = []
     for method, sample in case.samples.items():
-        idle = ~_happened(sample, f"without.{LOSS}")
+        idle = ~happened(sample, f"without.{LOSS}")
         late = np.abs(_values(sample, "detour_s")[idle]) > DETOUR_S
         share = wilson(int(late.sum()), len(late))
-        induced = int(_happened(sample, LOSS)[idle].sum())
+        induced = int(happened(sample, LOSS)[idle].sum())
         rows.append((
             Cell(method, method), Cell(str(len(late)), float(len(late))),
             Cell(f"{int(late.sum())}: {interval_text(share)}", share.value),
@@ -100,11 +100,11 @@ _HEADS = (
 
 
 def _ratio_cells(sample: Sample, event: str, chosen: Flags | None) -> tuple[Cell, ...]:
-    happened, would = _happened(sample, event), _happened(sample, f"without.{event}")
+    lost, would = happened(sample, event), happened(sample, f"without.{event}")
     if chosen is not None:
-        happened, would = happened[chosen], would[chosen]
-    ratio = risk_ratio(happened.astype(float), would.astype(float)) if len(happened) else None
-    counts = (len(happened), int(happened.sum()), int(would.sum()))
+        lost, would = lost[chosen], would[chosen]
+    ratio = risk_ratio(lost.astype(float), would.astype(float)) if len(lost) else None
+    counts = (len(lost), int(lost.sum()), int(would.sum()))
     cells = [Cell(str(count), float(count)) for count in counts]
     if ratio is None or not counts[2]:
         return *cells, Cell("–", np.inf)
@@ -116,7 +116,15 @@ def _values(sample: Sample, measure: str) -> FloatArray:
     return np.array(list(sample.values(Measure(measure, "")).values()))
 
 
-def _happened(sample: Sample, event: str) -> Flags:
-    """Whether an event happened in each encounter that was flown, by its seed (N,)."""
+def happened(sample: Sample, event: str) -> Flags:
+    """Return whether an event happened in each encounter that was flown, by its seed (N,).
+
+    Parameters
+    ----------
+    sample : Sample
+        The encounters of one method.
+    event : str
+        The event's name in the rows.
+    """
     rows = [row for _, row in sorted(sample.rows.items()) if row.error is None]
     return np.array([row.measures.get(event) is True for row in rows], dtype=bool)

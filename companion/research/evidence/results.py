@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from companion.research.evidence.distributions import distributions, violins
+from companion.research.evidence.encounter_drawing import passages
 from companion.research.evidence.encounter_tables import encounter_tables
 from companion.research.evidence.evidence_tables import (
     DIFFERENCES_HEAD,
@@ -124,7 +125,10 @@ def _page(evidence: Evidence, told: dict[str, list[ResultTable]], every: list[Ju
 
 def _case_part(kind: str, case: Case, number: int, tables: list[ResultTable]) -> Part:
     with style.drawing():
-        figures = ("Distributions", distributions(kind, case)), ("Violins", violins(kind, case))
+        figures = (
+            ("Passages", passages(kind, case)), ("Distributions", distributions(kind, case)),
+            ("Violins", violins(kind, case)),
+        )  # fmt: skip
         drawings = [
             style.inline_svg(figure, f"{name.lower()}-{number}", f"{name} of measures on {case.title}")
             for name, figure in figures

@@ -3,6 +3,7 @@
 import pytest
 
 from companion.research.campaign.run_store import Row
+from companion.research.evidence.encounter_drawing import passages
 from companion.research.evidence.encounter_tables import encounter_tables
 from companion.research.evidence.samples import Case, Sample
 
@@ -15,16 +16,22 @@ ENCOUNTERS = [
 
 
 @pytest.fixture(scope="module")
-def tables():
+def case():
     rows = {}
     for seed, (happened, would, late, closing) in enumerate(ENCOUNTERS):
         measures = {
             "success": True, "lowc": happened, "without.lowc": would, "detour_s": late,
             "closing_m_s": closing, "aircraft_m_s": 50.0, "aircraft_up_m": 100.0,
+            "miss_m": 100.0 * seed, "above_m": 10.0, "without.miss_m": 50.0, "without.above_m": -10.0,
         }  # fmt: skip
         rows[seed] = Row(seed, "passing", "made", "safe-rrt", seed, None, measures, "c", "m")
     rows[99] = Row(99, "passing", "made", "safe-rrt", 99, "it died", {}, "c", "m")
-    return list(encounter_tables("encounters", Case("passing", "made", 3, {"safe-rrt": Sample(rows)})))
+    return Case("passing", "made", 3, {"safe-rrt": Sample(rows)})
+
+
+@pytest.fixture(scope="module")
+def tables(case):
+    return list(encounter_tables("encounters", case))
 
 
 def texts(table):
@@ -58,3 +65,20 @@ def test_bins_without_encounters_have_no_ratio(tables):
 
 def test_other_campaigns_have_none():
     assert list(encounter_tables("flights", Case("passing", "made", 3, {}))) == []
+
+
+def test_passages_are_drawn_where_they_are_and_counted(case):
+    figure = passages("encounters", case)
+    alone, planned = figure.axes
+    assert [axes.get_title() for axes in (alone, planned)] == [
+        "alone: 4 lose well clear", "with the planner: 2 lose well clear",
+    ]  # fmt: skip
+    clear, lost = planned.lines
+    assert lost.get_xdata().tolist() == [100.0, 600.0]
+    assert sorted(clear.get_xdata().tolist()) == [0.0, 200.0, 300.0, 400.0, 500.0, 700.0]
+    assert set(alone.lines[0].get_ydata()) == {-10.0}
+
+
+def test_other_campaigns_and_empty_ones_draw_none(case):
+    assert passages("flights", case) is None
+    assert passages("encounters", Case("passing", "made", 3, {"safe-rrt": Sample({})})) is None
