@@ -36,7 +36,9 @@ class Watched:
         )
         self.said, self.here = [], None
         announcer = SimpleNamespace(decide=lambda kind, text, **_: self.said.append((kind.value, text)))
-        world = SimpleNamespace(ownship=SimpleNamespace(state=lambda _: self.here))
+        world = SimpleNamespace(
+            ownship=SimpleNamespace(state=lambda _: self.here), tracker=SimpleNamespace(tracks=lambda _: ())
+        )
         self.watch = PerformanceWatch(StateOwner(made), world, announcer)
 
     def look(self, here, *, until_s, from_s=0.0):
