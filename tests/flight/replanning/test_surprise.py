@@ -28,7 +28,7 @@ LONG = (
 CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
 PERIOD_S = 0.5
 QUICK_S = 0.1
-WHILE_SEARCHING = 59  # The seed of a flight in which a search is under way when the vehicle turns.
+WHILE_SEARCHING, WHILE_WAITING = 59, 30  # Seeds: a search is under way, a mission waits.
 
 
 def ahead(harness):
@@ -183,14 +183,11 @@ class QuickRunner(InlineRunner):
         return PlanTiming(StopRule(lambda _asked: False), until_s=clock.now_s() + min(budget_s, QUICK_S))
 
 
-@pytest.mark.parametrize(
-    ("dialect", "seed"), [pytest.param(Dialect.PX4, 3, marks=pytest.mark.slow), (Dialect.ARDUPILOT, 30)]
-)
-def test_a_mission_that_waits_for_its_entry_is_given_up(dialect, seed, monkeypatch):
+def test_a_mission_that_waits_for_its_entry_is_given_up(monkeypatch):
     """A plan made while the turn is half seen ends before it is seen; its mission waits for seconds."""
     monkeypatch.setattr(sitl_harness, "InlineRunner", QuickRunner)
-    ours_s, _ = turn_answered(dialect, seed)
+    ours_s, _ = turn_answered(Dialect.ARDUPILOT, WHILE_WAITING)
     monkeypatch.setattr(Handover, "may_give_up", False)
-    waited_s, _ = turn_answered(dialect, seed)
+    waited_s, _ = turn_answered(Dialect.ARDUPILOT, WHILE_WAITING)
     assert ours_s <= 2.0
     assert waited_s > ours_s + 1.0
