@@ -5,9 +5,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
+from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.encounters.encounter_model import model_from_text
 from companion.types.events import Dialect
-from sim.bench.encounter_flights import encounter_measures, flown_encounter
+from sim.bench.encounter_flights import EncounterRunner, encounter_measures, flown_encounter
 from sim.simulator import Simulator
 from sim.threats.passing_aircraft import PassingAircraft
 from tests.research.encounters.made_model import text
@@ -91,3 +92,15 @@ def test_an_encounter_flown_twice_gives_the_same_row_and_what_was_drawn():
     for name in ("true_path", "passing"):
         assert np.diff(np.array(outcome.paths[name])[:, 0]) == pytest.approx(1.0, abs=0.11)
     assert flown_encounter(mission, model, 3, spread=1.0, dialect=Dialect.PX4) == outcome
+
+
+def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
+    campaign = load_campaign(CONFIGS.parent / "campaigns" / "encounters.yaml")
+    run = next(run for run in campaign.runs if run.setting == "only losses of well clear")
+    runner = EncounterRunner(campaign, {})
+    runner.warm_up()
+    outcome = runner.outcome(run)
+    assert outcome.measures["success"] is True
+    assert (outcome.measures["without.lowc"], outcome.measures["lowc"]) == (True, False)
+    assert outcome.measures["without.miss_m"] == pytest.approx(outcome.measures["drawn_miss_m"], abs=6.0)
+    assert set(outcome.paths) == {"true_path", "passing"}
