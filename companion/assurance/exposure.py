@@ -146,7 +146,7 @@ class Exposure:
         return worst_mu, worst_nu
 
     def _to_passing(self, at: _Flight, track: TrackState) -> tuple[FloatArray, FloatArray]:
-        """Return membership and non-membership (K,) of an aircraft that flies straight on."""
+        """Return membership and non-membership (K,) of an aircraft that flies on as it does."""
         ahead = np.minimum(at.times - track.stamp_s, SPREADS_S)
         away = track.places_enu_m(at.times) - at.places
         is_level, away[:, 2] = np.abs(away[:, 2]) <= WELL_CLEAR_UP_M, 0.0

@@ -268,7 +268,7 @@ class Pursuers(Struct):
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
     ``count`` (D,) nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
-    One whose airborne flag is 2 hunts nobody: its rows 0 and 1 say where it is now and in a second, and in
+    One whose airborne flag is 2 hunts nobody: its rows say where it is now and will be every second, and in
     place of turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles

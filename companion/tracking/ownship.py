@@ -287,7 +287,7 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     ground_east = speed * math.sin(turned) + wind_east
     ground_north = speed * math.cos(turned) + wind_north
     ground_speed = math.hypot(ground_east, ground_north)
-    climb_rate = state.ground_speed_m_s * math.tan(state.flight_path_angle_rad)
+    climb_rate = state.climb_m_s
     east, north, up = state.position_enu_m
     return replace(
         state,

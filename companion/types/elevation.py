@@ -16,7 +16,8 @@ class ElevationPosts:
     Parameters
     ----------
     up_m : ndarray, shape (NY, NX)
-        Heights of the posts in the local frame [m], single precision (1 mm at 9 km); none is missing.
+        Heights of the posts in the local frame [m], single precision (1 mm at 9 km); not a number where
+        a map has none.
     first_x, first_y : float
         Coordinates of the post in row 0 and column 0.
     step_x, step_y : float

@@ -49,6 +49,11 @@ class Ownship:
         speed, course = self.ground_speed_m_s, self.course_rad
         return speed * math.sin(course), speed * math.cos(course)
 
+    @property
+    def climb_m_s(self) -> float:
+        """Velocity upwards [m/s]."""
+        return self.ground_speed_m_s * math.tan(self.flight_path_angle_rad)
+
 
 @dataclass(frozen=True, slots=True)
 class AutopilotSettings:

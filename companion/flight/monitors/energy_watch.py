@@ -207,7 +207,7 @@ class EnergyWatch:
         if ownship is None or not state.phase.is_airborne:
             self._estimator.note_expected(now_s, 0.0)
             return
-        climb_m_s = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
+        climb_m_s = ownship.climb_m_s
         power_w = model.power_w(ownship.airspeed_m_s, climb_m_s, ownship.bank_rad)
         self._estimator.note_expected(now_s, power_w)
 

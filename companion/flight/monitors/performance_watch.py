@@ -8,6 +8,7 @@ The pilot is informed, and the next plan begins where the aircraft is.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from companion.mission.path_progress import progress_on
 from companion.tracking.thrust import ThrustMonitor
 from companion.types.events import Event
 from companion.types.state import Ownship
+from companion.types.threat import TrackState
 
 OFF_TRACK_M = 60.0  # An aircraft this far beside its path does not follow it.
 SLOW_SHARE = 0.7  # An aircraft slower than this share of the path's speed over ground is slow.
@@ -64,13 +66,15 @@ class PerformanceWatch:
         self._thrust.observe(event)
         self._ground.observe(event)
 
-    def look(self, now_s: float) -> bool:
+    def look(self, now_s: float, tracks: Iterable[TrackState] = ()) -> bool:
         """Inform the pilot of what has changed.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
+        tracks : iterable of TrackState
+            All vehicles that are tracked.
 
         Returns
         -------
@@ -82,7 +86,7 @@ class PerformanceWatch:
             self._thrust.forget()
             self._deviation, self._announced, self.has_thrust = "", "", True
             return False
-        self._traffic.look(now_s, ownship, self._world_model.tracker.tracks(now_s))
+        self._traffic.look(now_s, ownship, tracks)
         had_thrust = self.has_thrust
         self._look_at_thrust(state, ownship, now_s)
         is_judged = state.mode is Mode.ACTIVE and not self._is_gliding
@@ -115,7 +119,7 @@ class PerformanceWatch:
 def _ground_in_words(state: FlightState, ownship: Ownship) -> str:
     """Return how high the aircraft is, and when it is on the ground if it sinks on as now."""
     height = ownship.position_enu_m[2] - (0.0 if state.home_enu_m is None else state.home_enu_m[2])
-    sink = -ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
+    sink = -ownship.climb_m_s
     down = f", down in {height / sink:.0f} s" if sink > SINK_MIN_M_S else ""
     return f"{height:.0f} m high{down}"
 

@@ -74,8 +74,7 @@ class TrafficWatch:
 def _loses_well_clear(ownship: Ownship, track: TrackState) -> float | None:
     """Return in what time an aircraft that loses well clear will be nearest [s]; None if it stays clear."""
     ahead = np.arange(0.0, AHEAD_S + STEP_S, STEP_S)
-    climb = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
-    moved = np.outer(ahead, (*ownship.velocity_m_s[:2], climb))
+    moved = np.outer(ahead, (*ownship.velocity_m_s, ownship.climb_m_s))
     away = track.places_enu_m(ownship.stamp_s + ahead) - ownship.position_enu_m - moved
     flat = np.hypot(away[:, 0], away[:, 1])
     is_lost = (flat <= track.max_threat_radius_m) & (np.abs(away[:, 2]) <= WELL_CLEAR_UP_M)

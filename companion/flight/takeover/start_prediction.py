@@ -115,7 +115,7 @@ def list_track(
     """
     legs, circle = _legs_ahead(state, current, ownship)
     guidance = _guidance_to(state, current)
-    climb_m_s = ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad)
+    climb_m_s = ownship.climb_m_s
     if climb_m_s > guidance.climb_rate_max_m_s:  # In a take-off the aircraft climbs faster than in missions.
         guidance = replace(guidance, climb_rate_max_m_s=climb_m_s)
     if circle is not None and not legs:
@@ -174,7 +174,7 @@ def _takeoff_end(state: FlightState, ownship: Ownship, item: MissionItem) -> Flo
     east, north, up = ownship.position_enu_m
     altitude = altitude_amsl_of(item, state.mission_list.home_amsl_m)
     height_m = up if altitude is None else altitude - float(state.mission.origin.altitude_amsl_m)
-    climb_m_s = max(ownship.ground_speed_m_s * math.tan(ownship.flight_path_angle_rad), CLIMB_MIN_M_S)
+    climb_m_s = max(ownship.climb_m_s, CLIMB_MIN_M_S)
     away = ownship.ground_speed_m_s * max(height_m - up, 0.0) / climb_m_s
     away = min(away, TAKEOFF_MAX_M)
     return np.array(

@@ -453,11 +453,11 @@ class App:
             now = self._clock.now_s()
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
-            if self.replanning.performance.look(now):
+            tracks = self.world_model.tracker.tracks(now)
+            if self.replanning.performance.look(now, tracks):
                 self.replanning.plan_at_once(DEVIATES)
             ownship = self.world_model.ownship.state(now)
             if ownship is not None:
-                tracks = self.world_model.tracker.tracks(now)
                 self.recorder.state(now, ownship, tracks, self.world_model.threat_at(ownship, tracks))
                 if self.mode is Mode.ACTIVE:
                     self._note_goals(ownship)

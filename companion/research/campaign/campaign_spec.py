@@ -53,6 +53,10 @@ def _seeds(value: object) -> object:
     return tuple(range(1, value + 1))
 
 
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def _bound(value: int) -> dict[str, int]:
     return {"ge": 1} if value < 1 else {"le": SEEDS_MAX}
 
@@ -140,20 +144,17 @@ class Campaign:
 
     def digest(self, mission: str) -> str:
         """SHA-256 of a mission file's text."""
-        return hashlib.sha256(self.texts[mission].encode()).hexdigest()
+        return _digest(self.texts[mission])
 
     def identity(self) -> dict[str, object]:
         """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
         told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
-        models = [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in self.models.items()]
-        return (
-            told
-            | ({"models": models} if models else {})
-            | {
-                "missions": [[name, self.digest(name)] for name in self.texts],
-                "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
-            }
-        )
+        lists = {
+            "models": [[name, _digest(text)] for name, text in self.models.items()],
+            "missions": [[name, self.digest(name)] for name in self.texts],
+            "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
+        }
+        return told | {key: entries for key, entries in lists.items() if entries}
 
 
 def load_campaign(path: Path) -> Campaign:
@@ -227,12 +228,13 @@ def _models(document: Document, path: Path, config: CampaignConfig) -> dict[str,
     """Each setting's encounter model, read once to see that it passes."""
     texts: dict[str, str] = {}
     for setting, overlay in config.settings.items():
-        key, file = ("settings", setting, f"{ENCOUNTER}.model"), part_of(overlay, ENCOUNTER).get("model")
+        key = ("settings", setting, f"{ENCOUNTER}.model")
+        file = EncounterConfig.model_validate(part_of(overlay, ENCOUNTER)).model
         if not file:
             raise document.error(("settings", setting), f"a setting with {key[-1]}, the aircraft that pass")
         try:
-            texts[setting] = model_text(path.parent / str(file))
-            model_from_text(texts[setting], str(file))
+            texts[setting] = model_text(path.parent / file)
+            model_from_text(texts[setting], file)
         except ConfigError as error:
             raise document.error(key, f"a model that passes: {error}") from None
     return texts

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from companion.research.encounters.well_clear import NEAR_MID_AIR_COLLISION, SMALL_AIRCRAFT
-from companion.research.evidence.encounter_tables import LOSS, happened
-from companion.research.evidence.samples import Case, Measure, Sample
+from companion.research.evidence.encounter_tables import LOSS, happened, values_of
+from companion.research.evidence.samples import Case, Sample
 from companion.ui.reports import style
 
 WIDTH_IN, HEIGHT_IN = 8.4, 3.9
@@ -27,7 +26,7 @@ def passages(kind: str, case: Case) -> Figure | None:
         The encounters.
     """
     sample = next(iter(case.samples.values()))
-    if kind != "encounters" or not sample.values(Measure("miss_m", "")):
+    if kind != "encounters" or not len(values_of(sample, "miss_m")):
         return None
     figure = style.new_figure(WIDTH_IN, HEIGHT_IN)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -43,10 +42,7 @@ def _draw(axes: Axes, sample: Sample, before: str, words: str) -> None:
     for volume, look in ((SMALL_AIRCRAFT, ":"), (NEAR_MID_AIR_COLLISION, "-")):
         corner, size = (0.0, -volume.height_m), (volume.distance_m, 2.0 * volume.height_m)
         axes.add_patch(Rectangle(corner, *size, fill=False, linestyle=look, edgecolor=style.DYNAMIC))
-    miss_m, above_m = (
-        np.array(list(sample.values(Measure(f"{before}{name}", "")).values()))
-        for name in ("miss_m", "above_m")
-    )
+    miss_m, above_m = (values_of(sample, f"{before}{name}") for name in ("miss_m", "above_m"))
     is_lost = happened(sample, f"{before}{LOSS}")
     for which, colour in ((~is_lost, style.FLOWN), (is_lost, style.DYNAMIC)):
         axes.plot(miss_m[which], above_m[which], ".", color=colour, markersize=5, alpha=0.8)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import FloatArray
-from companion.research.evidence.evidence_tables import Cell, ResultTable, interval_text
+from companion.research.evidence.evidence_tables import NONE, Cell, ResultTable, interval_text
 from companion.research.evidence.intervals import risk_ratio, wilson
 from companion.research.evidence.samples import Case, Measure, Sample
 
@@ -58,7 +58,7 @@ def _detours_table(case: Case) -> ResultTable:
     rows = []
     for method, sample in case.samples.items():
         idle = ~happened(sample, f"without.{LOSS}")
-        late = np.abs(_values(sample, "detour_s")[idle]) > DETOUR_S
+        late = np.abs(values_of(sample, "detour_s")[idle]) > DETOUR_S
         share = wilson(int(late.sum()), len(late))
         induced = int(happened(sample, LOSS)[idle].sum())
         rows.append((
@@ -82,7 +82,7 @@ def _binned_table(case: Case, measure: str, words: str, edges: Sequence[float]) 
     names.append(f"from {edges[-1]:g} on")
     rows = []
     for method, sample in case.samples.items():
-        which = np.digitize(_values(sample, measure), ends[1:-1])
+        which = np.digitize(values_of(sample, measure), ends[1:-1])
         rows += [
             (Cell(method, method), Cell(name, ends[n]), *_ratio_cells(sample, LOSS, which == n))
             for n, name in enumerate(names)
@@ -103,16 +103,29 @@ def _ratio_cells(sample: Sample, event: str, chosen: Flags | None) -> tuple[Cell
     lost, would = happened(sample, event), happened(sample, f"without.{event}")
     if chosen is not None:
         lost, would = lost[chosen], would[chosen]
-    ratio = risk_ratio(lost.astype(float), would.astype(float)) if len(lost) else None
     counts = (len(lost), int(lost.sum()), int(would.sum()))
     cells = [Cell(str(count), float(count)) for count in counts]
-    if ratio is None or not counts[2]:
-        return *cells, Cell("–", np.inf)
+    if not would.any():
+        return *cells, Cell(NONE, np.inf)
+    ratio = risk_ratio(lost.astype(float), would.astype(float))
     return *cells, Cell(interval_text(ratio), ratio.value)
 
 
-def _values(sample: Sample, measure: str) -> FloatArray:
-    """A measure of every encounter that was flown, by its seed (N,)."""
+def values_of(sample: Sample, measure: str) -> FloatArray:
+    """Return a measure of every encounter that was flown, by its seed.
+
+    Parameters
+    ----------
+    sample : Sample
+        The encounters of one method.
+    measure : str
+        The measure's name in the rows.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        The values.
+    """
     return np.array(list(sample.values(Measure(measure, "")).values()))
 
 

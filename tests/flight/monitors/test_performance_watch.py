@@ -36,9 +36,7 @@ class Watched:
         )
         self.said, self.here = [], None
         announcer = SimpleNamespace(decide=lambda kind, text, **_: self.said.append((kind.value, text)))
-        world = SimpleNamespace(
-            ownship=SimpleNamespace(state=lambda _: self.here), tracker=SimpleNamespace(tracks=lambda _: ())
-        )
+        world = SimpleNamespace(ownship=SimpleNamespace(state=lambda _: self.here))
         self.watch = PerformanceWatch(StateOwner(made), world, announcer)
 
     def look(self, here, *, until_s, from_s=0.0):
